@@ -19,7 +19,7 @@ LONG = Path(__file__).parent / "validation"
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if hasattr(config.option, "loadscopereorder"):   # pytest-xdist would begin with the modules of most tests
+    if hasattr(config.option, "loadscopereorder"):  # pytest-xdist would begin with the modules of most tests
         config.option.loadscopereorder = False
 
 

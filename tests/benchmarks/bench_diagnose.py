@@ -92,9 +92,7 @@ def base_fit(plant: Plant, given: Experiment) -> tuple[float, Calibration]:
 def diagnosis(plant: Plant, given: Experiment, jobs: int) -> tuple[dict[str, float], Diagnosis]:
     """Seconds of the clock by step, and the diagnosis; its workers have ended when it returns."""
     begun: list[tuple[float, str]] = []
-    found = diagnose(
-        plant, given, jobs=jobs, progress=lambda share, text: begun.append((time.perf_counter(), text))
-    )
+    found = diagnose(plant, given, jobs=jobs, progress=lambda share, text: begun.append((time.perf_counter(), text)))
     taken: dict[str, float] = {}
     for (begin, text), (end, _) in pairwise(begun):
         taken[text] = taken.get(text, 0.0) + end - begin

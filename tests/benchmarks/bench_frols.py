@@ -61,9 +61,13 @@ def peer(record: Recording) -> list[str]:
     from sysidentpy.parameter_estimation import LeastSquares
 
     model = FROLS(
-        ylag=LAGS, xlag=LAGS, n_terms=TERMS, order_selection=False, basis_function=Polynomial(degree=DEGREE),
+        ylag=LAGS,
+        xlag=LAGS,
+        n_terms=TERMS,
+        order_selection=False,
+        basis_function=Polynomial(degree=DEGREE),
         estimator=LeastSquares(),
-    )  # fmt: skip
+    )
     model.fit(X=record.inputs[0][:, None].copy(), y=record.outputs[0][:, None].copy())
     return [
         "".join(f"{'y' if code // 1000 == 1 else 'u'}(k-{code % 1000})" for code in row if code) or "1"

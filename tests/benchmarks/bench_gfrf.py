@@ -31,9 +31,16 @@ POINTS, SAMPLE_TIME = 64, 0.1
 LINEAR = {"y(k-1)": 0.5, "y(k-2)": 0.1, "u(k-1)": 0.3, "u(k-2)": 0.2}
 QUADRATIC = ["y(k-1)^2", "y(k-1)y(k-2)", "y(k-2)^2", "y(k-1)u(k-1)", "y(k-2)u(k-1)", "u(k-1)^2", "u(k-1)u(k-2)"]
 CUBIC = [
-    "y(k-1)^3", "y(k-1)^2y(k-2)", "y(k-1)y(k-2)^2", "y(k-2)^3", "y(k-1)^2u(k-1)", "y(k-1)u(k-1)^2", "y(k-2)u(k-2)^2",
-    "u(k-1)^3", "u(k-1)^2u(k-2)",
-]  # fmt: skip
+    "y(k-1)^3",
+    "y(k-1)^2y(k-2)",
+    "y(k-1)y(k-2)^2",
+    "y(k-2)^3",
+    "y(k-1)^2u(k-1)",
+    "y(k-1)u(k-1)^2",
+    "y(k-2)u(k-2)^2",
+    "u(k-1)^3",
+    "u(k-1)^2u(k-2)",
+]
 MODEL = NarxModel.from_terms(LINEAR | dict.fromkeys(QUADRATIC + CUBIC, 0.01), sample_time=SAMPLE_TIME)
 
 
@@ -74,10 +81,11 @@ def symbolic(order: int) -> Any:
     for n in range(1, order + 1):
         for p in range(2, n + 1):
             hp[n, p] = sum(
-                h[i] * hp[n - i, p - 1].subs(list(zip(w, w[i:n], strict=False)), simultaneous=True)
+                h[i]
+                * hp[n - i, p - 1].subs(list(zip(w, w[i:n], strict=False)), simultaneous=True)
                 * turned([sum(w[:i])], [lag[p - 1]])
                 for i in range(1, n - p + 2)
-            )  # fmt: skip
+            )
         total = sum(value * turned(w[:n], lags) for lags, value in c.get((0, n), []))
         for q in range(1, n):
             for p in range(1, n - q + 1):

@@ -35,9 +35,12 @@ def timed(work: Callable[[], object], repeats: int = 3) -> float:
 def problem(samples: int) -> tuple[StateSpace, np.ndarray]:
     rng = np.random.default_rng(0)
     model = StateSpace(
-        rows=rng.normal(size=(samples, STATES)), noise_variance=1.0, start=np.zeros(STATES),
-        start_cov=1e6 * np.eye(STATES), process_cov=1e-4 * np.eye(STATES),
-    )  # fmt: skip
+        rows=rng.normal(size=(samples, STATES)),
+        noise_variance=1.0,
+        start=np.zeros(STATES),
+        start_cov=1e6 * np.eye(STATES),
+        process_cov=1e-4 * np.eye(STATES),
+    )
     return model, rng.normal(size=samples)
 
 
@@ -66,8 +69,10 @@ def statsmodels() -> None:
     peer.initialize_known(np.zeros(STATES), model.start_cov)
     ours = kalman_smoother(kalman_filter(model, outputs))
     theirs = peer.ssm.smooth()
-    print(f"log likelihoods differ by {abs(ours.log_likelihood - theirs.llf):.1e}, "
-          f"states by {np.abs(ours.states - theirs.smoothed_state.T).max():.1e}")  # fmt: skip
+    print(
+        f"log likelihoods differ by {abs(ours.log_likelihood - theirs.llf):.1e}, "
+        f"states by {np.abs(ours.states - theirs.smoothed_state.T).max():.1e}"
+    )
     share = SAMPLES / SHORT
     print(f"{'statsmodels':12s}{'filter':24s}{timed(peer.ssm.filter) * share:8.2f} s (from {SHORT} samples)")
     print(f"{'statsmodels':12s}{'filter and smoother':24s}{timed(peer.ssm.smooth) * share:8.2f} s")

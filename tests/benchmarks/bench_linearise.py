@@ -23,16 +23,7 @@ from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.ident.narx import Frols, NarxModel
-from deatwin.plant import (
-    CalibratedPlant,
-    Creep,
-    Diaphragm,
-    ElectrodeRC,
-    Experiment,
-    Plant,
-    Recording,
-    thesis_plant,
-)
+from deatwin.plant import CalibratedPlant, Creep, Diaphragm, ElectrodeRC, Experiment, Plant, Recording, thesis_plant
 from deatwin.plant.excitation import band_limited_noise
 
 SAMPLES, ALONE, PLANTS = 2000, 100, 20
@@ -72,10 +63,12 @@ def difference(model: NarxModel, family: LinearFamily, thetas: np.ndarray) -> fl
 def calibrated() -> CalibratedPlant:
     """The thesis' plant with two effects, four parameters of which are uncertain."""
     return CalibratedPlant(
-        plant=thesis_plant().with_effects(Creep(), ElectrodeRC()), noise=1e-6, model_error=0.0,
+        plant=thesis_plant().with_effects(Creep(), ElectrodeRC()),
+        noise=1e-6,
+        model_error=0.0,
         names=("shear_modulus", "permittivity", "creep.modulus", "creep.time"),
         covariance=np.diag([0.03, 0.03, 4e3, 0.1]) ** 2,
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":
@@ -84,8 +77,10 @@ if __name__ == "__main__":
     together = timed(lambda: linearise_many(subject, POINTS, drawn), 3)
     some = [replace(subject, theta=theta) for theta in drawn[:ALONE]]
     alone = timed(lambda: [linearise(model, 2.5) for model in some], 3) / ALONE * SAMPLES * POINTS.size
-    print(f"NARX, {SAMPLES} samples x {POINTS.size} points: {together:.3f} s at once, {alone:.0f} s one by one "
-          f"({alone / together:,.0f} times)")  # fmt: skip
+    print(
+        f"NARX, {SAMPLES} samples x {POINTS.size} points: {together:.3f} s at once, {alone:.0f} s one by one "
+        f"({alone / together:,.0f} times)"
+    )
     print(f"  largest difference {difference(subject, linearise_many(subject, POINTS, drawn), drawn):.1e}")
     plants = draw_plants(calibrated(), np.random.default_rng(2), PLANTS)
     linearise_plants(plants[:1], POINTS[:1])  # writes the derivatives once

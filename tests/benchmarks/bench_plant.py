@@ -63,7 +63,9 @@ def rms(difference: np.ndarray) -> float:
 
 
 def best_peer(
-    candidates: Iterable[tuple[str, Callable[[], Peer]]], commands: np.ndarray, error: Callable[[np.ndarray], float],
+    candidates: Iterable[tuple[str, Callable[[], Peer]]],
+    commands: np.ndarray,
+    error: Callable[[np.ndarray], float],
     demanded: float,
 ) -> tuple[str, float, float]:
     """Fastest of peers that are accurate enough: name, seconds and error."""
@@ -94,18 +96,15 @@ def against_peers(name: str, plant: Plant) -> None:
     demanded = max(ACCURACY, reached)
     print(f"  own error {reached * 1e6:.4f} µm rms; demanded of the peers {demanded * 1e6:.3f} µm")
     groups: dict[str, list[tuple[str, Callable[[], Peer]]]] = {
-        "solve_ivp": [
-            (f"{m} {t:.0e}", lambda m=m, t=t: scipy_peer(plant, m, t)) for m in METHODS for t in TOLERANCES
-        ],
+        "solve_ivp": [(f"{m} {t:.0e}", lambda m=m, t=t: scipy_peer(plant, m, t)) for m in METHODS for t in TOLERANCES],
         "SUNDIALS": [
             (f"{s} {t:.0e}", lambda s=s, t=t: sundials_peer(plant, s, t, stretch.size))
-            for s in SOLVERS for t in TOLERANCES
+            for s in SOLVERS
+            for t in TOLERANCES
         ],
-    }  # fmt: skip
+    }
     for group, candidates in groups.items():
-        peer, time_taken, error = best_peer(
-            candidates, stretch, lambda y, exact=exact: rms(y - exact), demanded
-        )
+        peer, time_taken, error = best_peer(candidates, stretch, lambda y, exact=exact: rms(y - exact), demanded)
         ratio = time_taken / stretch.size * commands.size / seconds
         print(f"  {group} ({peer}, {error * 1e6:.3f} µm): {ratio:.0f} times as long")
 

@@ -43,10 +43,23 @@ Quantity = Callable[[NarxModel], FrequencyResponse]
 CONVENTIONAL, CHUNK, CHUNKS, LOOP = 20_000, 20_000, 50, 100
 OMEGA = np.geomspace(0.02, 3.0, 200)
 TERMS = {
-    "1": 0.05, "y(k-1)": 1.1, "y(k-2)": -0.3, "u(k-1)": 0.3, "u(k-2)": 0.1, "u(k-1)^2": 0.2, "y(k-1)u(k-1)": -0.1,
-    "y(k-1)^2": -0.03, "y(k-1)y(k-2)": 0.02, "u(k-1)u(k-2)": 0.05, "y(k-2)u(k-1)": 0.03, "y(k-1)^3": -0.05,
-    "u(k-1)^3": 0.02, "y(k-1)u(k-1)^2": -0.02, "y(k-1)^2u(k-1)": -0.02, "y(k-2)u(k-2)": 0.02,
-}  # fmt: skip
+    "1": 0.05,
+    "y(k-1)": 1.1,
+    "y(k-2)": -0.3,
+    "u(k-1)": 0.3,
+    "u(k-2)": 0.1,
+    "u(k-1)^2": 0.2,
+    "y(k-1)u(k-1)": -0.1,
+    "y(k-1)^2": -0.03,
+    "y(k-1)y(k-2)": 0.02,
+    "u(k-1)u(k-2)": 0.05,
+    "y(k-2)u(k-1)": 0.03,
+    "y(k-1)^3": -0.05,
+    "u(k-1)^3": 0.02,
+    "y(k-1)u(k-1)^2": -0.02,
+    "y(k-1)^2u(k-1)": -0.02,
+    "y(k-2)u(k-2)": 0.02,
+}
 
 
 def timed(work: Callable[[], object], repeats: int) -> float:
@@ -115,8 +128,10 @@ def measure(name: str, model: NarxModel, quantity: Quantity) -> None:
     print(f"{name}: nonlinearity up to {found.nonlinearity.max():.3f}, {found.status.name}")
     print(f"  propagate {own * 1e3:.2f} ms, without the index {bare * 1e3:.2f} ms")
     print(f"  20,000 draws at once {drawn:.2f} s, one by one {alone * CONVENTIONAL:.0f} s")
-    print(f"  departure of the linear law {error:.1%}, of 20,000 draws {chunk_error:.1%}: "
-          f"equal at {bound}{equal:,.0f} draws")  # fmt: skip
+    print(
+        f"  departure of the linear law {error:.1%}, of 20,000 draws {chunk_error:.1%}: "
+        f"equal at {bound}{equal:,.0f} draws"
+    )
     for what, draws in (("20,000 draws", CONVENTIONAL), ("draws of equal accuracy", equal)):
         ratio = drawn * draws / CONVENTIONAL / np.array([own, bare])
         print(f"  faster than {what}: {ratio[0]:,.0f} times, without the index {ratio[1]:,.0f} times")

@@ -61,9 +61,7 @@ def hand_written(level: str, folder: str) -> Callable[[np.ndarray], np.ndarray]:
     program = compiler()
     if program is None:
         raise SystemExit("this benchmark needs a C compiler")
-    subprocess.run(
-        [program, level, "-march=native", "-fPIC", "-shared", str(source), "-o", str(library)], check=True
-    )
+    subprocess.run([program, level, "-march=native", "-fPIC", "-shared", str(source), "-o", str(library)], check=True)
     function = ctypes.CDLL(str(library)).s3
     function.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_long)
 

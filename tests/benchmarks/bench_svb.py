@@ -67,9 +67,16 @@ def published_fit(x: Array, y: Array) -> tuple[Array, list[float]]:
         )
         alpha, before = cn / dn, (w, bn)
         bounds.append(
-            -0.5 * (tau * sse + np.sum(x * (x @ v))) + 0.5 * logdet_v - B0 * tau + gammaln(an) - an * log(bn) + an
-            + d * gammaln(cn) - cn * np.sum(np.log(dn)) + constant
-        )  # fmt: skip
+            -0.5 * (tau * sse + np.sum(x * (x @ v)))
+            + 0.5 * logdet_v
+            - B0 * tau
+            + gammaln(an)
+            - an * log(bn)
+            + an
+            + d * gammaln(cn)
+            - cn * np.sum(np.log(dn))
+            + constant
+        )
         if settled:
             break
     return alpha, bounds
@@ -96,9 +103,7 @@ def published(recording: Recording) -> list[tuple[Array, float]]:
 def own(recording: Recording) -> list[tuple[Array, float]]:
     """The same by the estimator."""
     system = SYSTEMS["E1"]
-    svb = SvbNarx(
-        output_lags=system.output_lags, input_lags=system.input_lags, degree=system.degree, clean_up="none"
-    )
+    svb = SvbNarx(output_lags=system.output_lags, input_lags=system.input_lags, degree=system.degree, clean_up="none")
     return [(step.indices, step.lower_bound) for step in svb.fit(recording).path_]
 
 

@@ -55,9 +55,8 @@ class RightSide:
         parts = ca.Function("parts", arguments, ca.cse([balance, ca.densify(ca.jacobian(balance, z))]))
         rates = ca.Function("rates", arguments, [rate])
         slopes = ca.Function(
-            "slopes", arguments,
-            ca.cse([ca.densify(ca.jacobian(e, v)) for e in (rate, balance) for v in (x, z)]),
-        )  # fmt: skip
+            "slopes", arguments, ca.cse([ca.densify(ca.jacobian(e, v)) for e in (rate, balance) for v in (x, z)])
+        )
         a = [ca.MX.sym(n, k) for n, k in (("x", n_x), ("z", z.numel()), ("d", d.numel()), ("u", 1), ("t", 1))]
         found = a[1]
         for _ in range(UPDATES):
@@ -170,9 +169,15 @@ def hand_written_peer(plant: Plant) -> Peer:
     library = folder / "diaphragm.so"
     code = Path(__file__).with_name("diaphragm.c")
     flags = [
-        "-O3", f"-DPOINTS={POINTS}", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-freciprocal-math",
-        "-fPIC", "-shared",
-    ]  # fmt: skip
+        "-O3",
+        f"-DPOINTS={POINTS}",
+        "-march=native",
+        "-fno-math-errno",
+        "-fno-trapping-math",
+        "-freciprocal-math",
+        "-fPIC",
+        "-shared",
+    ]
     subprocess.run([str(compiler()), *flags, str(code), "-o", str(library), "-lm"], check=True)
     march = ctypes.CDLL(str(library)).march
     march.restype = ctypes.c_long
@@ -185,10 +190,17 @@ def hand_written_peer(plant: Plant) -> Peer:
     def run(commands: np.ndarray) -> np.ndarray:
         inputs, readings = np.ascontiguousarray(commands), np.full(commands.size, np.nan)
         march(
-            pointer(values), pointer(numbers), pointer(coefficients), pointer(start), ctypes.c_double(rest.d[0]),
-            ctypes.c_double(plant.rig.sample_time), ctypes.c_double(SETTLED), pointer(inputs),
-            ctypes.c_long(inputs.size), pointer(readings),
-        )  # fmt: skip
+            pointer(values),
+            pointer(numbers),
+            pointer(coefficients),
+            pointer(start),
+            ctypes.c_double(rest.d[0]),
+            ctypes.c_double(plant.rig.sample_time),
+            ctypes.c_double(SETTLED),
+            pointer(inputs),
+            ctypes.c_long(inputs.size),
+            pointer(readings),
+        )
         return readings
 
     return run
@@ -222,8 +234,17 @@ def _scheme() -> np.ndarray:
     inverse = np.linalg.inv(vectors)
     (real,) = np.flatnonzero(np.abs(values.imag) < 1e-9)
     pairs = np.flatnonzero(values.imag > 1e-9)
-    return np.concatenate([
-        nodes, [values[real].real], vectors[:, real].real, inverse[real].real, values[pairs].real, values[pairs].imag,
-        vectors[:, pairs].T.real.ravel(), vectors[:, pairs].T.imag.ravel(),
-        inverse[pairs].real.ravel(), inverse[pairs].imag.ravel(),
-    ])  # fmt: skip
+    return np.concatenate(
+        [
+            nodes,
+            [values[real].real],
+            vectors[:, real].real,
+            inverse[real].real,
+            values[pairs].real,
+            values[pairs].imag,
+            vectors[:, pairs].T.real.ravel(),
+            vectors[:, pairs].T.imag.ravel(),
+            inverse[pairs].real.ravel(),
+            inverse[pairs].imag.ravel(),
+        ]
+    )

@@ -224,9 +224,13 @@ def words_on_a_map() -> str:
     address = f"data:image/png;base64,{base64.b64encode(stream.getvalue()).decode()}"
     words = "".join(
         f'<text x="5" y="{y}" font-size="8" fill="{ink}">{name}</text>'
-        for y, ink, name in ((20, "#000", "on black"), (35, "#fff", "legible"), (70, "#fff", "on white"),
-                             (85, "#000", "legible"))
-    )  # fmt: skip
+        for y, ink, name in (
+            (20, "#000", "on black"),
+            (35, "#fff", "legible"),
+            (70, "#fff", "on white"),
+            (85, "#000", "legible"),
+        )
+    )
     return (
         '<figure style="background: #888"><h3>A</h3><svg viewBox="0 0 300 100" width="300" height="100">'
         f'<image href="{address}" transform="scale(1 -1) translate(0 -100)" width="300" height="100" '

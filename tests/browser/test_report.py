@@ -42,9 +42,14 @@ def pulls(seed: int, plant: Plant) -> Recording:
     stretch = np.interp(np.arange(900) / 100, np.arange(10), corners)
     stretch[:100] = np.linspace(1, corners[1], 100)
     silent = Recording.from_arrays(
-        stretch, np.zeros(900), 0.1, input_names=("stretch",), input_units=("1",), output_names=("force",),
+        stretch,
+        np.zeros(900),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
         output_units=("N",),
-    )  # fmt: skip
+    )
     return plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
 
 
@@ -58,13 +63,17 @@ def commands(folder: Path) -> None:
     (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
     made = {"noise": pulls(1, strip), "creeping": pulls(2, strip.with_effects(Creep(modulus=60e3, time=25.0)))}
     for name, record in made.items():
-        write_csv(folder / f"{name}.csv", {
-            "time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0],
-        })  # fmt: skip
+        write_csv(
+            folder / f"{name}.csv",
+            {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]},
+        )
     task = DiagnosisTask(
-        plant=strip, experiments=[Experiment(recordings=(made["creeping"],))], files=[folder / "creeping.csv"],
-        command=["deatwin", "diagnose", "strip_of_mine:strip", "creeping.csv"], effects=[Creep()],
-    )  # fmt: skip
+        plant=strip,
+        experiments=[Experiment(recordings=(made["creeping"],))],
+        files=[folder / "creeping.csv"],
+        command=["deatwin", "diagnose", "strip_of_mine:strip", "creeping.csv"],
+        effects=[Creep()],
+    )
     task.run(ResultFolder(folder / "diagnose"), lambda *_: None)
     for line in (
         ["identify", "noise.csv", *COLUMNS, "--method", "frols", "--out", "narx.json", "--report", "identify"],
@@ -85,16 +94,27 @@ def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
 
     small = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
     for module, name, less in (
-        (variance, "DRAWS", 10), (occam, "DRAWS", 20), (occam, "JUDGED", 4), (shrinkage, "DRAWS", 500),
-        (prestretch, "PRESTRETCHES", np.linspace(1.0, 5.0, 3)), (prestretch, "RATIOS", np.linspace(1.0, 3.0, 2)),
-        (svb_benchmark, "PLAN", small), (sampling, "FLIPS", 300),
-    ):  # fmt: skip
+        (variance, "DRAWS", 10),
+        (occam, "DRAWS", 20),
+        (occam, "JUDGED", 4),
+        (shrinkage, "DRAWS", 500),
+        (prestretch, "PRESTRETCHES", np.linspace(1.0, 5.0, 3)),
+        (prestretch, "RATIOS", np.linspace(1.0, 3.0, 2)),
+        (svb_benchmark, "PLAN", small),
+        (sampling, "FLIPS", 300),
+    ):
         patch.setattr(module, name, less)
     for name in LESSENED:
-        story(name).run(Setting(
-            folder=ResultFolder(folder / name), data=None, command=["deatwin", "scenario", name], jobs=1, seed=0,
-            progress=lambda *_: None,
-        ))  # fmt: skip
+        story(name).run(
+            Setting(
+                folder=ResultFolder(folder / name),
+                data=None,
+                command=["deatwin", "scenario", name],
+                jobs=1,
+                seed=0,
+                progress=lambda *_: None,
+            )
+        )
 
 
 @pytest.fixture(scope="session")
@@ -144,7 +164,8 @@ def figures_missing(tab: Any, folder: Path) -> list[str]:
 
 def illegible(tab: Any) -> list[str]:
     """Words (4.5 to 1) and opaque lines (3 to 1) of figures that do not stand out from what is behind them."""
-    return list(tab.run("""
+    return list(
+        tab.run("""
         const canvas = document.createElement("canvas").getContext("2d", {willReadFrequently: true});
         const light = (colour) => {
             canvas.fillStyle = colour; canvas.fillRect(0, 0, 1, 1);
@@ -191,12 +212,14 @@ def illegible(tab: Any) -> list[str]:
             }
         }
         return [...faint];
-    """))
+    """)
+    )
 
 
 def lost_on_paper(tab: Any) -> list[str]:
     """What is hidden, dark or cut when the page is printed; the print's look is on."""
-    return list(tab.run("""
+    return list(
+        tab.run("""
         const wrong = [], right = document.documentElement.clientWidth;
         for (const figure of document.querySelectorAll("figure")) {
             const box = figure.querySelector("svg").getBoundingClientRect();
@@ -213,13 +236,16 @@ def lost_on_paper(tab: Any) -> list[str]:
         for (const table of document.querySelectorAll("table"))
             if (table.getBoundingClientRect().right > right + 1) wrong.push("a table is cut");
         return wrong;
-    """))
+    """)
+    )
 
 
 def provenance_missing(tab: Any) -> list[str]:
     """What the end of the page does not say."""
-    end = str(tab.run("""const last = [...document.querySelectorAll("h2")].pop();
-        return last?.textContent === "Provenance" ? last.nextElementSibling.textContent : "" """))
+    end = str(
+        tab.run("""const last = [...document.querySelectorAll("h2")].pop();
+        return last?.textContent === "Provenance" ? last.nextElementSibling.textContent : "" """)
+    )
     rows = {"command": r"command\s*deatwin \w+", "seed": r"seed\s*\d", "versions": r"numpy \d+\.\d+"}
     return [name for name, pattern in rows.items() if not re.search(pattern, end)]
 
@@ -279,7 +305,7 @@ def downloads_wrong(tab: Any, folder: Path, into: Path) -> list[str]:
         got = into / Path(name).name
         tab.run(f"{links}.find(a => a.getAttribute('href') === arguments[0]).click()", name)
         limit = time.monotonic() + 10
-        while (wrongly := not got.is_file() or got.read_bytes() != (folder / name).read_bytes()):
+        while wrongly := not got.is_file() or got.read_bytes() != (folder / name).read_bytes():
             if time.monotonic() > limit:
                 break
             time.sleep(0.02)
@@ -335,18 +361,17 @@ def page(body: str, head: str = "<title>x</title>") -> str:
 FIGURE = (
     '<figure style="background: #fff"><h3>A</h3><div class="view">'
     '<svg viewBox="0 0 300 100" width="300" height="100" aria-label="A">'
-    + '<path d="M0 0L9 9"/>' * 10 + '<text fill="#ddd" y="50">faint</text></svg></div>'
+    + '<path d="M0 0L9 9"/>' * 10
+    + '<text fill="#ddd" y="50">faint</text></svg></div>'
     + '<a class="data" href="figures/a.csv" download>Data</a></figure>'
-)  # fmt: skip
+)
 OTHERWISE = """<script>document.querySelector("a.data").addEventListener("click", event => {
     event.preventDefault();
     Object.assign(document.createElement("a"), {href: "data:text/csv,y", download: "a.csv"}).click();
 })</script>"""
 
 
-def test_every_check_can_fail(
-    tab: Any, axe: Callable[[], list[str]], words_on_a_map: str, tmp_path: Path
-) -> None:
+def test_every_check_can_fail(tab: Any, axe: Callable[[], list[str]], words_on_a_map: str, tmp_path: Path) -> None:
     (tmp_path / "figures").mkdir()
     for name in ("a.csv", "b.csv"):
         (tmp_path / "figures" / name).write_text("x\n1\n", encoding="utf-8")
@@ -365,9 +390,11 @@ def test_every_check_can_fail(
     tab.size(1400)
     opened(page("<figure><h3>A</h3></figure>"))
     assert figures_missing(tab, tmp_path) == [
-        "A: not drawn", "A: no data", "figures/a.csv: a figure's data, but no figure",
+        "A: not drawn",
+        "A: no data",
+        "figures/a.csv: a figure's data, but no figure",
         "figures/b.csv: a figure's data, but no figure",
-    ]  # fmt: skip
+    ]
     opened(page(FIGURE))
     assert figures_missing(tab, tmp_path) == ["figures/b.csv: a figure's data, but no figure"]
     assert [line[:11] for line in illegible(tab)] == ['A: "faint" ']
@@ -379,9 +406,12 @@ def test_every_check_can_fail(
     tab.media("print", "dark")
     opened(page('<details><summary>s</summary><p>more</p></details><table style="width: 3000px"></table>' + FIGURE))
     assert set(lost_on_paper(tab)) == {
-        "A: breaks over pages", "dark paper", "buttons or links to data are printed", "a closed part is not printed",
+        "A: breaks over pages",
+        "dark paper",
+        "buttons or links to data are printed",
+        "a closed part is not printed",
         "a table is cut",
-    }  # fmt: skip
+    }
     tab.media()
     opened(page(FIGURE + OTHERWISE))
     into = tmp_path / "got"

@@ -50,9 +50,14 @@ def write_lab(folder: Path) -> str:
     stretch = np.interp(np.arange(600) / 100, np.arange(7), corners)
     stretch[:100] = np.linspace(1, corners[1], 100)
     silent = Recording.from_arrays(
-        stretch, np.zeros(600), 0.1, input_names=("stretch",), input_units=("1",),
-        output_names=("force",), output_units=("N",),
-    )  # fmt: skip
+        stretch,
+        np.zeros(600),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
     for name, plant in (("new.csv", strip()), ("old.csv", strip().with_effects(Creep(modulus=60e3, time=25.0)))):
         record = plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
         columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
@@ -60,20 +65,33 @@ def write_lab(folder: Path) -> str:
     recording = (folder / "new.csv").read_text(encoding="utf-8")
     (folder / "new.csv").unlink()
     former = {
-        "schema": "deatwin/diagnosis/1", "output": {"name": "force", "unit": "N"}, "verdict": "named",
-        "noise": 0.002, "model_error": 0.05,
+        "schema": "deatwin/diagnosis/1",
+        "output": {"name": "force", "unit": "N"},
+        "verdict": "named",
+        "noise": 0.002,
+        "model_error": 0.05,
         "detect": {"p_value": 0.0, "excess": 0.1, "smallest_detectable": {}},
         "locate": {"time": [], "frequency": [], "region": [], "place": []},
-        "causes": [{
-            "effect": "creep", "family": "film", "probability": 0.98, "share_explained": 0.97,
-            "parameters": {"time": {"value": 25.0, "low": 24.0, "high": 26.0, "unit": "s"}},
-        }],
-        "set": ["creep"], "indistinguishable": [], "next_experiment": None, "free_form": None,
+        "causes": [
+            {
+                "effect": "creep",
+                "family": "film",
+                "probability": 0.98,
+                "share_explained": 0.97,
+                "parameters": {"time": {"value": 25.0, "low": 24.0, "high": 26.0, "unit": "s"}},
+            }
+        ],
+        "set": ["creep"],
+        "indistinguishable": [],
+        "next_experiment": None,
+        "free_form": None,
         "sentence": "The film keeps creeping with a time constant of 25 s.",
-        "fit": {"fitted": {"before": 0.17, "after": 0.002},
-                "unseen": {"before": 0.14, "after": 0.002, "gain_low": 0.1}},
+        "fit": {
+            "fitted": {"before": 0.17, "after": 0.002},
+            "unseen": {"before": 0.14, "after": 0.002, "gain_low": 0.1},
+        },
         "warnings": [],
-    }  # fmt: skip
+    }
     (folder / "former").mkdir()
     (folder / "former" / "diagnosis.json").write_text(json.dumps(former), encoding="utf-8")
     return recording
@@ -87,8 +105,9 @@ def lab(tmp_path: Path) -> Iterator[tuple[Path, str, str]]:
     recording = write_lab(tmp_path)
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "view", str(tmp_path), "--no-browser", "--json"],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     assert process.stdout is not None
     lines = iter(process.stdout.readline, "")
     text = "".join(line for line in iter(lambda: next(lines, "}\n"), "}\n"))

@@ -10,9 +10,13 @@ from pathlib import Path
 __all__ = ["run"]
 
 INSTRUMENTED = [
-    "deatwin.plant.files", "deatwin.plant.documents", "deatwin.scenarios.real_data", "deatwin.scenarios.sweep",
-    "tomllib", "json",
-]  # fmt: skip
+    "deatwin.plant.files",
+    "deatwin.plant.documents",
+    "deatwin.scenarios.real_data",
+    "deatwin.scenarios.sweep",
+    "tomllib",
+    "json",
+]
 
 
 def run(kinds: str) -> None:
@@ -63,9 +67,18 @@ def run(kinds: str) -> None:
             (Path(corpus) / str(number)).write_bytes(bytes((number * k * 37 + k) % 256 for k in range(200)))
         atexit.register(sys.stdout.flush)
         atheris.Setup(
-            [sys.argv[0], f"-max_total_time={given.seconds}", f"-runs={given.runs}", f"-seed={given.seed}",
-             "-max_len=4096", "-timeout=60", "-rss_limit_mb=3000", f"-artifact_prefix={given.finds}/",
-             "-print_final_stats=1", corpus],
+            [
+                sys.argv[0],
+                f"-max_total_time={given.seconds}",
+                f"-runs={given.runs}",
+                f"-seed={given.seed}",
+                "-max_len=4096",
+                "-timeout=60",
+                "-rss_limit_mb=3000",
+                f"-artifact_prefix={given.finds}/",
+                "-print_final_stats=1",
+                corpus,
+            ],
             one,
-        )  # fmt: skip
+        )
         atheris.Fuzz()

@@ -10,13 +10,58 @@ Whole = Callable[[int, int], int]
 """Draws a whole number between two, both included."""
 
 HOSTILE = (
-    b"\x00", b"\xff", b"\xef\xbb\xbf", b"\xff\xfe", b"\r", b"\n", b"\x1b[31m", b"\xed\xa0\x80", b"\xc2\x85",
-    b'"', b"'", b",", b";", b"\t", b"#", b"[", b"]", b"{", b"}", b"=", b"-", b"_", b"../../x", b"1979-05-27",
-    b"1e400", b"-1e400", b"nan", b"inf", b"1e999999999", b"9" * 400, b"9" * 5000, b"null", b"true", b"0", b"-0.0",
-    b"1e-320", b"1e300", b"4294967295", b"9223372036854775808", b"^99999999999", b"k-999999999999",
-    b"[" * 3000, b'{"a":' * 3000, b"a." * 500, b"x" * 140_000, "٣".encode(), "µ".encode(), "１".encode(),
-    b"\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"\xff\xff\xff\xff\xff\xff\xff\x7f",
-)  # fmt: skip
+    b"\x00",
+    b"\xff",
+    b"\xef\xbb\xbf",
+    b"\xff\xfe",
+    b"\r",
+    b"\n",
+    b"\x1b[31m",
+    b"\xed\xa0\x80",
+    b"\xc2\x85",
+    b'"',
+    b"'",
+    b",",
+    b";",
+    b"\t",
+    b"#",
+    b"[",
+    b"]",
+    b"{",
+    b"}",
+    b"=",
+    b"-",
+    b"_",
+    b"../../x",
+    b"1979-05-27",
+    b"1e400",
+    b"-1e400",
+    b"nan",
+    b"inf",
+    b"1e999999999",
+    b"9" * 400,
+    b"9" * 5000,
+    b"null",
+    b"true",
+    b"0",
+    b"-0.0",
+    b"1e-320",
+    b"1e300",
+    b"4294967295",
+    b"9223372036854775808",
+    b"^99999999999",
+    b"k-999999999999",
+    b"[" * 3000,
+    b'{"a":' * 3000,
+    b"a." * 500,
+    b"x" * 140_000,
+    "٣".encode(),
+    "µ".encode(),
+    "１".encode(),
+    b"\xff\xff\xff\xff",
+    b"\x00\x00\x00\x80",
+    b"\xff\xff\xff\xff\xff\xff\xff\x7f",
+)
 
 
 def flip(content: bytearray, whole: Whole) -> None:
@@ -79,8 +124,16 @@ def encode(content: bytearray, whole: Whole) -> None:
 
 
 WAYS: tuple[Callable[[bytearray, Whole], Any], ...] = (
-    flip, overwrite, insert, cut, remove, repeat, token, move, encode,
-)  # fmt: skip
+    flip,
+    overwrite,
+    insert,
+    cut,
+    remove,
+    repeat,
+    token,
+    move,
+    encode,
+)
 
 
 def mutated(seed: bytes, whole: Whole) -> bytes:

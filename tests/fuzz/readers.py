@@ -256,11 +256,18 @@ def lvm_text(separator: str, decimal: str, x_columns: str) -> str:
         return separator.join([tag, first, *apart, second, ""])
 
     about = {
-        "LabVIEW Measurement": "", "Writer_Version": "2", "Reader_Version": "2",
-        "Separator": {"\t": "Tab", ",": "Comma"}[separator], "Decimal_Separator": decimal, "Multi_Headings": "Yes",
-        "X_Columns": x_columns, "Time_Pref": "Relative", "Date": "2024/05/01", "Time": f"12:00:00{decimal}25",
+        "LabVIEW Measurement": "",
+        "Writer_Version": "2",
+        "Reader_Version": "2",
+        "Separator": {"\t": "Tab", ",": "Comma"}[separator],
+        "Decimal_Separator": decimal,
+        "Multi_Headings": "Yes",
+        "X_Columns": x_columns,
+        "Time_Pref": "Relative",
+        "Date": "2024/05/01",
+        "Time": f"12:00:00{decimal}25",
         "***End_of_Header***": "",
-    }  # fmt: skip
+    }
     lines = [f"{tag}{separator}{value}" for tag, value in about.items()]
     for second in (0, 1):
         lines += ["", row("Channels", "2", ""), row("Samples", "5", "5"), row("Date", "2024/05/01", "2024/05/01")]
@@ -372,10 +379,12 @@ def tdms_seeds() -> tuple[bytes, ...]:
     clock = {"wf_increment": 0.02, "wf_start_offset": 0.0, "wf_start_time": np.datetime64("2024-05-06T07:08:09")}
     with TdmsWriter(stream) as writer:
         for part in np.split(np.arange(12.0), 3):
-            writer.write_segment([
-                ChannelObject("log", "command", 2 + part, {"unit_string": "V", **clock}),
-                ChannelObject("log", "displacement", part % 5, {"unit_string": "mm", **clock}),
-            ])  # fmt: skip
+            writer.write_segment(
+                [
+                    ChannelObject("log", "command", 2 + part, {"unit_string": "V", **clock}),
+                    ChannelObject("log", "displacement", part % 5, {"unit_string": "mm", **clock}),
+                ]
+            )
     return (written(".tdms", lambda path: write_recording(path, recording())), stream.getvalue())
 
 
@@ -411,9 +420,13 @@ def theta_seeds() -> tuple[bytes, ...]:
     """Parameters along three times."""
     model = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.1}, sample_time=0.02)
     trajectory = ThetaTrajectory(
-        model=model, timepts=np.array([0.02, 0.04, 0.06]), theta=np.array([[0.8, 0.79, 0.78], [0.1, 0.1, 0.11]]),
-        theta_cov=np.tile(1e-4 * np.eye(2), (3, 1, 1)), drift_variance=np.array([1e-6, 0.0]), log_likelihood=-12.5,
-    )  # fmt: skip
+        model=model,
+        timepts=np.array([0.02, 0.04, 0.06]),
+        theta=np.array([[0.8, 0.79, 0.78], [0.1, 0.1, 0.11]]),
+        theta_cov=np.tile(1e-4 * np.eye(2), (3, 1, 1)),
+        drift_variance=np.array([1e-6, 0.0]),
+        log_likelihood=-12.5,
+    )
     return (written(".json", trajectory.save),)
 
 
@@ -464,7 +477,7 @@ RECORDINGS: Mapping[str, Kind] = {
     "netcdf4": table(".nc", netcdf4_seeds),
 }
 RIGS: Mapping[str, Kind] = {
-    "rig": Kind(ending=".toml", read=read_rig, require_sound=require_rig, seeds=lambda: (RIG.encode(),)),
+    "rig": Kind(ending=".toml", read=read_rig, require_sound=require_rig, seeds=lambda: (RIG.encode(),))
 }
 DOCUMENTS: Mapping[str, Kind] = {
     "plant": document(CalibratedPlant, plant_seeds),

@@ -56,9 +56,12 @@ def seal_of(kind: type, seeds: Callable[[], tuple[bytes, ...]]) -> Kind:
         assert type(found).from_dict(found.to_dict()).hash == found.hash
 
     return Kind(
-        stem="seal", ending=".json", read=lambda path: read_seal(kind, path.parent), require_sound=require_seal,
+        stem="seal",
+        ending=".json",
+        read=lambda path: read_seal(kind, path.parent),
+        require_sound=require_seal,
         seeds=seeds,
-    )  # fmt: skip
+    )
 
 
 @cache
@@ -129,8 +132,9 @@ STORY = {
     "measures": [{"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False}],
     "tracking": {"nominal rig": {"PI": {"rms_error": 2.4e-5, "gain_margin": 4.0, "phase_margin_deg": 61.0}}},
     "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
-    "models": [], "concealed": [],
-}  # fmt: skip
+    "models": [],
+    "concealed": [],
+}
 STORY_RUN = {"seed": 9, "versions": {"deatwin": "7.8"}}
 
 
@@ -193,8 +197,9 @@ def matlab_seeds() -> tuple[bytes, ...]:
     column, found = np.arange(1.0, 13.0)[:, None], []
     for packed in (True, False):
         stream = io.BytesIO()
-        savemat(stream, {"qg": column, "qm": 2 * column, "gtau": [[35.15]], "pulses_N": 0 * column},
-                do_compression=packed)  # fmt: skip
+        savemat(
+            stream, {"qg": column, "qm": 2 * column, "gtau": [[35.15]], "pulses_N": 0 * column}, do_compression=packed
+        )
         found.append(stream.getvalue())
     return tuple(found)
 
@@ -228,24 +233,41 @@ STUDIES: Mapping[str, Kind] = {
     "sweep seal": seal_of(SweepSeal, lambda: as_bytes(SWEEP.to_dict())),
     "study seal": seal_of(Seal, lambda: as_bytes(study_seal().to_dict())),
     "study key": Kind(
-        stem="key", ending=".json", read=read_key, seeds=lambda: as_bytes(KEY),
+        stem="key",
+        ending=".json",
+        read=read_key,
+        seeds=lambda: as_bytes(KEY),
         require_sound=lambda found: json.dumps(found, allow_nan=False),
     ),
     "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
     **{name: page_kind(name) for name in evidence.DATA},
     "story": story_kind("control-check", STORY),
     "story run": story_kind("run", STORY_RUN),
-    "shown run": Kind(stem="run", ending=".json", read=shown, require_sound=require_shown,
-                      seeds=lambda: as_bytes(run_record())),
-    "former run": Kind(stem="run", ending=".json", read=cleared, require_sound=require_cleared,
-                       seeds=lambda: as_bytes(run_record())),
-}  # fmt: skip
+    "shown run": Kind(
+        stem="run", ending=".json", read=shown, require_sound=require_shown, seeds=lambda: as_bytes(run_record())
+    ),
+    "former run": Kind(
+        stem="run", ending=".json", read=cleared, require_sound=require_cleared, seeds=lambda: as_bytes(run_record())
+    ),
+}
 PUBLIC: Mapping[str, Kind] = {
-    "public csv": Kind(ending=".csv", read=lambda path: [csv_columns(path, ("V1", "V2"))],
-                       require_sound=require_numbers, seeds=lambda: (BOX,)),
-    "public mat": Kind(ending=".mat", require_sound=require_numbers, seeds=matlab_seeds, read=lambda path: (
-                       matlab_vectors(path, ("qg", "qm"), single=("gtau",), optional=("pulses_N",)))),
-    "public hdf5": Kind(ending=".h5", read=lambda path: hdf5_vectors(path, "multisine", ("u", "y")),
-                        require_sound=require_numbers, seeds=hdf5_seeds),
+    "public csv": Kind(
+        ending=".csv",
+        read=lambda path: [csv_columns(path, ("V1", "V2"))],
+        require_sound=require_numbers,
+        seeds=lambda: (BOX,),
+    ),
+    "public mat": Kind(
+        ending=".mat",
+        require_sound=require_numbers,
+        seeds=matlab_seeds,
+        read=lambda path: matlab_vectors(path, ("qg", "qm"), single=("gtau",), optional=("pulses_N",)),
+    ),
+    "public hdf5": Kind(
+        ending=".h5",
+        read=lambda path: hdf5_vectors(path, "multisine", ("u", "y")),
+        require_sound=require_numbers,
+        seeds=hdf5_seeds,
+    ),
     "pull": Kind(ending=".csv", read=vhb4910.pull, require_sound=require_pull, seeds=pull_seeds),
-}  # fmt: skip
+}

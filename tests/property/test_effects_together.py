@@ -57,8 +57,11 @@ def test_there_are_effects_to_test():
 
 @each
 def test_an_effect_that_is_off_is_nothing_beside_others(effect):
-    others = [NAMED[n] for n in ("creep", "electrode_rc", "hysteresis", "mullins", "sensor_lag")
-              if n != effect.name and n in NAMED]  # fmt: skip
+    others = [
+        NAMED[n]
+        for n in ("creep", "electrode_rc", "hysteresis", "mullins", "sensor_lag")
+        if n != effect.name and n in NAMED
+    ]
     plant = Plant(rig=Diaphragm(), effects=tuple(others))
     with_off = read(plant.with_effects(off(effect)), commands())
     # Newton ends when an update is below 1e-5 of the scale, 1 mm; what is left is of the order of its square.
@@ -67,8 +70,15 @@ def test_an_effect_that_is_off_is_nothing_beside_others(effect):
 
 NOT_EVEN = {"amplifier_offset", "amplifier_slew"}
 """Under a whole experiment of opposite polarity: what adds a voltage, or treats rise and fall differently."""
-NOT_BLIND_TO_REVERSALS = {"amplifier_offset", "amplifier_slew", "charge_injection", "delay", "dielectric_absorption",
-                          "electrode_rc", "leakage"}  # fmt: skip
+NOT_BLIND_TO_REVERSALS = {
+    "amplifier_offset",
+    "amplifier_slew",
+    "charge_injection",
+    "delay",
+    "dielectric_absorption",
+    "electrode_rc",
+    "leakage",
+}
 """Under a change of polarity between samples: what remembers a voltage with its sign, or lets it pass through 0 V."""
 
 
@@ -97,8 +107,29 @@ def test_injected_charge_is_seen_after_a_reversal():
     assert np.abs(change[500:]).max() > 1e-7
 
 
-EXPONENTS = {"kg": 1, "A": 1, "N": 1, "Pa": 1, "J": 1, "F": 1, "S": 1, "C": 1, "W": 1, "ohm": -1, "Ohm": -1, "V": 0,
-             "m": 0, "m2": 0, "m3": 0, "s": 0, "s2": 0, "Hz": 0, "K": 0, "rad": 0, "1": 0}  # fmt: skip
+EXPONENTS = {
+    "kg": 1,
+    "A": 1,
+    "N": 1,
+    "Pa": 1,
+    "J": 1,
+    "F": 1,
+    "S": 1,
+    "C": 1,
+    "W": 1,
+    "ohm": -1,
+    "Ohm": -1,
+    "V": 0,
+    "m": 0,
+    "m2": 0,
+    "m3": 0,
+    "s": 0,
+    "s2": 0,
+    "Hz": 0,
+    "K": 0,
+    "rad": 0,
+    "1": 0,
+}
 """Powers of k when each kilogram and each ampere become k of them, so that a volt (kg m²/(s³ A)) stays a volt."""
 
 
@@ -134,8 +165,9 @@ BASE = Plant(rig=Diaphragm())
 def brought(*kinds):
     """States and coordinates that effects bring."""
     made = Plant(rig=Diaphragm(), effects=kinds).equations
-    return [n for n in (*made.states, *made.coordinates) if n not in (*BASE.equations.states,
-            *BASE.equations.coordinates)]  # fmt: skip
+    return [
+        n for n in (*made.states, *made.coordinates) if n not in (*BASE.equations.states, *BASE.equations.coordinates)
+    ]
 
 
 @each
@@ -148,9 +180,10 @@ def test_any_two_effects_make_one_plant_in_either_order(effect):
 
 
 SAME_NODE = [
-    pair for pair in itertools.combinations(EFFECTS, 2)
+    pair
+    for pair in itertools.combinations(EFFECTS, 2)
     if (pair[0].place, pair[0].signal) == (pair[1].place, pair[1].signal)
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("pair", SAME_NODE, ids=lambda p: f"{p[0].name}-{p[1].name}")

@@ -19,13 +19,19 @@ from hypothesis import strategies as st
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording, Scale, effect_named
 
 PASSIVE = (
-    "creep", "strain_stiffening", "mullins", "permittivity_stretch", "hysteresis", "coulomb_friction",
-    "quadratic_damping", "end_stop", "cubic_stiffness", "resonance",
-)  # fmt: skip
+    "creep",
+    "strain_stiffening",
+    "mullins",
+    "permittivity_stretch",
+    "hysteresis",
+    "coulomb_friction",
+    "quadratic_damping",
+    "end_stop",
+    "cubic_stiffness",
+    "resonance",
+)
 """Their parameters are constant and they are thermodynamically admissible."""
-NOT_PASSIVE = (
-    "prestretch_relaxation", "permittivity_drift", "thermal_stiffness", "electrode_loss",
-)  # fmt: skip
+NOT_PASSIVE = ("prestretch_relaxation", "permittivity_drift", "thermal_stiffness", "electrode_loss")
 """A parameter changes in time, driven from outside: pumping it in step with the command would give work."""
 CLOSED = 1e-6
 
@@ -79,9 +85,14 @@ def test_a_parameter_that_is_changed_from_outside_can_give_work():
     # stretched, and softened while it is not, gives work, and this audit must see it.
     plant = Plant(rig=Diaphragm(contact_radius=1.5e-3, start_ramp=0.0, start_hold=0.0))
     swinging = plant.with_effects(effect_named("thermal_stiffness")).with_values(
-        {"thermal_stiffness.change_per_kelvin": 0.2, "thermal_stiffness.period": 20.0,
-         "thermal_stiffness.phase": np.pi / 2, "damping": 1.0, "branch_modulus": 1.0}
-    )  # fmt: skip
+        {
+            "thermal_stiffness.change_per_kelvin": 0.2,
+            "thermal_stiffness.period": 20.0,
+            "thermal_stiffness.phase": np.pi / 2,
+            "damping": 1.0,
+            "branch_modulus": 1.0,
+        }
+    )
     angle = 2 * np.pi * 0.02 / 20.0 * np.arange(3000)
     gained = []
     for sign in (1.0, -1.0):

@@ -25,32 +25,77 @@ from deatwin.plant.schemacheck import shape_fault, shipped_schema
 FUZZ = Path(__file__).parents[1] / "fuzz"
 MODULES = ("readers", "mutations", "studies")
 KINDS = (
-    "csv", "lvm", "xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "rig", "plant", "narx", "linear",
-    "diagnosis", "check", "theta", "validation", "controller",
-    "sweep seal", "study seal", "study key", "case", "control-check", "control-story",
-    "concealed-physics", "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
-    "public csv", "public mat", "public hdf5", "pull",
-)  # fmt: skip
+    "csv",
+    "lvm",
+    "xlsx",
+    "mat",
+    "mat73",
+    "tdms",
+    "netcdf",
+    "netcdf4",
+    "rig",
+    "plant",
+    "narx",
+    "linear",
+    "diagnosis",
+    "check",
+    "theta",
+    "validation",
+    "controller",
+    "sweep seal",
+    "study seal",
+    "study key",
+    "case",
+    "control-check",
+    "control-story",
+    "concealed-physics",
+    "concealed-physics-long",
+    "scenarios",
+    "story",
+    "story run",
+    "shown run",
+    "former run",
+    "public csv",
+    "public mat",
+    "public hdf5",
+    "pull",
+)
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
 STUDIES = (
-    "sweep seal", "study seal", "study key", "control-check", "control-story", "concealed-physics",
-    "concealed-physics-long", "scenarios", "story", "story run", "shown run", "former run",
-)  # fmt: skip
+    "sweep seal",
+    "study seal",
+    "study key",
+    "control-check",
+    "control-story",
+    "concealed-physics",
+    "concealed-physics-long",
+    "scenarios",
+    "story",
+    "story run",
+    "shown run",
+    "former run",
+)
 """JSON that studies keep."""
 BINARY = ("xlsx", "mat", "mat73", "tdms", "netcdf", "netcdf4", "case", "public mat", "public hdf5", "pull")
 """No text."""
 NEEDS = {
     "public hdf5": ["h5py"],
-    "xlsx": ["openpyxl"], "mat73": ["h5py"], "tdms": ["nptdms"],
-    "netcdf": ["xarray"], "netcdf4": ["xarray", "h5netcdf", "h5py"],
-}  # fmt: skip
+    "xlsx": ["openpyxl"],
+    "mat73": ["h5py"],
+    "tdms": ["nptdms"],
+    "netcdf": ["xarray"],
+    "netcdf4": ["xarray", "h5netcdf", "h5py"],
+}
 bounded = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 json_values = st.recursive(
-    st.none() | st.booleans() | st.integers(-(10**400), 10**400) | st.floats(allow_nan=False, allow_infinity=False)
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**400), 10**400)
+    | st.floats(allow_nan=False, allow_infinity=False)
     | st.text(max_size=8),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
     max_leaves=6,
-)  # fmt: skip
+)
 
 
 @pytest.fixture(scope="module")
@@ -193,10 +238,17 @@ def is_lenient(fault: jsonschema.ValidationError) -> bool:
 
 numbers = st.one_of(
     st.sampled_from([0, 1, -1, 0.001, 10.0, 1000, 86400, 1e6, 0.0009, 10.01, 1e5, True, False]),
-    st.floats(-1e7, 1e7), st.integers(-(10**6), 10**6),
-)  # fmt: skip
-rig_values = st.one_of(numbers, numbers, st.sampled_from(["bonded", "sliding", "displacement at zero volts", "", " "]),
-                       st.text(max_size=5), st.none(), st.lists(numbers, max_size=2))  # fmt: skip
+    st.floats(-1e7, 1e7),
+    st.integers(-(10**6), 10**6),
+)
+rig_values = st.one_of(
+    numbers,
+    numbers,
+    st.sampled_from(["bonded", "sliding", "displacement at zero volts", "", " "]),
+    st.text(max_size=5),
+    st.none(),
+    st.lists(numbers, max_size=2),
+)
 
 
 def in_order(rig: dict[str, Any]) -> bool:
@@ -267,8 +319,11 @@ def test_atheris_finds_nothing_in_a_few_seconds(name: str, tmp_path: Path) -> No
     pytest.importorskip("atheris")
     done = subprocess.run(
         [sys.executable, str(FUZZ / f"fuzz_{name}.py"), "--seconds", "10", "--finds", str(tmp_path)],
-        capture_output=True, text=True, timeout=200, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr[-3000:]
     assert "number_of_executed_units" in done.stderr
     assert not list(tmp_path.iterdir())

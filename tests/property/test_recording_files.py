@@ -135,11 +135,7 @@ def test_rig_survives(thickness: float, electrode: float, noise: float, ball: st
             },
             "load": {"mass_g": 3.0, "contact_diameter_mm": 0.5},
             "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
-            "sensor": {
-                "sample_rate_Hz": 50.0,
-                "noise_um": float(f"{noise:.9g}"),
-                "zero": "displacement at zero volts",
-            },
+            "sensor": {"sample_rate_Hz": 50.0, "noise_um": float(f"{noise:.9g}"), "zero": "displacement at zero volts"},
         }
     )
     assert RigFile.from_dict(rig.to_dict(), rig.source) == rig

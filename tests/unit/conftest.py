@@ -65,9 +65,7 @@ class Oscillator(Rig):
     def write(self, build: Builder) -> Any:
         position, velocity = build.state("position", scale=1e-2), build.state("velocity", scale=0.1)
         build.rate(position, velocity)
-        force = (
-            build.command - build.parameter("damping") * velocity - build.parameter("stiffness") * position
-        )
+        force = build.command - build.parameter("damping") * velocity - build.parameter("stiffness") * position
         build.rate(velocity, force, mass=build.parameter("mass"))
         return position
 

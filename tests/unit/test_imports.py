@@ -21,10 +21,17 @@ PARTS = {
     "deatwin.ident.frequency": {"numpy", "casadi", "scipy.linalg", "scipy.special"},
     # scipy.optimize fits plants, and loads the last four.
     "deatwin.ident.greybox": {
-        "numpy", "casadi", "scipy.linalg", "scipy.special", "scipy.optimize",
-        "scipy.sparse", "scipy.spatial", "scipy.fft", "scipy.constants",
+        "numpy",
+        "casadi",
+        "scipy.linalg",
+        "scipy.special",
+        "scipy.optimize",
+        "scipy.sparse",
+        "scipy.spatial",
+        "scipy.fft",
+        "scipy.constants",
     },
-}  # fmt: skip
+}
 # Not even a diagnosis needs a law's whole class to look up its quantile, nor filters before there is a signal.
 PARTS |= {part: PARTS["deatwin.ident.greybox"] for part in ("deatwin.ident.mismatch", "deatwin.control")}
 BROUGHT_ALONG = {"cython_runtime", "swig_runtime_data5", "charset_normalizer"}

@@ -52,9 +52,7 @@ def test_no_path_of_one_machine() -> None:
     own = re.compile(r"(?<![A-Za-z0-9_.])/(?:home|root|work|farm|Users)/")
     files = [ROOT / name for name in ("README.md", "pyproject.toml", "CHANGELOG.md", ".ci/run")]
     for folder in (*SOURCE_ROOTS, "tests"):
-        files += [
-            path for path in (ROOT / folder).rglob("*") if path.suffix in {".py", ".toml", ".json", ".md"}
-        ]
+        files += [path for path in (ROOT / folder).rglob("*") if path.suffix in {".py", ".toml", ".json", ".md"}]
     found = [str(path.relative_to(ROOT)) for path in files if own.search(path.read_text(encoding="utf-8"))]
     assert [name for name in found if name != "tests/unit/test_layout.py"] == []
 

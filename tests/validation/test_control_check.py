@@ -38,10 +38,14 @@ def test_the_story_with_few_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     told: list[float] = []
     result = control_check.run(
         Setting(
-            folder=ResultFolder(tmp_path), data=None, command=("deatwin", "scenario", "control-check"), jobs=1, seed=0,
+            folder=ResultFolder(tmp_path),
+            data=None,
+            command=("deatwin", "scenario", "control-check"),
+            jobs=1,
+            seed=0,
             progress=lambda share, text: told.append(share),
         )
-    )  # fmt: skip
+    )
     # All but the rates, which two trials do not give.
     assert [row["passed"] for row in result["measures"]][:5] == [True] * 5
     assert [trial["number"] for trial in result["trials"]] == [0, 1]

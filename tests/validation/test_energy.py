@@ -132,8 +132,8 @@ def test_a9_under_charge_control_there_is_no_pull_in(charge):
     density = charge * np.sqrt(permittivity * VACUUM_PERMITTIVITY * modulus)
     energy = point.volume * neo_hookean(stretch, stretch, modulus) + (density * area) ** 2 / (2 * capacitance)
     expected = (1 + charge**2) ** (1 / 6)
-    force, stiffness = ca.Function(
-        "force", [stretch], [ca.gradient(energy, stretch), ca.hessian(energy, stretch)[0]]
-    )(expected)
+    force, stiffness = ca.Function("force", [stretch], [ca.gradient(energy, stretch), ca.hessian(energy, stretch)[0]])(
+        expected
+    )
     assert abs(float(force)) < 1e-12 * float(stiffness)
     assert float(stiffness) > 0

@@ -23,9 +23,13 @@ MODELS = {
 def near(u, y, size):
     """Where a model was trained."""
     return OperatingRange(
-        input_min=[u - 1], input_max=[u + 1], input_centre=[u],
-        output_min=[y - size], output_max=[y + size], output_centre=[y],
-    )  # fmt: skip
+        input_min=[u - 1],
+        input_max=[u + 1],
+        input_centre=[u],
+        output_min=[y - size],
+        output_max=[y + size],
+        output_centre=[y],
+    )
 
 
 def fitted(model, excitation, order, **choices):
@@ -88,8 +92,13 @@ def test_the_branch_is_followed_where_another_is_nearer_at_the_end(branch):
 
     # y - 0.1 ((y - 3u)³ - 3 (y - 3u) - u), multiplied out
     terms = {
-        "y(k-1)": 1.3, "u(k-1)": -0.8, "y(k-1)^3": -0.1, "y(k-1)^2u(k-1)": 0.9, "y(k-1)u(k-1)^2": -2.7, "u(k-1)^3": 2.7
-    }  # fmt: skip
+        "y(k-1)": 1.3,
+        "u(k-1)": -0.8,
+        "y(k-1)^3": -0.1,
+        "y(k-1)^2u(k-1)": 0.9,
+        "y(k-1)u(k-1)^2": -2.7,
+        "u(k-1)^3": 2.7,
+    }
     model = NarxModel.from_terms(terms, sample_time=1.0, operating=near(-1.0, branches(-1.0)[branch], 1.0))
     point = equilibrium(model, 1.0)
     np.testing.assert_allclose(point.outputs, branches(1.0), rtol=1e-12)  # terms of 20 by a slope of 0.3: 1e-14

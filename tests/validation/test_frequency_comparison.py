@@ -49,11 +49,13 @@ def test_repeats_of_a_steady_actuator_differ_in_at_most_one_test_of_twenty():
 
 def test_two_fabrications_differ_and_an_actuator_that_drifts_does_not_from_itself():
     second, third = fleet()[1:3]
-    table = compared({
-        "second": recorded(second, STEADY, (710, 1), 1080.0),
-        "third": recorded(third, STEADY, (710, 2), 1080.0),
-        "third, drifting": recorded(third, RECORDED, (710, 3), 1080.0),
-    })  # fmt: skip
+    table = compared(
+        {
+            "second": recorded(second, STEADY, (710, 1), 1080.0),
+            "third": recorded(third, STEADY, (710, 2), 1080.0),
+            "third, drifting": recorded(third, RECORDED, (710, 3), 1080.0),
+        }
+    )
     found = {pair: [d.agreement for d in table.differences if (d.first, d.second) == pair] for pair in table.pairs}
     # different films: their difference needs no drift
     assert found["second", "third"].count(Agreement.DIFFERENT) >= 6

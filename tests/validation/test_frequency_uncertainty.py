@@ -33,8 +33,14 @@ LEVEL = 0.99  # of the simultaneous Monte Carlo band
 
 # A DEA-like system: slow, with a static square of the input, products with the output, and an offset.
 SYSTEM = {
-    "1": 0.05, "y(k-1)": 1.1, "y(k-2)": -0.3, "u(k-1)": 0.3, "u(k-1)^2": 0.2, "y(k-1)u(k-1)": -0.15, "y(k-1)^3": -0.05,
-}  # fmt: skip
+    "1": 0.05,
+    "y(k-1)": 1.1,
+    "y(k-2)": -0.3,
+    "u(k-1)": 0.3,
+    "u(k-1)^2": 0.2,
+    "y(k-1)u(k-1)": -0.15,
+    "y(k-1)^3": -0.05,
+}
 NOISE = 0.05
 OMEGA = np.geomspace(0.05, 3.0, 25)  # rad/sample
 PERIOD = sum(np.cos(2 * np.pi * k * np.arange(128) / 128 + 0.7 * k * k) for k in (3, 5, 8, 13)) / 2

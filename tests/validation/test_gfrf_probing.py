@@ -22,16 +22,23 @@ LINES = {1: [(9,), (57,), (-100,)], 2: [(9, 31), (57, -12), (90, 75)], 3: [(9, 3
 
 MODELS = {
     "quadratic and cubic in the output": (
-        {"y(k-1)": 1.1, "y(k-2)": -0.5, "u(k-1)": 0.4, "y(k-1)^2": -0.1, "y(k-1)y(k-2)^2": 0.05}, 0.0,
+        {"y(k-1)": 1.1, "y(k-2)": -0.5, "u(k-1)": 0.4, "y(k-1)^2": -0.1, "y(k-1)y(k-2)^2": 0.05},
+        0.0,
     ),
     "mixed, about an operating point": (
         {
-            "1": 0.1, "y(k-1)": 0.5, "y(k-2)^2": -0.2, "y(k-1)u(k-1)": 0.15, "u(k)": 0.4, "u(k-2)^3": 0.1,
+            "1": 0.1,
+            "y(k-1)": 0.5,
+            "y(k-2)^2": -0.2,
+            "y(k-1)u(k-1)": 0.15,
+            "u(k)": 0.4,
+            "u(k-2)^3": 0.1,
             "y(k-1)y(k-3)u(k)": 0.1,
-        }, 0.7,
+        },
+        0.7,
     ),
     "inputs alone": ({"u(k)": 1.0, "u(k-1)u(k-4)": 0.3, "u(k-2)^2u(k-3)": -0.2}, -0.4),
-}  # fmt: skip
+}
 
 
 def is_alone(lines):
@@ -61,8 +68,12 @@ def probed(model, lines, operating_input):
         found.append(np.mean((run.outputs[0, last] - start[0]) * turned))
     fit = np.linalg.lstsq(LEVELS[:, None] ** np.arange(order, order + POWERS), np.array(found), rcond=None)[0]
     # A tone at half the sampling rate is its own mirror image: both its halves are at the one line.
-    halves = np.prod([0.5 * np.exp(1j * p) + (0.5 * np.exp(-1j * p) if 2 * abs(line) == PERIOD else 0.0)
-                      for line, p in zip(lines, phases, strict=True)])  # fmt: skip
+    halves = np.prod(
+        [
+            0.5 * np.exp(1j * p) + (0.5 * np.exp(-1j * p) if 2 * abs(line) == PERIOD else 0.0)
+            for line, p in zip(lines, phases, strict=True)
+        ]
+    )
     return fit[0] / (factorial(order) * halves)
 
 

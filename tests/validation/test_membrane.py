@@ -56,18 +56,18 @@ def displacements(plant, kilovolts):
 
 KILOVOLTS = (1.92, 2.4, 2.6, 2.8, 3.0)
 TABLE = {
-    "sliding, 25 kPa": (
-        {"ball": "sliding"}, {"stretch_limit": 100.0}, (0.965, 0.190, 0.398, 0.563, 0.841, 1.377)
-    ),
+    "sliding, 25 kPa": ({"ball": "sliding"}, {"stretch_limit": 100.0}, (0.965, 0.190, 0.398, 0.563, 0.841, 1.377)),
     "sliding, 20 kPa": (
-        {"ball": "sliding"}, {"stretch_limit": 100.0, "shear_modulus": 20e3},
+        {"ball": "sliding"},
+        {"stretch_limit": 100.0, "shear_modulus": 20e3},
         (1.206, 0.333, 0.820, 1.336, 2.43, 4.42),
     ),
     "bonded, prestretch 4.5": (
-        {"ball": "bonded", "prestretch": 4.5}, {"stretch_limit": 107.0, "permittivity": 4.2},
+        {"ball": "bonded", "prestretch": 4.5},
+        {"stretch_limit": 107.0, "permittivity": 4.2},
         (0.798, 0.161, 0.295, 0.373, 0.466, 0.569),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", TABLE)
@@ -127,9 +127,7 @@ def ringing(plant, rest):
     """Frequency of the ball with all other coordinates in balance and branches at rest, Hz."""
     equations = plant.equations
     x, z = ca.SX.sym("x", rest.x.size), ca.SX.sym("z", rest.z.size)
-    rate = equations.dynamics(
-        x, z, rest.d, equations.held_inputs(0.0), 0.0, plant.free_values, equations.constants
-    )
+    rate = equations.dynamics(x, z, rest.d, equations.held_inputs(0.0), 0.0, plant.free_values, equations.constants)
     rows = [equations.states.index("velocity"), *range(rest.x.size, rest.x.size + rest.z.size)]
     columns = [equations.states.index("deflection"), *rows[1:]]
     jacobian = ca.Function("j", [x, z], [ca.densify(ca.jacobian(rate, ca.vertcat(x, z)))])(rest.x, rest.z)
@@ -198,9 +196,13 @@ def test_it_makes_the_readings_of_another_finite_element_rig(tmp_path):
     record = read_recording(path).section(0, 1500)
     film = json.loads((case / "truth.json").read_text())["film"]
     values = {
-        "shear_modulus": film["mu"], "stretch_limit": film["Jm"], "branch_modulus": film["mu1"],
-        "branch_time": film["tau1"], "permittivity": film["eps_r"], "damping": film["damping"],
-    }  # fmt: skip
+        "shear_modulus": film["mu"],
+        "stretch_limit": film["Jm"],
+        "branch_modulus": film["mu1"],
+        "branch_time": film["tau1"],
+        "permittivity": film["eps_r"],
+        "damping": film["damping"],
+    }
     rig = Diaphragm(ball="bonded", contact_radius=film["rim"], resolution="fine", elements=4)
     simulated = Plant(rig=rig, values=values).simulate(Experiment(recordings=(record,))).require()
     error = simulated.outputs[0][0] - record.outputs[0]

@@ -40,17 +40,11 @@ def uniform(rng, n):
 MAO_BILLINGS = {"y(k-1)^3": 0.2, "y(k-1)u(k-1)": 0.7, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7, "y(k-2)": -0.5}
 SYSTEMS = {
     "S2": System(
-        {"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
-        lambda rng, n: rng.normal(0, 0.3, n),
-        0.01,
+        {"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4}, lambda rng, n: rng.normal(0, 0.3, n), 0.01
     ),
     "S3": System(MAO_BILLINGS, uniform, 0.01),
-    "S4": System(
-        {"y(k-1)u(k-1)": 0.7, "y(k-2)": -0.5, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7}, uniform, 0.04
-    ),
-    "S6": System(
-        {"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2}, lambda rng, n: rng.normal(0, 0.25, n), 0.02
-    ),
+    "S4": System({"y(k-1)u(k-1)": 0.7, "y(k-2)": -0.5, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7}, uniform, 0.04),
+    "S6": System({"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2}, lambda rng, n: rng.normal(0, 0.25, n), 0.02),
     "E1": System(MAO_BILLINGS, uniform, 0.004**0.5, samples=1000, degree=4),
 }
 
@@ -105,9 +99,7 @@ def test_svb_noise_variance(svb_runs):
     name, runs = svb_runs
     # b0 = 1e-4 adds 4e-7 in scaled units, a few per cent of the least noise; a sample scatters by sqrt(2 /
     # 500)
-    assert np.median([run.model_.noise_variance for run in runs]) == pytest.approx(
-        SYSTEMS[name].noise ** 2, rel=0.1
-    )
+    assert np.median([run.model_.noise_variance for run in runs]) == pytest.approx(SYSTEMS[name].noise ** 2, rel=0.1)
 
 
 def test_svb_on_the_thesis_example():

@@ -55,10 +55,7 @@ def test_a1_the_free_equal_biaxial_limit():
     energy = neo_hookean(stretch, stretch, MU) + electric_energy(stretch, stretch, PERMITTIVITY, field)
     elastic, electric = (
         ca.Function("f", [stretch], [ca.substitute(ca.gradient(part, stretch), field, 1.0)])
-        for part in (
-            neo_hookean(stretch, stretch, MU),
-            electric_energy(stretch, stretch, PERMITTIVITY, field),
-        )
+        for part in (neo_hookean(stretch, stretch, MU), electric_energy(stretch, stretch, PERMITTIVITY, field))
     )
     best = minimize_scalar(
         lambda value: float(elastic(value) / electric(value)), bracket=(1.1, 1.3), options={"xtol": 1e-8}
@@ -81,12 +78,8 @@ def test_a4_the_disc_expands_as_small_on_large():
     plant = Plant(rig=Diaphragm(ball="sliding", mass=1e-6, gain=1000.0))
     stretch, step = RIG.prestretch, 1e-5
     stress = true_stress(stretch, stretch)
-    along = (true_stress(stretch * np.exp(step), stretch) - true_stress(stretch * np.exp(-step), stretch)) / (
-        2 * step
-    )
-    across = (
-        true_stress(stretch, stretch * np.exp(step)) - true_stress(stretch, stretch * np.exp(-step))
-    ) / (2 * step)
+    along = (true_stress(stretch * np.exp(step), stretch) - true_stress(stretch * np.exp(-step), stretch)) / (2 * step)
+    across = (true_stress(stretch, stretch * np.exp(step)) - true_stress(stretch, stretch * np.exp(-step))) / (2 * step)
     first, second = along - stress, across - stress
     ratio = (RIG.frame_radius / RIG.electrode_radius) ** 2
     field = 100.0 / RIG.thickness * stretch**2
@@ -99,8 +92,9 @@ def test_a4_the_disc_expands_as_small_on_large():
 @pytest.mark.parametrize("ball", ["bonded", "sliding"])
 def test_a5_sag_and_stiffness(ball):
     # Next order: the film's slope squared, (sag / radius)² up to 0.01 at the ball and far less elsewhere.
-    deflection = {mass: at_rest(Plant(rig=Diaphragm(ball=ball, mass=mass)))["deflection"]
-                  for mass in (2.9e-3, 3e-3, 3.1e-3)}  # fmt: skip
+    deflection = {
+        mass: at_rest(Plant(rig=Diaphragm(ball=ball, mass=mass)))["deflection"] for mass in (2.9e-3, 3e-3, 3.1e-3)
+    }
     assert deflection[3e-3] == pytest.approx(sag(), rel=2e-3)
     stiffness = 0.2e-3 * GRAVITY / (deflection[3.1e-3] - deflection[2.9e-3])
     closed = 2 * np.pi * tension() / np.log(RIG.frame_radius / RIG.contact_radius)
@@ -135,9 +129,7 @@ def test_a7_one_factor_on_all_forces_changes_nothing():
 def test_a7_only_voltage_squared_times_permittivity_counts():
     plant = Plant(rig=RIG)
     values = {"permittivity": PERMITTIVITY * 1.44, "gain": RIG.gain / 1.2}
-    np.testing.assert_allclose(
-        simulate(plant.with_values(values), NOISE), simulate(plant, NOISE), rtol=0, atol=1e-12
-    )
+    np.testing.assert_allclose(simulate(plant.with_values(values), NOISE), simulate(plant, NOISE), rtol=0, atol=1e-12)
 
 
 def test_a8_the_sign_of_the_voltage_does_not_count():
@@ -153,9 +145,7 @@ FINITE_ELEMENTS = {1.2: 0.059, 1.92: 0.190, 2.4: 0.398, 2.6: 0.563, 2.8: 0.841, 
 def test_a12_the_reduced_film_follows_a_finite_element_membrane(kilovolts):
     # Four coordinates are a little too stiff; 1.5 % bounds the form's own error up to pull-in. Half a last digit of
     # the table is 0.8 % at 1.2 kV.
-    plant = Plant(
-        rig=Diaphragm(contact_radius=1.5e-3, ball="sliding", gain=1000.0), values={"stretch_limit": 100.0}
-    )
+    plant = Plant(rig=Diaphragm(contact_radius=1.5e-3, ball="sliding", gain=1000.0), values={"stretch_limit": 100.0})
     here, rest = at_rest(plant, kilovolts)["deflection"], at_rest(plant)["deflection"]
     assert (here - rest) * 1e3 == pytest.approx(FINITE_ELEMENTS[kilovolts], rel=0.015)
     assert rest * 1e3 == pytest.approx(0.965, rel=1e-3)
@@ -202,9 +192,7 @@ def test_a10_a_fast_branch_is_not_there_and_a_slow_one_is_a_spring(resolution):
     relaxed = at_rest(plant, 2.0)["deflection"] - at_rest(plant)["deflection"]
     held = held_branches(plant, 2.0)
     assert held < relaxed
-    fast, slow = (
-        simulate(plant.with_values({"branch_time": time}), np.full(50, 2.0))[-1] for time in (0.0203, 20.0)
-    )
+    fast, slow = (simulate(plant.with_values({"branch_time": time}), np.full(50, 2.0))[-1] for time in (0.0203, 20.0))
     # After 1 s, fifty times 20 ms.
     assert fast == pytest.approx(relaxed, rel=1e-4)
     # At a held load a film creeps more slowly than its branch relaxes at a held stretch.

@@ -24,9 +24,7 @@ SMOOTH = BASE.with_effects(Creep(), ElectrodeRC(), PermittivityDrift())
 
 
 def record(commands, start=5.0):
-    return Experiment(
-        recordings=(Recording.from_arrays(commands, np.zeros(len(commands)), 0.02, start=start),)
-    )
+    return Experiment(recordings=(Recording.from_arrays(commands, np.zeros(len(commands)), 0.02, start=start),))
 
 
 RNG = np.random.default_rng(1)

@@ -85,9 +85,17 @@ def test_a_model_that_misses_does_not_pass() -> None:
     required("buck_converter")
     sets = [silverbox(DATA / "silverbox"), buck(DATA / "buck_converter")]
     poor = Outcome(
-        data="", method="", terms=16, one_step=1.0, free_run=1.0, training=1.0, seconds=0.0, failure="", model=None,
+        data="",
+        method="",
+        terms=16,
+        one_step=1.0,
+        free_run=1.0,
+        training=1.0,
+        seconds=0.0,
+        failure="",
+        model=None,
         outputs=np.zeros(1),
-    )  # fmt: skip
+    )
     missing = replace(poor, free_run=float("nan"))
     for outcome in (poor, missing):
         rows = judge(sets, {data.name: dict.fromkeys((GROWN, SEMP, FRO, LINEAR, REFINED), outcome) for data in sets})

@@ -37,9 +37,8 @@ STORIES = {
 def test_the_documented_physics_is_named(name: str, tmp_path: Path) -> None:
     module, effect, documented, share = STORIES[name]
     setting = Setting(
-        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=2, seed=0,
-        progress=lambda done, text: None,
-    )  # fmt: skip
+        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=2, seed=0, progress=lambda done, text: None
+    )
     result = module.run(setting)
     assert result["verdict"] == "named"
     assert result["causes"] == [effect]

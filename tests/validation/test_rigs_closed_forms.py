@@ -34,9 +34,7 @@ FREE = {"sides": "free", "side_prestretch": None, **VOLTS}
 def _neo_hookean_material(monkeypatch):
     modulus = Parameter(name="shear_modulus", value=MU, unit="Pa", lower=1e3, upper=1e6)
     permittivity = Parameter(name="permittivity", value=RELATIVE, unit="1", lower=1.0, upper=10.0)
-    film = materials.Material(
-        name=NEO, energy=neo_hookean, elastic=(modulus,), branches=(), permittivity=permittivity
-    )
+    film = materials.Material(name=NEO, energy=neo_hookean, elastic=(modulus,), branches=(), permittivity=permittivity)
     monkeypatch.setattr(materials, "MATERIALS", {**materials.MATERIALS, NEO: film})
 
 

@@ -63,9 +63,13 @@ def theirs(record, output_lags, input_lags, degree, terms=TERMS):
     from sysidentpy.parameter_estimation import LeastSquares
 
     peer = FROLS(
-        ylag=output_lags, xlag=input_lags, n_terms=terms, order_selection=False,
-        basis_function=Polynomial(degree=degree), estimator=LeastSquares(),
-    )  # fmt: skip
+        ylag=output_lags,
+        xlag=input_lags,
+        n_terms=terms,
+        order_selection=False,
+        basis_function=Polynomial(degree=degree),
+        estimator=LeastSquares(),
+    )
     peer.fit(X=record.inputs[0][:, None].copy(), y=record.outputs[0][:, None].copy())
     written = [
         "".join(f"{'y' if code // 1000 == 1 else 'u'}(k-{code % 1000})" for code in row if code) or "1"

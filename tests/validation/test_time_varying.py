@@ -112,9 +112,16 @@ def test_maps_cover_the_truth_at_all_times_and_frequencies(smoother):
 
 T = 0.1
 MOVING = {
-    "y(k-1)": 1.1, "y(k-2)": -0.4, "u(k-1)": 0.3, "u(k-2)": 0.1, "u(k-1)^2": 0.1, "y(k-1)u(k-2)": 0.05,
-    "y(k-1)^2": 0.05, "y(k-1)y(k-2)": -0.1, "1": 0.1,
-}  # fmt: skip
+    "y(k-1)": 1.1,
+    "y(k-2)": -0.4,
+    "u(k-1)": 0.3,
+    "u(k-2)": 0.1,
+    "u(k-1)^2": 0.1,
+    "y(k-1)u(k-2)": 0.05,
+    "y(k-1)^2": 0.05,
+    "y(k-1)y(k-2)": -0.1,
+    "1": 0.1,
+}
 
 
 def varying_system(rate):
@@ -124,9 +131,12 @@ def varying_system(rate):
     phase = 2 * np.pi * np.arange(n) / n
     theta = model.theta[:, None] * (1 + 0.1 * np.sin(phase + np.arange(len(MOVING))[:, None]))
     trajectory = ThetaTrajectory(
-        model=model, timepts=T * np.arange(n), theta=theta, theta_cov=np.zeros((n, len(MOVING), len(MOVING))),
+        model=model,
+        timepts=T * np.arange(n),
+        theta=theta,
+        theta_cov=np.zeros((n, len(MOVING), len(MOVING))),
         drift_variance=np.zeros(len(MOVING)),
-    )  # fmt: skip
+    )
     return trajectory, 0.5 + 0.1 * np.cos(phase)
 
 

@@ -21,9 +21,8 @@ pytestmark = [
 
 def test_a_hyperelastic_strip_lacks_a_relaxation(tmp_path: Path) -> None:
     setting = Setting(
-        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=1, seed=0,
-        progress=lambda share, text: None,
-    )  # fmt: skip
+        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
+    )
     result = story("vhb4910").run(setting)
     assert result["verdict"] == "named"
     assert result["causes"] == ["creep"]

@@ -15,9 +15,22 @@ from deatwin.ident.frequency.checks import real_numbers
 from deatwin.plant.errors import ModelError
 
 __all__ = [
-    "coefficients", "each", "finite", "function", "generator", "instance", "not_negative", "number", "numbers", "pair",
-    "positive", "require_fields", "row", "taking", "whole",
-]  # fmt: skip
+    "coefficients",
+    "each",
+    "finite",
+    "function",
+    "generator",
+    "instance",
+    "not_negative",
+    "number",
+    "numbers",
+    "pair",
+    "positive",
+    "require_fields",
+    "row",
+    "taking",
+    "whole",
+]
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -33,9 +33,16 @@ from deatwin.ident.kalman_loops import advance_root, backward, covariance_root, 
 from deatwin.plant.errors import ModelError
 
 __all__ = [
-    "Adjoint", "Filtered", "Smoothed", "StateSpace", "adjoint", "advance_root", "kalman_filter", "kalman_smoother",
+    "Adjoint",
+    "Filtered",
+    "Smoothed",
+    "StateSpace",
+    "adjoint",
+    "advance_root",
+    "kalman_filter",
+    "kalman_smoother",
     "update_root",
-]  # fmt: skip
+]
 
 Array = NDArray[np.float64]
 
@@ -91,10 +98,14 @@ class StateSpace:
         p, n, m = rows.shape
         object.__setattr__(self, "rows", _frozen(rows))
         shapes: dict[str, tuple[tuple[int, ...], ...]] = {
-            "noise_variance": ((p,), (1,)), "start": ((m,),), "start_cov": ((m, m),),
-            "transition": ((m, m), (n - 1, m, m)), "process_cov": ((m, m), (n - 1, m, m)), "intervals": ((n - 1,),),
+            "noise_variance": ((p,), (1,)),
+            "start": ((m,),),
+            "start_cov": ((m, m),),
+            "transition": ((m, m), (n - 1, m, m)),
+            "process_cov": ((m, m), (n - 1, m, m)),
+            "intervals": ((n - 1,),),
             "added": ((n - 1, m),),
-        }  # fmt: skip
+        }
         for name, allowed in shapes.items():
             given = getattr(self, name)
             if given is None:
@@ -320,9 +331,7 @@ def kalman_smoother(filtered: Filtered) -> Smoothed:
     """
     _require_no_fading(filtered.model)
     states, covariances, gains = smooth(filtered.model, filtered.states, filtered.roots)
-    return Smoothed(
-        states=states, covariances=covariances, gains=gains, log_likelihood=filtered.log_likelihood
-    )
+    return Smoothed(states=states, covariances=covariances, gains=gains, log_likelihood=filtered.log_likelihood)
 
 
 def _require_no_fading(model: StateSpace) -> None:

@@ -139,9 +139,7 @@ def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Arr
         If a measurement was certain beforehand.
     """
     p, n, m = model.rows.shape
-    found = (
-        np.empty((n, m)), np.empty((n, m, m)), np.full((p, n), np.nan), np.empty((p, n)), np.zeros((p, n, m))
-    )  # fmt: skip
+    found = (np.empty((n, m)), np.empty((n, m, m)), np.full((p, n), np.nan), np.empty((p, n)), np.zeros((p, n, m)))
     root = covariance_root(model.start_cov)
     kernel = _kernel(compiler())
     if kernel is None:
@@ -217,9 +215,15 @@ def smooth(model: StateSpace, states: Array, roots: Array) -> tuple[Array, Array
 
 
 def _plain_forward(
-    model: StateSpace, outputs: Array, root: Array, states: Array, roots: Array, innovations: Array, variances: Array,
+    model: StateSpace,
+    outputs: Array,
+    root: Array,
+    states: Array,
+    roots: Array,
+    innovations: Array,
+    variances: Array,
     gains: Array,
-) -> int:  # fmt: skip
+) -> int:
     """What the kernel does; returns the sample whose measurement was certain beforehand, or n."""
     noise, values, fade = model.noise_variance.tolist(), outputs.T.tolist(), 1.0 / sqrt(model.fading)
     state = model.start
@@ -246,9 +250,14 @@ def _plain_forward(
 
 
 def _plain_backward(
-    model: StateSpace, innovations: Array, variances: Array, gains: Array, vectors: Array, matrices: Array,
+    model: StateSpace,
+    innovations: Array,
+    variances: Array,
+    gains: Array,
+    vectors: Array,
+    matrices: Array,
     noise_score: Array,
-) -> None:  # fmt: skip
+) -> None:
     """What the kernel does."""
     p, n, m = model.rows.shape
     vector, matrix = np.zeros(m), np.zeros((m, m))
@@ -320,9 +329,13 @@ class _Tables(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("p", "n", "m", "r")),
         *((name, ctypes.c_void_p) for name in ("rows", "noise", "transition")),
-        ("transition_stride", ctypes.c_int64), ("process", ctypes.c_void_p), ("process_stride", ctypes.c_int64),
-        ("added", ctypes.c_void_p), ("intervals", ctypes.c_void_p), ("fade", ctypes.c_double),
-    ]  # fmt: skip
+        ("transition_stride", ctypes.c_int64),
+        ("process", ctypes.c_void_p),
+        ("process_stride", ctypes.c_int64),
+        ("added", ctypes.c_void_p),
+        ("intervals", ctypes.c_void_p),
+        ("fade", ctypes.c_double),
+    ]
 
 
 def _tables(model: StateSpace) -> _Tables:
@@ -337,10 +350,18 @@ def _tables(model: StateSpace) -> _Tables:
     root = model.process_root
     sources = 0 if root is None else root.shape[-2]
     return _Tables(
-        *model.rows.shape, sources, address(model.rows), address(model.noise_variance), address(model.transition),
-        stride(model.transition), address(root), stride(root), address(model.added), address(model.intervals),
+        *model.rows.shape,
+        sources,
+        address(model.rows),
+        address(model.noise_variance),
+        address(model.transition),
+        stride(model.transition),
+        address(root),
+        stride(root),
+        address(model.added),
+        address(model.intervals),
         1.0 / sqrt(model.fading),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=4)

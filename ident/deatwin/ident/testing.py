@@ -207,10 +207,18 @@ def _searches_run_over_recordings(identifier: Any, data: tuple[Recording, ...]) 
 def _recordings_are_left_alone(identifier: Any, data: tuple[Recording, ...]) -> None:
     def state() -> list[Any]:
         return [
-            (r.inputs.tobytes(), r.outputs.tobytes(), r.inputs.flags.writeable, r.outputs.flags.writeable,
-             repr(r.provenance), sorted(r.extras), r.start, r.sample_time)
+            (
+                r.inputs.tobytes(),
+                r.outputs.tobytes(),
+                r.inputs.flags.writeable,
+                r.outputs.flags.writeable,
+                repr(r.provenance),
+                sorted(r.extras),
+                r.start,
+                r.sample_time,
+            )
             for r in data
-        ]  # fmt: skip
+        ]
 
     before = state()
     _fresh(identifier).fit(data)

@@ -104,8 +104,11 @@ class ActuationCurve:
         (command, command_unit), (reading, reading_unit) = self.axes
         factor, shown = SHOWN.get(reading_unit, (1.0, reading_unit))
         (line,) = ax.plot(self.commands, factor * self.readings, **style)  # type: ignore[arg-type]
-        marks = {"pull-in": ("o", None if self.end.ok else float(self.commands[-1])),
-                 "breakdown": ("x", self.breakdown_command), "slack": ("v", self.slack_command)}  # fmt: skip
+        marks = {
+            "pull-in": ("o", None if self.end.ok else float(self.commands[-1])),
+            "breakdown": ("x", self.breakdown_command),
+            "slack": ("v", self.slack_command),
+        }
         for name, (marker, at) in marks.items():
             if at is not None:
                 height = factor * np.interp(at, self.commands, self.readings)
@@ -120,12 +123,19 @@ class ActuationCurve:
         (command, command_unit), (reading, reading_unit) = self.axes
         others = {**self.unknowns, **self.signals}
         return dataset(
-            {**{name: ("command", values) for name, values in others.items() if name not in (reading, "command")},
-             reading: ("command", self.readings, reading_unit)},
+            {
+                **{name: ("command", values) for name, values in others.items() if name not in (reading, "command")},
+                reading: ("command", self.readings, reading_unit),
+            },
             {"command": ("command", self.commands, command_unit)},
-            {"end": self.end.name, "advice": self.end.value, "command_name": command,
-             "breakdown_command": self.breakdown_command, "slack_command": self.slack_command},
-        )  # fmt: skip
+            {
+                "end": self.end.name,
+                "advice": self.end.value,
+                "command_name": command,
+                "breakdown_command": self.breakdown_command,
+                "slack_command": self.slack_command,
+            },
+        )
 
 
 def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
@@ -170,9 +180,7 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     return _curve(plant, rest, points, end)
 
 
-def _curve(
-    plant: Plant, rest: RestState, points: list[tuple[float, np.ndarray]], end: CurveEnd
-) -> ActuationCurve:
+def _curve(plant: Plant, rest: RestState, points: list[tuple[float, np.ndarray]], end: CurveEnd) -> ActuationCurve:
     equations, values, rig = plant.equations, plant.free_values, plant.rig
     n_x = len(equations.states)
     points = [(command, held_rest(equations, w, rest.d, command, values)) for command, w in points]

@@ -77,9 +77,7 @@ def branch_step(equations: Equations, rest: RestState, start: float, values: np.
     return step
 
 
-def followed(
-    step: Step, at: float, here: np.ndarray, target: float, halvings: int
-) -> tuple[float, np.ndarray, bool]:
+def followed(step: Step, at: float, here: np.ndarray, target: float, halvings: int) -> tuple[float, np.ndarray, bool]:
     """Follow an equilibrium towards a command.
 
     Parameters
@@ -174,9 +172,13 @@ def snap_throughs(
 
 
 def _stable(
-    equations: Equations, way: np.ndarray, inputs: np.ndarray, ends: tuple[float, float], values: np.ndarray,
+    equations: Equations,
+    way: np.ndarray,
+    inputs: np.ndarray,
+    ends: tuple[float, float],
+    values: np.ndarray,
     stable: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
 
     `way` has the state at the start, which is stable, and that at the end of each sample. Stable is what would be so at

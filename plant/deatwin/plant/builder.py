@@ -156,8 +156,8 @@ class Builder:
             raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
         # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
         self._parts = Parts(
-            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf), width=self.sample_time,
-        )  # fmt: skip
+            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf), width=self.sample_time
+        )
         return self._parts
 
     def channel(self, name: str, default: float) -> Symbol:
@@ -413,8 +413,7 @@ class Builder:
         arguments = [x, z, d, u, self.time, p, c]
         self._check_symbols(arguments, output)
         moving = f if self._parts is None else self._parts.speed * f
-        unknowns = {**{n: s[0] for n, s in self._states.items()},
-                    **{n: s[0] for n, s in self._coordinates.items()}}  # fmt: skip
+        unknowns = {**{n: s[0] for n, s in self._states.items()}, **{n: s[0] for n, s in self._coordinates.items()}}
         guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
         return Equations(
             states=tuple(self._states),
@@ -441,8 +440,10 @@ class Builder:
         rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
         balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
         watched = {f"the watched signal {n}": value for n, value in self._watched.items()}
-        fixed = {**{f"the mass of state {n}": mass for n, (_, mass) in self._rates.items()},
-                 **{f"the guess of {n}": value for n, value in self._guesses.items()}}  # fmt: skip
+        fixed = {
+            **{f"the mass of state {n}": mass for n, (_, mass) in self._rates.items()},
+            **{f"the guess of {n}": value for n, value in self._guesses.items()},
+        }
         moving = {**rates, **balances, **watched, "the reading": output}
         if fault := unknown_symbols(arguments, moving):
             raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
@@ -459,8 +460,7 @@ class Builder:
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
         rows = [
-            f[row] if start is None else symbol - start
-            for row, (symbol, _, start) in enumerate(self._states.values())
+            f[row] if start is None else symbol - start for row, (symbol, _, start) in enumerate(self._states.values())
         ]
         residual = _column(*rows, g)
         return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
@@ -480,8 +480,7 @@ class Builder:
             raise RigError(f"no rate is given for state {', '.join(sorted(missing))}")
         if len(self._balances) != len(self._coordinates):
             raise RigError(
-                f"{len(self._coordinates)} algebraic coordinates need as many balances, "
-                f"{len(self._balances)} are given"
+                f"{len(self._coordinates)} algebraic coordinates need as many balances, {len(self._balances)} are given"
             )
 
 

@@ -67,12 +67,19 @@ class Prediction:
         """
         unit = experiment.recordings[0].output_units[0]
         return dataset(
-            {"mean": ("sample", np.concatenate(self.mean), unit),
-             "deviation": ("sample", np.concatenate(self.deviation), unit)},
+            {
+                "mean": ("sample", np.concatenate(self.mean), unit),
+                "deviation": ("sample", np.concatenate(self.deviation), unit),
+            },
             clock(experiment.recordings),
-            {"status": self.status.name, "advice": self.advice, "failed_at_s": self.failed_at,
-             "failed_command": self.failed_command, "reading_name": experiment.recordings[0].output_names[0]},
-        )  # fmt: skip
+            {
+                "status": self.status.name,
+                "advice": self.advice,
+                "failed_at_s": self.failed_at,
+                "failed_command": self.failed_command,
+                "reading_name": experiment.recordings[0].output_names[0],
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,10 +139,13 @@ class CalibratedPlant:
         plant = self.plant
         timeline = plant.timeline(experiment)
         run = plant.simulator.run_with_sensitivities(
-            timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
-            rest_command=plant.rig.start.rest_command, values=plant.free_values,
+            timeline.commands,
+            start=timeline.start,
+            sample_time=timeline.sample_time,
+            rest_command=plant.rig.start.rest_command,
+            values=plant.free_values,
             channels=timeline.channels,
-        )  # fmt: skip
+        )
         n_rows = timeline.commands.size + 1
         mean, variance = np.full(n_rows, np.nan), np.full(n_rows, np.nan)
         mean[: run.outputs.size] = run.outputs
@@ -182,12 +192,18 @@ class CalibratedPlant:
                 "covariance": (pair, self.covariance),
                 "scale": ("fitted", [self.plant.parameters[name].scale.value for name in self.names]),
             },
-            {"parameter": ("parameter", [p.name for p in known]),
-             **{name: (name, np.array(self.names, dtype=str)) for name in pair}},
-            {"noise": self.noise, "model_error": self.model_error, "units": self.plant.rig.output_unit,
-             "effects": list(self.plant.effect_names)},
+            {
+                "parameter": ("parameter", [p.name for p in known]),
+                **{name: (name, np.array(self.names, dtype=str)) for name in pair},
+            },
+            {
+                "noise": self.noise,
+                "model_error": self.model_error,
+                "units": self.plant.rig.output_unit,
+                "effects": list(self.plant.effect_names),
+            },
             self.to_dict(),
-        )  # fmt: skip
+        )
 
     def save(self, path: Path | str) -> None:
         """Write ``model.json``.
@@ -229,9 +245,13 @@ class CalibratedPlant:
             if not 0.0 <= float(data[name]) <= LARGEST:
                 raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {LARGEST:g}")
         return cls(
-            plant=plant, noise=float(data["noise"]), model_error=float(data["model_error"]),
-            names=names, covariance=covariance, provenance=data["provenance"],
-        )  # fmt: skip
+            plant=plant,
+            noise=float(data["noise"]),
+            model_error=float(data["model_error"]),
+            names=names,
+            covariance=covariance,
+            provenance=data["provenance"],
+        )
 
 
 def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:

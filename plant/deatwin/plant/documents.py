@@ -37,9 +37,7 @@ def write_document(path: str | os.PathLike[str], document: Mapping[str, Any]) ->
     write_text_atomic(Path(path), text + "\n")
 
 
-def read_document(
-    path: str | os.PathLike[str], schema: str, build: Callable[[Mapping[str, Any]], Content]
-) -> Content:
+def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Mapping[str, Any]], Content]) -> Content:
     """Read a document and make of it what it describes.
 
     Parameters

@@ -17,17 +17,13 @@ from deatwin.plant.material import maxwell_branch
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = [
-    "AnyFilm", "Film", "FilmPoint", "PointwiseFilm", "film_points", "point_capacitances", "relaxation_stiffness",
-]  # fmt: skip
+__all__ = ["AnyFilm", "Film", "FilmPoint", "PointwiseFilm", "film_points", "point_capacitances", "relaxation_stiffness"]
 
 Symbol = Any
 Stretches = Sequence[tuple[Symbol, Symbol]]
 
 
-def relaxation_stiffness(
-    relaxed: Callable[[Any], Stretches], volumes: Sequence[float], stretch: float
-) -> float:
+def relaxation_stiffness(relaxed: Callable[[Any], Stretches], volumes: Sequence[float], stretch: float) -> float:
     r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy where it is relaxed.
 
     Parameters
@@ -306,9 +302,7 @@ class Film(AnyFilm):
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.rest_stretch)
         pairs = zip(self.points, self.relaxed(xi), strict=True)
-        energy = sum(
-            p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs
-        )
+        energy = sum(p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs)
         build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
         return replace(self, relaxing=self.relaxing + modulus * energy)
 

@@ -51,22 +51,24 @@ class Tolerance:
     reason: str
 
 
-TOLERANCES: Mapping[str, Tolerance] = MappingProxyType({
-    "thickness": Tolerance(
-        share=0.025, reason="one roll; between rolls 3M gives ±15 % for the 0.4 mm tape of the family (4920)"
-    ),
-    "prestretch": Tolerance(share=0.015, reason="a circle of 23 mm drawn on the tape to ±0.3 mm before stretching"),
-    "electrode_radius": Tolerance(share=0.03, reason="grease brushed by hand inside a mask, ±0.5 mm"),
-    "contact_radius": Tolerance(share=0.1, reason="how far the ball sinks into film and grease"),
-    "mass": Tolerance(share=0.005, reason="grease that sticks to a bearing ball"),
-    "shear_modulus": Tolerance(share=0.03, reason="1 to 2 K of room temperature, and the hours since stretching"),
-    "stretch_limit": Tolerance(share=0.03, reason="as the modulus: both are the network's"),
-    "branch_modulus": Tolerance(share=0.1, reason="sets fitted to tapes of one kind differ by much more"),
-    "branch_time": Tolerance(share=0.15, reason="falls by 15 % with each kelvin (WLF at 20 °C)"),
-    "permittivity": Tolerance(share=0.03, reason="humidity, and grease that migrates into the tape"),
-    "damping": Tolerance(share=0.2, reason="grease at the ball"),
-    "hysteresis.force": Tolerance(share=0.2, reason="grease at the ball"),
-})  # fmt: skip
+TOLERANCES: Mapping[str, Tolerance] = MappingProxyType(
+    {
+        "thickness": Tolerance(
+            share=0.025, reason="one roll; between rolls 3M gives ±15 % for the 0.4 mm tape of the family (4920)"
+        ),
+        "prestretch": Tolerance(share=0.015, reason="a circle of 23 mm drawn on the tape to ±0.3 mm before stretching"),
+        "electrode_radius": Tolerance(share=0.03, reason="grease brushed by hand inside a mask, ±0.5 mm"),
+        "contact_radius": Tolerance(share=0.1, reason="how far the ball sinks into film and grease"),
+        "mass": Tolerance(share=0.005, reason="grease that sticks to a bearing ball"),
+        "shear_modulus": Tolerance(share=0.03, reason="1 to 2 K of room temperature, and the hours since stretching"),
+        "stretch_limit": Tolerance(share=0.03, reason="as the modulus: both are the network's"),
+        "branch_modulus": Tolerance(share=0.1, reason="sets fitted to tapes of one kind differ by much more"),
+        "branch_time": Tolerance(share=0.15, reason="falls by 15 % with each kelvin (WLF at 20 °C)"),
+        "permittivity": Tolerance(share=0.03, reason="humidity, and grease that migrates into the tape"),
+        "damping": Tolerance(share=0.2, reason="grease at the ball"),
+        "hysteresis.force": Tolerance(share=0.2, reason="grease at the ball"),
+    }
+)
 """Departures that an experimenter would not notice before the first recording. Sizes without a source are assumed:
 the thesis gives none."""
 
@@ -154,9 +156,7 @@ class Actuator:
         commands = band_limited_noise(np.random.default_rng((*self.seed, 1)), duration, step)
         return Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), step),))
 
-    def record(
-        self, experiment: Experiment | None = None, rng: np.random.Generator | None = None
-    ) -> Experiment:
+    def record(self, experiment: Experiment | None = None, rng: np.random.Generator | None = None) -> Experiment:
         """Record this actuator.
 
         Parameters

@@ -64,9 +64,7 @@ class LinearElastic:
         LinearElastic
         """
         return cls(
-            elastic_modulus=3 * substance.shear_modulus,
-            permittivity=substance.permittivity.value,
-            thickness=thickness,
+            elastic_modulus=3 * substance.shear_modulus, permittivity=substance.permittivity.value, thickness=thickness
         )
 
     def nominal_field(self, voltage: Any) -> Any:

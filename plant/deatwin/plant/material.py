@@ -103,16 +103,26 @@ def _branches(source: str, *values: tuple[float, float]) -> tuple[Branch, ...]:
         Branch(
             name=name,
             modulus=Parameter(
-                name=f"{name}_modulus", value=modulus, unit="Pa", lower=1.0, upper=1e6, scale=Scale.LOGARITHMIC,
+                name=f"{name}_modulus",
+                value=modulus,
+                unit="Pa",
+                lower=1.0,
+                upper=1e6,
+                scale=Scale.LOGARITHMIC,
                 source=source,
             ),
             time=Parameter(
-                name=f"{name}_time", value=time, unit="s", lower=float(f"{time / 30:.0e}"),
-                upper=float(f"{time * 33:.0e}"), scale=Scale.LOGARITHMIC, source=source,
+                name=f"{name}_time",
+                value=time,
+                unit="s",
+                lower=float(f"{time / 30:.0e}"),
+                upper=float(f"{time * 33:.0e}"),
+                scale=Scale.LOGARITHMIC,
+                source=source,
             ),
         )
         for name, (modulus, time) in zip(names, values, strict=True)
-    )  # fmt: skip
+    )
 
 
 _WANG = "Wang, Decker, Henann & Chester, J. Mech. Phys. Solids 95 (2016) 213"

@@ -217,10 +217,14 @@ class Plant:
         """
         timeline = self.timeline(experiment)
         run = self.simulator.run(
-            timeline.commands, start=timeline.start, sample_time=timeline.sample_time,
-            rest_command=self.rig.start.rest_command, values=self.free_values, channels=timeline.channels,
+            timeline.commands,
+            start=timeline.start,
+            sample_time=timeline.sample_time,
+            rest_command=self.rig.start.rest_command,
+            values=self.free_values,
+            channels=timeline.channels,
             progress=progress,
-        )  # fmt: skip
+        )
         return Simulation.of(run, timeline, self.equations.signals, self.rig.input_unit)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:

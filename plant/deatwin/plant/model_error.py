@@ -116,15 +116,20 @@ class Discrepancy:
         which = np.clip(np.searchsorted(edges, commands, side="right") - 1, 0, BINS - 1)
         inside = [rest[which == k] for k in range(BINS)]
         return cls(
-            rms=_rms(rest), motion=float(np.std(fine)), before=before, commands=(edges[:-1] + edges[1:]) / 2,
+            rms=_rms(rest),
+            motion=float(np.std(fine)),
+            before=before,
+            commands=(edges[:-1] + edges[1:]) / 2,
             mean=np.array([part.mean() if part.size else np.nan for part in inside]),
             deviation=np.array([_rms(part) if part.size else np.nan for part in inside]),
-        )  # fmt: skip
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data; an interval that was never visited has no numbers."""
-        bands = {name: [None if np.isnan(v) else float(v) for v in getattr(self, name)]
-                 for name in ("commands", "mean", "deviation")}  # fmt: skip
+        bands = {
+            name: [None if np.isnan(v) else float(v) for v in getattr(self, name)]
+            for name in ("commands", "mean", "deviation")
+        }
         return {"schema": SCHEMA, "rms": self.rms, "motion": self.motion, "before": self.before, **bands}
 
     @classmethod
@@ -145,9 +150,13 @@ class Discrepancy:
             for name in ("commands", "mean", "deviation")
         )
         return cls(
-            rms=float(data["rms"]), motion=float(data["motion"]), before=float(data["before"]),
-            commands=commands, mean=mean, deviation=deviation,
-        )  # fmt: skip
+            rms=float(data["rms"]),
+            motion=float(data["motion"]),
+            before=float(data["before"]),
+            commands=commands,
+            mean=mean,
+            deviation=deviation,
+        )
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
@@ -193,9 +202,13 @@ def _read(file: Path) -> Discrepancy | None:
 def _stated(rig: Rig, commands: np.ndarray) -> Discrepancy:
     middles = np.linspace(commands.min(), commands.max(), BINS)
     return Discrepancy(
-        rms=rig.model_error, motion=np.nan, before=rig.model_error, commands=middles, mean=np.zeros(BINS),
+        rms=rig.model_error,
+        motion=np.nan,
+        before=rig.model_error,
+        commands=middles,
+        mean=np.zeros(BINS),
         deviation=np.full(BINS, rig.model_error),
-    )  # fmt: skip
+    )
 
 
 def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.ndarray) -> Discrepancy:
@@ -226,9 +239,16 @@ class _Refit:
         lower, upper = np.array([p.ends for p in self._free]).T
         margin = 1e-9 * (upper - lower)
         found = least_squares(
-            self.residuals, np.clip(self.start, lower + margin, upper - margin), jac=self._jacobian,
-            bounds=(lower, upper), x_scale="jac", ftol=1e-6, xtol=1e-6, gtol=1e-12, max_nfev=EVALUATIONS,
-        )  # fmt: skip
+            self.residuals,
+            np.clip(self.start, lower + margin, upper - margin),
+            jac=self._jacobian,
+            bounds=(lower, upper),
+            x_scale="jac",
+            ftol=1e-6,
+            xtol=1e-6,
+            gtol=1e-12,
+            max_nfev=EVALUATIONS,
+        )
         return self.residuals(found.x)
 
     def residuals(self, coordinates: np.ndarray) -> np.ndarray:
@@ -248,9 +268,13 @@ class _Refit:
         pairs = zip(self._free, coordinates, strict=True)
         values = np.array([np.clip(p.scale.to_value(float(x)), p.lower, p.upper) for p, x in pairs])
         run = self._plant.simulator.run_with_sensitivities(
-            self._timeline.commands, start=self._timeline.start, sample_time=self._timeline.sample_time,
-            rest_command=self._plant.rig.start.rest_command, values=values, channels=self._timeline.channels,
-        )  # fmt: skip
+            self._timeline.commands,
+            start=self._timeline.start,
+            sample_time=self._timeline.sample_time,
+            rest_command=self._plant.rig.start.rest_command,
+            values=values,
+            channels=self._timeline.channels,
+        )
         if not run.status.ok or run.sensitivities is None:
             if self._last is None:
                 raise SimulationError(f"the plant itself cannot follow these commands: {run.advice}")

@@ -207,6 +207,4 @@ class ParameterSet(Mapping[str, Parameter]):
         """
         for name in values:
             self[name]
-        return ParameterSet(
-            replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values()
-        )
+        return ParameterSet(replace(p, value=float(values[p.name])) if p.name in values else p for p in self.values())

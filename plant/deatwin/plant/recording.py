@@ -139,9 +139,7 @@ class Recording:
         """
         rows_in, rows_out = (np.atleast_2d(np.asarray(rows, dtype=np.float64)) for rows in (inputs, outputs))
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, ("command", "V"))
-        names_out, units_out = _labels(
-            "output", len(rows_out), output_names, output_units, ("displacement", "m")
-        )
+        names_out, units_out = _labels("output", len(rows_out), output_names, output_units, ("displacement", "m"))
         return cls(
             inputs=rows_in,
             outputs=rows_out,
@@ -342,6 +340,4 @@ def _require_finite(name: str, values: NDArray[np.float64]) -> None:
     finite = np.isfinite(values)
     if not finite.all():
         sample = int(np.argmin(finite))
-        raise DataError(
-            f'channel "{name}" is {values[sample]} at sample {sample}: every value must be finite'
-        )
+        raise DataError(f'channel "{name}" is {values[sample]} at sample {sample}: every value must be finite')

@@ -204,9 +204,12 @@ def plan_resampling(
     if not found:
         raise DataError(f"{where(0)}: no two samples of {sample_time:g} s fit into the record; resample it faster")
     return Resampling(
-        sample_time=sample_time, factor=factor, clocks=tuple(clock for clock, _ in found),
-        rows=tuple(rows for _, rows in found), timepts=timepts,
-    )  # fmt: skip
+        sample_time=sample_time,
+        factor=factor,
+        clocks=tuple(clock for clock, _ in found),
+        rows=tuple(rows for _, rows in found),
+        timepts=timepts,
+    )
 
 
 def resampling_options(timepts: Floats, usual: float | None = None) -> str:
@@ -301,10 +304,11 @@ def resample(
         recording,
         inputs=np.array([plan.commands(0, row) for row in recording.inputs]).reshape(len(recording.inputs), -1),
         outputs=np.array([plan.readings(0, row) for row in recording.outputs]).reshape(len(recording.outputs), -1)
-        if len(recording.outputs) else np.empty((0, plan.clocks[0].size)),
+        if len(recording.outputs)
+        else np.empty((0, plan.clocks[0].size)),
         extras={extra: plan.readings(0, row) for extra, row in recording.extras.items()},
         sample_time=sample_time / plan.factor,
         start=float(plan.clocks[0][0]),
         provenance={**recording.provenance, "resampled": plan.sentence},
-    )  # fmt: skip
+    )
     return decimate(fine, plan.factor, reading=reading)

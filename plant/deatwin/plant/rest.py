@@ -179,9 +179,7 @@ def _undefined_at_guess(equations: Equations, residual: np.ndarray, jacobian: np
     )
 
 
-def _undefined(
-    equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray
-) -> tuple[str, str]:
+def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> tuple[str, str]:
     """Which equation has no value, or no slope, empty where all have; and what was put into it."""
     at = ", ".join(f"{n} = {v:.4g}" for n, v in zip(equations.states + equations.coordinates, w, strict=True))
     missing, bent = ~np.isfinite(residual), ~np.isfinite(jacobian).all(axis=1)

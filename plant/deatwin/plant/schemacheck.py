@@ -30,9 +30,14 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
     "null": (type(None),),
 }
 _WORDS = {
-    "object": "an object", "array": "a list", "string": "a text", "number": "a number", "integer": "a whole number",
-    "boolean": "a truth value", "null": "null",
-}  # fmt: skip
+    "object": "an object",
+    "array": "a list",
+    "string": "a text",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "a truth value",
+    "null": "null",
+}
 _BOUNDS = (
     ("minimum", "at least", lambda value, bound: value >= bound),
     ("exclusiveMinimum", "above", lambda value, bound: value > bound),

@@ -220,9 +220,7 @@ class Simulator:
             fault = self._fault(status, rest, path, inputs[:, done], values)
         return _run(status, outputs, np.vstack(slopes), None, fault)
 
-    def stepper(
-        self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float
-    ) -> Stepper:
+    def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
         """A plant at rest that takes one command at a time, for a controller in the loop.
 
         Parameters
@@ -244,11 +242,15 @@ class Simulator:
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)
         return Stepper(
-            self.sample(values, sample_time), rest, float(first), start=start,
-            inputs=self.equations.held_inputs(rest_command), history=self.equations.history,
+            self.sample(values, sample_time),
+            rest,
+            float(first),
+            start=start,
+            inputs=self.equations.held_inputs(rest_command),
+            history=self.equations.history,
             clock=self.equations.sample_start,
             why=lambda command: self._why(rest, rest_command, command, values),
-        )  # fmt: skip
+        )
 
     def sample(self, values: np.ndarray, sample_time: float) -> Sample:
         """One sample of the plant from any state.
@@ -275,13 +277,13 @@ class Simulator:
         inputs = self.equations.held_inputs(command)
         return self.equations.output(rest.x, rest.z, rest.d, inputs, time, values, self.equations.constants)
 
-    def _rest_slope(
-        self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray
-    ) -> np.ndarray:
+    def _rest_slope(self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray) -> np.ndarray:
         output = self.equations.output
         names = output.name_in()
-        slopes = [np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point)) for n in
-                  (names[0], names[1], names[2], names[5])]  # fmt: skip
+        slopes = [
+            np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point))
+            for n in (names[0], names[1], names[2], names[5])
+        ]
         return slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3]
 
     def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
@@ -298,14 +300,21 @@ class Simulator:
 
 
 def _run(
-    status: RunStatus, outputs: list[np.ndarray], sensitivities: np.ndarray | None, watched: np.ndarray | None,
+    status: RunStatus,
+    outputs: list[np.ndarray],
+    sensitivities: np.ndarray | None,
+    watched: np.ndarray | None,
     fault: str = "",
 ) -> Run:
     readings = np.concatenate(outputs)
     return Run(
-        status=status, outputs=readings, sensitivities=sensitivities, watched=watched,
-        failed_at=None if status.ok else max(readings.size - 1, 0), advice=fault or status.value,
-    )  # fmt: skip
+        status=status,
+        outputs=readings,
+        sensitivities=sensitivities,
+        watched=watched,
+        failed_at=None if status.ok else max(readings.size - 1, 0),
+        advice=fault or status.value,
+    )
 
 
 class Stepper:
@@ -332,9 +341,17 @@ class Stepper:
     """
 
     def __init__(
-        self, sample: Sample, rest: RestState, reading: float, *, start: float, inputs: np.ndarray, history: int,
-        clock: int | None, why: Callable[[float], RunStatus],
-    ) -> None:  # fmt: skip
+        self,
+        sample: Sample,
+        rest: RestState,
+        reading: float,
+        *,
+        start: float,
+        inputs: np.ndarray,
+        history: int,
+        clock: int | None,
+        why: Callable[[float], RunStatus],
+    ) -> None:
         self._sample, self._why = sample, why
         self._inputs, self._history, self._clock = inputs, history, clock
         self._x: Any = rest.x

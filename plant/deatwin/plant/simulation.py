@@ -116,8 +116,10 @@ class Simulation:
             Along ``sample``, with the coordinates ``time`` in s and ``record``; the watched signals in SI.
         """
         records = experiment.recordings
-        first, signals = records[0], {name: ("sample", _joined([w[name] for w in self.watched]))
-                                      for name in self.watched[0]}  # fmt: skip
+        first, signals = (
+            records[0],
+            {name: ("sample", _joined([w[name] for w in self.watched])) for name in self.watched[0]},
+        )
         return dataset(
             {
                 **signals,
@@ -125,10 +127,15 @@ class Simulation:
                 "reading": ("sample", _joined([y[0] for y in self.outputs]), first.output_units[0]),
             },
             clock(records),
-            {"status": self.status.name, "advice": self.advice, "failed_at_s": self.failed_at,
-             "failed_command": self.failed_command, "reading_name": first.output_names[0],
-             "events": [f"{event.status.name} at {event.time:g} s" for event in self.events]},
-        )  # fmt: skip
+            {
+                "status": self.status.name,
+                "advice": self.advice,
+                "failed_at_s": self.failed_at,
+                "failed_command": self.failed_command,
+                "reading_name": first.output_names[0],
+                "events": [f"{event.status.name} at {event.time:g} s" for event in self.events],
+            },
+        )
 
     def require(self) -> Self:
         """This simulation, if it reached its end.

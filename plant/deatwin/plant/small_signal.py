@@ -141,9 +141,7 @@ def small_signals(
     return tuple(found)
 
 
-def rest_under(
-    plant: Plant, command: float, *, time: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Find the state in which a plant rests once it was brought from its start to a constant command.
 
     Parameters
@@ -262,9 +260,7 @@ def _require_tension(equations: Equations, point: Point, time: float) -> None:
             raise _NoRest
 
 
-def _followed(
-    equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray
-) -> np.ndarray:
+def _followed(equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray) -> np.ndarray:
     """The equilibrium under another command, unless the branch ends before, in a fold or by snapping."""
     at, step, sign = start, command - start, _sign(equations, here, start, values)
     while at != command:
@@ -323,10 +319,13 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     if not (np.isfinite(step).all() and np.isfinite(through).all() and np.isfinite(level).all()):
         raise _NoRest
     return SmallSignal(
-        a=step[:n_x, :n_x].copy(), b=step[:n_x, n_x:].copy(), c=through[:n_x].copy(),
-        d=through[n_x:] + by_last.ravel()[: 1 + equations.history], reading=float(level.item()),
+        a=step[:n_x, :n_x].copy(),
+        b=step[:n_x, n_x:].copy(),
+        c=through[:n_x].copy(),
+        d=through[n_x:] + by_last.ravel()[: 1 + equations.history],
+        reading=float(level.item()),
         static_gain=_static_gain(equations, point, time, sample_time),
-    )  # fmt: skip
+    )
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:

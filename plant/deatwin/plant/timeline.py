@@ -90,9 +90,12 @@ class Timeline:
         commands = np.concatenate(parts)
         rows = [r - offset for r in readings]
         return cls(
-            commands=commands, start=origin, sample_time=sample_time, readings=tuple(readings),
+            commands=commands,
+            start=origin,
+            sample_time=sample_time,
+            readings=tuple(readings),
             channels=_channels(experiment, rows, commands.size),
-        )  # fmt: skip
+        )
 
 
 def _pause(before: Recording, record: Recording) -> int:

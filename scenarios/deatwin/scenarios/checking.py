@@ -122,15 +122,25 @@ class CheckTask:
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
         rig = self.plant.plant.rig
         wanted = Wanted(
-            model=self.model, reading=rig.reading, closed_loop_time=self.closed_loop_time, band_Hz=self._band_Hz(),
+            model=self.model,
+            reading=rig.reading,
+            closed_loop_time=self.closed_loop_time,
+            band_Hz=self._band_Hz(),
             operating_range=self.operating_range,
-        )  # fmt: skip
+        )
         check = check_design(
-            self.model, self.plant, rng=np.random.default_rng(self.seed), design=design_named(self.design, wanted),
-            operating_input=self._operating_input(), operating_inputs=self._points(),
-            command_limits=rig.command_range, recording=self.recording, specification=specification,
-            others=self.rivals, progress=lambda share: progress(share, "closing the loop"),
-        )  # fmt: skip
+            self.model,
+            self.plant,
+            rng=np.random.default_rng(self.seed),
+            design=design_named(self.design, wanted),
+            operating_input=self._operating_input(),
+            operating_inputs=self._points(),
+            command_limits=rig.command_range,
+            recording=self.recording,
+            specification=specification,
+            others=self.rivals,
+            progress=lambda share: progress(share, "closing the loop"),
+        )
         plants = {"plant": self.plant.plant, **{name: rival.plant for name, rival in self.rivals.items()}}
         view = View(check=check, model=self.model, plants=plants, specification=specification)
         folder.save("check.json", check.save)

@@ -52,13 +52,7 @@ noise_um = 2.0              # rms, from the data sheet
 zero = "displacement at zero volts"
 """
 NOISE_SECONDS, HOLDS_SECONDS = 90.0, 90.0
-SHARES = {
-    "shear_modulus": 0.06,
-    "permittivity": 0.04,
-    "branch_modulus": 0.1,
-    "branch_time": 0.1,
-    "damping": 0.2,
-}
+SHARES = {"shear_modulus": 0.06, "permittivity": 0.04, "branch_modulus": 0.1, "branch_time": 0.1, "damping": 0.2}
 """How far the film's values may lie beside the published ones."""
 
 
@@ -102,9 +96,13 @@ def run(
         folder.save(name, lambda path, record=record: write_recording(path, record))  # type: ignore[misc]
     files = [folder.path / name for name in names]
     task = DiagnosisTask(
-        plant=given.model.plant, experiments=[given.experiment(files)], files=[given.source, *files],
-        command=command, jobs=jobs, seed=seed,
-    )  # fmt: skip
+        plant=given.model.plant,
+        experiments=[given.experiment(files)],
+        files=[given.source, *files],
+        command=command,
+        jobs=jobs,
+        seed=seed,
+    )
     diagnosis = task.run(folder, progress)
     values = {name: p.value for name, p in truth.parameters.items()}
     folder.text("truth.json", json.dumps({"effects": [effect], "parameters": values}, indent=1) + "\n")

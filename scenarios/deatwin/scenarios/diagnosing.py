@@ -102,9 +102,14 @@ class DiagnosisTask:
         try:
             with obeying():
                 diagnosis = diagnose(
-                    self.plant, self.experiments, effects=self.effects, jobs=self.jobs, seed=self.seed,
-                    progress=finished.tell, through=finished.take,
-                )  # fmt: skip
+                    self.plant,
+                    self.experiments,
+                    effects=self.effects,
+                    jobs=self.jobs,
+                    seed=self.seed,
+                    progress=finished.tell,
+                    through=finished.take,
+                )
             folder.save("diagnosis.json", diagnosis.save)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(finished.save(folder, self.plant, record)) from None

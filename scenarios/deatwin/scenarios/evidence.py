@@ -98,8 +98,9 @@ def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 
 
 _READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    CASE_ENDING: read_case, ".json": lambda path: read_object(path, "a trial"),
-}  # fmt: skip
+    CASE_ENDING: read_case,
+    ".json": lambda path: read_object(path, "a trial"),
+}
 """Of the file of a trial, by its ending; former versions wrote JSON."""
 
 
@@ -135,9 +136,11 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     outcomes = [Outcome.from_dict(row) for row in trials["trials"]]
     head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
     row = [
-        "[control check](control-check.md)", str(len(outcomes)), f"{sum(_kept(outcomes))} of 2",
+        "[control check](control-check.md)",
+        str(len(outcomes)),
+        f"{sum(_kept(outcomes))} of 2",
         f"seed {trials['seed']}, code `{trials['code'][:12]}`",
-    ]  # fmt: skip
+    ]
     return {
         "trials": _run(trials, outcomes),
         "promises": markdown_table(["demanded", "reached"], _promises(outcomes)),
@@ -153,10 +156,11 @@ def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple
     tested = [goal for goal in goals if goal["reached"] != NO_CASE]
     missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in tested if goal["met"] == "no"]
     row = [
-        f"[{called}]({page}.md)", f"{concealed['done']} of {concealed['planned']}",
+        f"[{called}]({page}.md)",
+        f"{concealed['done']} of {concealed['planned']}",
         f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
-    ]  # fmt: skip
+    ]
     return markdown_table(["goal of concealed physics that was missed", "demanded", "reached"], missed), row
 
 
@@ -222,8 +226,10 @@ def pages(docs: Path | str) -> dict[str, str]:
     for name in (STUDY, LONG_STUDY):
         with _as_written(name):
             whole[f"{name}.md"] = page_of(data[name]) + FIGURE.format(name=name)
-    parts = {name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
-             for name in ("control-check.md", "validation.md")}  # fmt: skip
+    parts = {
+        name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
+        for name in ("control-check.md", "validation.md")
+    }
     return whole | parts
 
 
@@ -242,8 +248,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     from deatwin.plant.files import write_text_atomic
 
-    parser = argparse.ArgumentParser(prog="python -m deatwin.scenarios.evidence", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="python -m deatwin.scenarios.evidence",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("docs", type=Path, help="folder of the documents")
     parser.add_argument("--control-check", type=Path, metavar="FOLDER", help="the trials of that scenario")
     parser.add_argument("--control-story", type=Path, metavar="FOLDER", help="results of control-check but its trials")
@@ -300,24 +309,32 @@ def _write(docs: Path, name: str, data: Mapping[str, Any]) -> None:
 def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
     without = sum(o.sound is None for o in outcomes)
     passed, broke = inside(outcomes).count, caught(outcomes).count
-    words = [f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).", trials["remark"],
-             "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
-             f"{without} of the trials had no controller: the specification could not be met on the model, and the "
-             f"check failed them with that reason. What {passed} passes and {broke} broken designs can show ends at "
-             "the bounds."]  # fmt: skip
+    words = [
+        f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
+        trials["remark"],
+        "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
+        f"{without} of the trials had no controller: the specification could not be met on the model, and the "
+        f"check failed them with that reason. What {passed} passes and {broke} broken designs can show ends at "
+        "the bounds.",
+    ]
     return [" ".join(word for word in words if word)]
 
 
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
-        ["passed designs whose true steps lie wholly inside the predicted simultaneous 95 % band: at least 90 %",
-         _cell(inside(outcomes))],
+        [
+            "passed designs whose true steps lie wholly inside the predicted simultaneous 95 % band: at least 90 %",
+            _cell(inside(outcomes)),
+        ],
         ["designs that break a limit on the true rig and were not passed: at least 90 %", _cell(caught(outcomes))],
         ["passed designs that keep every limit on the true rig", _cell(sound(outcomes))],
         ["sound designs that were not passed (the price of caution)", _cell(_cautious(outcomes), bound=False)],
-        ["designs that break a limit, whose steps lie inside the band all the same (it bounds what the model knows, "
-         "not what is wanted)", _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False)],
-    ]  # fmt: skip
+        [
+            "designs that break a limit, whose steps lie inside the band all the same (it bounds what the model knows, "
+            "not what is wanted)",
+            _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
+        ],
+    ]
 
 
 def _kept(outcomes: Sequence[Outcome]) -> list[bool]:

@@ -192,14 +192,18 @@ def prepare_fleet(
     """
     chosen = [fleet(seed)[number - 1] for number in numbers]
     prepared = run_jobs(
-        prepare, [(one,) for one in chosen], workers=jobs,
+        prepare,
+        [(one,) for one in chosen],
+        workers=jobs,
         finished=lambda n: progress(0.7 * n / len(chosen), "recording the actuators"),
-    )  # fmt: skip
+    )
     training = [(one.split(RECORDED, factor)[0],) for factor in FACTORS for one in prepared]
     errors = run_jobs(
-        order_errors, training, workers=jobs,
+        order_errors,
+        training,
+        workers=jobs,
         finished=lambda n: progress(0.7 + 0.3 * n / len(training), "choosing sampling time and orders"),
-    )  # fmt: skip
+    )
     n = len(prepared)
     return tuple(prepared), make_plan({factor: errors[i * n : (i + 1) * n] for i, factor in enumerate(FACTORS)})
 

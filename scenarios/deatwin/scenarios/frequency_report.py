@@ -113,14 +113,20 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             caption += "model extrapolates."
             for axes in panels:
                 axes.axvspan(
-                    found.excited_Hz, found.first.frequency_Hz.max(), color=COLOURS["measured"][0], alpha=0.12,
+                    found.excited_Hz,
+                    found.first.frequency_Hz.max(),
+                    color=COLOURS["measured"][0],
+                    alpha=0.12,
                     linewidth=0,
-                )  # fmt: skip
+                )
         folder.text(_picture("frequency"), standalone(figure))
         yield Drawing(
-            name="frequency", title="First order", caption=caption, svg=inline(figure, "frequency", "First order"),
+            name="frequency",
+            title="First order",
+            caption=caption,
+            svg=inline(figure, "frequency", "First order"),
             data=_table("frequency"),
-        )  # fmt: skip
+        )
     for response in found.gfrfs[1:]:
         name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
         with draw((6.4, 4.8)) as figure:
@@ -140,21 +146,26 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             folder.text(_picture("nofrf"), standalone(figure))
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             yield Drawing(
-                name="nofrf", title="NOFRFs", data=data, further=tuple(further),
+                name="nofrf",
+                title="NOFRFs",
+                data=data,
+                further=tuple(further),
                 svg=inline(figure, "nofrf", "NOFRFs"),
                 caption=f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
                 "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known.",
-            )  # fmt: skip
+            )
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
             folder.text(_picture("test_signal"), standalone(figure))
             yield Drawing(
-                name="test_signal", title="Test signal", data=_table("test_signal"),
+                name="test_signal",
+                title="Test signal",
+                data=_table("test_signal"),
                 svg=inline(figure, "test_signal", "Test signal"),
                 caption="One period, as deviations from the operating input; all its lines are in phase.",
-            )  # fmt: skip
+            )
 
 
 def _hatching(*responses: FrequencyResponse) -> str:
@@ -169,25 +180,29 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
     about = amount(f"{point.operating_input[0]:.4g}", unit)
     ranges = Table(
-        title="Where each order of the output can have energy", columns=["order", "Hz"],
+        title="Where each order of the output can have energy",
+        columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
-    )  # fmt: skip
+    )
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
         + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
         rows=_rows(found),
         notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
-        figures=drawings, tables=[ranges],
-    )  # fmt: skip
+        figures=drawings,
+        tables=[ranges],
+    )
 
 
 def _reliance(known: Reliance) -> Row:
     """What held-out data said of the model itself."""
     return Row(
-        measure="failed residual tests and bias of the model on held-out data", demanded="none",
-        reached="; ".join(known.caveats) or "none", passed=not known.caveats,
-    )  # fmt: skip
+        measure="failed residual tests and bias of the model on held-out data",
+        demanded="none",
+        reached="; ".join(known.caveats) or "none",
+        passed=not known.caveats,
+    )
 
 
 def _rows(found: Responses) -> list[Row]:
@@ -198,10 +213,14 @@ def _rows(found: Responses) -> list[Row]:
         rows.append(_reliance(known))
     for response in found.gfrfs:
         share = float(np.mean(response.band(found.level).linear_law))
-        rows.append(Row(
-            measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
-            demanded="all", reached=f"{100 * share:.0f} %", passed=share == 1.0,
-        ))  # fmt: skip
+        rows.append(
+            Row(
+                measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+                demanded="all",
+                reached=f"{100 * share:.0f} %",
+                passed=share == 1.0,
+            )
+        )
     if found.missing:
         rows.append(Row(measure="NOFRFs", demanded="there are some", reached=found.missing, passed=False))
     if found.nofrfs is not None:
@@ -211,15 +230,17 @@ def _rows(found: Responses) -> list[Row]:
         rows += [
             Row(
                 measure="test signal: by what an error of an order grows in its NOFRF",
-                demanded=f"at most {AMPLIFICATION:g}", reached=f"{grown:.3g}", passed=grown <= AMPLIFICATION,
+                demanded=f"at most {AMPLIFICATION:g}",
+                reached=f"{grown:.3g}",
+                passed=grown <= AMPLIFICATION,
             ),
             Row(
                 measure=f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they "
                 "leave",
-                demanded="below 1 %", reached=f"{100 * left:.2g} %", passed=left < 0.01,
+                demanded="below 1 %",
+                reached=f"{100 * left:.2g} %",
+                passed=left < 0.01,
             ),
-            Row(
-                measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok
-            ),
-        ]  # fmt: skip
+            Row(measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok),
+        ]
     return rows

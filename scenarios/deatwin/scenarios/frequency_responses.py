@@ -128,7 +128,8 @@ class Responses:
         if self.beyond_training is not None:
             low, high = self.beyond_training
             yield (
-                "the operating input lies outside the training inputs, " + amount(f"{low:.4g} to {high:.4g}", unit)
+                "the operating input lies outside the training inputs, "
+                + amount(f"{low:.4g} to {high:.4g}", unit)
                 + ": the responses are the model's extrapolation, and their bands do not tell of that"
             )
         if self.extrapolated:
@@ -161,23 +162,32 @@ class Responses:
         """Everything but the maps, as plain data: H_1 under the names of its table, which are without its unit."""
         point = self.first.point
         return {
-            "operating_input": float(point.operating_input[0]), "stable": self.first.status.ok,
-            "equilibria": point.outputs.tolist(), "order": len(self.gfrfs), "level": self.level,
-            "band_Hz": list(self.band_Hz), "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
-            "caveats": list(self.caveats), "messages": list(self.lines), "nofrf": self._nofrf_json(),
+            "operating_input": float(point.operating_input[0]),
+            "stable": self.first.status.ok,
+            "equilibria": point.outputs.tolist(),
+            "order": len(self.gfrfs),
+            "level": self.level,
+            "band_Hz": list(self.band_Hz),
+            "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
+            "caveats": list(self.caveats),
+            "messages": list(self.lines),
+            "nofrf": self._nofrf_json(),
             "unit": self.first.unit,
             **{name: [_number(v) for v in column] for name, column in first_columns(self.first, self.level).items()},
-        }  # fmt: skip
+        }
 
     def _nofrf_json(self) -> dict[str, Any] | None:
         if self.nofrfs is None or self.signal is None:
             return None
         return {
-            "status": self.nofrfs.status.name.lower(), "amplitude": self.signal.amplitude,
-            "orders_fitted": self.nofrfs.highest, "levels": self.nofrfs.levels.tolist(),
-            "lost_levels": self.nofrfs.lost_levels.tolist(), "condition": _number(self.nofrfs.condition),
+            "status": self.nofrfs.status.name.lower(),
+            "amplitude": self.signal.amplitude,
+            "orders_fitted": self.nofrfs.highest,
+            "levels": self.nofrfs.levels.tolist(),
+            "lost_levels": self.nofrfs.lost_levels.tolist(),
+            "condition": _number(self.nofrfs.condition),
             "largest_residual": _number(float(self.nofrfs.residual[:, -1].max())),
-        }  # fmt: skip
+        }
 
 
 def respond(
@@ -226,11 +236,18 @@ def respond(
     maps = (gfrf(model, n, _map(n, band), operating_input=operating_input) for n in range(2, order + 1))
     angular = 2 * np.pi * np.array(band)
     found = Responses(
-        model=model, level=level, band_Hz=band, excited_Hz=excited, gfrfs=(first, *maps), signal=None, nofrfs=None,
-        missing="", ranges_Hz=tuple(
+        model=model,
+        level=level,
+        band_Hz=band,
+        excited_Hz=excited,
+        gfrfs=(first, *maps),
+        signal=None,
+        nofrfs=None,
+        missing="",
+        ranges_Hz=tuple(
             output_frequencies(angular, n, sample_time=model.sample_time) / (2 * np.pi) for n in range(1, order + 1)
         ),
-    )  # fmt: skip
+    )
     return found if order == 1 else _with_nofrfs(found, order, operating_input, amplitude)
 
 
@@ -251,9 +268,12 @@ def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]
     columns = columns_of(response, level)
     law = columns.pop("linear_law")
     return {
-        "frequency_Hz": response.frequency_Hz, **columns, "phase_deg": response.phase_deg,
-        "phase_deviation_deg": response.phase_deviation_deg, "linear_law": law,
-    }  # fmt: skip
+        "frequency_Hz": response.frequency_Hz,
+        **columns,
+        "phase_deg": response.phase_deg,
+        "phase_deviation_deg": response.phase_deviation_deg,
+        "linear_law": law,
+    }
 
 
 def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
@@ -273,9 +293,13 @@ def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
     """
     band = response.band(level)
     return {
-        "real": response.values.real, "imaginary": response.values.imag, "gain": response.gain,
-        "gain_low": band.low, "gain_high": band.high, "linear_law": band.linear_law.astype(np.float64),
-    }  # fmt: skip
+        "real": response.values.real,
+        "imaginary": response.values.imag,
+        "gain": response.gain,
+        "gain_low": band.low,
+        "gain_high": band.high,
+        "linear_law": band.linear_law.astype(np.float64),
+    }
 
 
 def _with_nofrfs(found: Responses, order: int, operating_input: float | None, amplitude: float | None) -> Responses:
@@ -386,5 +410,3 @@ def written(bands: Array) -> str:
 def _number(value: Any) -> float | None:
     """JSON knows no infinity."""
     return float(value) if math.isfinite(value) else None
-
-

@@ -114,10 +114,18 @@ class GivenPlant:
         """
         rig = self.model.plant.rig
         read = read_experiment(
-            files, input_column=self.input_column, output_column=self.output_column, time_column=self.time_column,
-            allow_gaps=allow_gaps, dt=self.dt, resample=self.resample, reading=rig.reading,
-            input_unit=rig.input_unit, output_unit=rig.output_unit, rig=self.described,
-        )  # fmt: skip
+            files,
+            input_column=self.input_column,
+            output_column=self.output_column,
+            time_column=self.time_column,
+            allow_gaps=allow_gaps,
+            dt=self.dt,
+            resample=self.resample,
+            reading=rig.reading,
+            input_unit=rig.input_unit,
+            output_unit=rig.output_unit,
+            rig=self.described,
+        )
         for record in read.recordings:
             self._require_unit(record)
         return read
@@ -150,9 +158,15 @@ class GivenPlant:
         """
         rig = self.model.plant.rig
         return read_commands(
-            file, input_column=self.input_column, time_column=self.time_column, dt=self.dt, resample=self.resample,
-            reading=rig.reading, input_unit=rig.input_unit, rig=self.described,
-        )  # fmt: skip
+            file,
+            input_column=self.input_column,
+            time_column=self.time_column,
+            dt=self.dt,
+            resample=self.resample,
+            reading=rig.reading,
+            input_unit=rig.input_unit,
+            rig=self.described,
+        )
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:

@@ -39,11 +39,15 @@ class InputLags:
         """The dead times as plain data."""
         return [
             {
-                "input": one.input_name, "status": one.status.name.lower(), "samples": one.samples,
-                "interval": one.interval, "seconds": one.seconds, "probability": one.probability,
+                "input": one.input_name,
+                "status": one.status.name.lower(),
+                "samples": one.samples,
+                "interval": one.interval,
+                "seconds": one.seconds,
+                "probability": one.probability,
             }
             for one in self.dead_times
-        ]  # fmt: skip
+        ]
 
 
 def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: int | None) -> InputLags:

@@ -189,9 +189,10 @@ def _free_run(found: Identified, folder: ResultFolder, number: int, part: Record
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
         caption = f"Only the input and {given} are given to it. None of this was fitted."
         drawing = Drawing.of(figure, name, title, caption)
-    folder.csv(drawing.data, {
-        "time_s": timepts, "input": command, f"measured{found.column}": measured, f"model{found.column}": simulated,
-    })  # fmt: skip
+    folder.csv(
+        drawing.data,
+        {"time_s": timepts, "input": command, f"measured{found.column}": measured, f"model{found.column}": simulated},
+    )
     return drawing
 
 
@@ -234,18 +235,20 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
     rows = []
     for part, run in zip(found.unseen, runs, strict=True):
         moved = float(np.std(run.measured[0]))
-        rows.append(Row(
-            measure=f"{found.judged} on the unseen part of {label(part)}",
-            demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
-            reached=f"{found.amount(run.rms_error)} rms"
-            f"{'' if run.status.ok else ' until it diverged'}",
-            passed=run.status.ok and run.rms_error < moved,
-        ))  # fmt: skip
+        rows.append(
+            Row(
+                measure=f"{found.judged} on the unseen part of {label(part)}",
+                demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
+                reached=f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
+                passed=run.status.ok and run.rms_error < moved,
+            )
+        )
     if found.validation is not None and found.validation.tests:
         failed = [test.name for test in found.validation.failed]
         reached = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
-        rows.append(Row(measure="correlation tests of the residual", demanded="none fails", reached=reached,
-                        passed=not failed))  # fmt: skip
+        rows.append(
+            Row(measure="correlation tests of the residual", demanded="none fails", reached=reached, passed=not failed)
+        )
     return rows
 
 

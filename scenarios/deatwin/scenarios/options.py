@@ -36,13 +36,9 @@ RigSource = Annotated[
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 InputColumn = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Header of the input column, or its place: #2 is the second."),
+    str | None, typer.Option(metavar="NAME", help="Header of the input column, or its place: #2 is the second.")
 ]
-OutputColumn = Annotated[
-    str | None,
-    typer.Option(metavar="NAME", help="Header of the output column, or its place."),
-]
+OutputColumn = Annotated[str | None, typer.Option(metavar="NAME", help="Header of the output column, or its place.")]
 TimeColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME[=UNIT]", help="Header of the column of times, or its place; =ms states its unit."),
@@ -69,10 +65,11 @@ SampleTime = Annotated[
 Resample = Annotated[
     float | None,
     typer.Option(
-        metavar="SECONDS", callback=_positive,
+        metavar="SECONDS",
+        callback=_positive,
         help="Bring samples at uneven times, or too many, onto an even clock of this sample time.",
     ),
-]  # fmt: skip
+]
 Experiments = Annotated[
     list[str] | None,
     typer.Option(

@@ -283,6 +283,15 @@ def _ball(s: Sweep) -> Claim:
 
 
 _JUDGES: tuple[Callable[[Sweep], Claim], ...] = (
-    _strain, _voltage, _breakdown_field, _breakdown_voltage, _pull_in, _largest_strain, _speed, _direction, _tension,
-    _relaxation, _ball,
-)  # fmt: skip
+    _strain,
+    _voltage,
+    _breakdown_field,
+    _breakdown_voltage,
+    _pull_in,
+    _largest_strain,
+    _speed,
+    _direction,
+    _tension,
+    _relaxation,
+    _ball,
+)

@@ -15,17 +15,7 @@ from typing import Any
 __all__ = ["SCHEMA", "RunRecord", "hashes", "versions"]
 
 SCHEMA = "deatwin/run/1"
-PACKAGES = (
-    "deatwin",
-    "numpy",
-    "scipy",
-    "casadi",
-    "scikit-learn",
-    "pysindy",
-    "control",
-    "joblib",
-    "matplotlib",
-)
+PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "control", "joblib", "matplotlib")
 
 
 def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:

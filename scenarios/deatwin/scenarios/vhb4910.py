@@ -102,13 +102,19 @@ def case(folder: Path) -> Case:
     fitted = tuple(pull(file) for file in files)
     lower, higher = (pull(file) for file in held)
     return Case(
-        name="vhb4910", title="VHB 4910", documented=("creep",), plant=Plant(rig=Coupon(length=LENGTH)), fitted=fitted,
+        name="vhb4910",
+        title="VHB 4910",
+        documented=("creep",),
+        plant=Plant(rig=Coupon(length=LENGTH)),
+        fitted=fitted,
         held_out=(
             HeldOut(name="The pull to 2 at 0.03 1/s", experiment=higher, rival=_black_box(fitted, higher)),
             HeldOut(name="The pull to 1.5 at 0.03 1/s", experiment=lower),
             HeldOut(name="Half an hour at a stretch of 2", experiment=pull(relaxed)),
         ),
-        unit="N", scale=1.0, files=(*files, *held, relaxed, *far_files(folder)),
+        unit="N",
+        scale=1.0,
+        files=(*files, *held, relaxed, *far_files(folder)),
         law=lambda amended: _law(amended, higher),
         notes=(
             "Diagnosed: pulls to stretches of 1.5 and 2 and back at 0.01 and 0.05 1/s, each from rest. Judged: the "
@@ -116,7 +122,7 @@ def case(folder: Path) -> Case:
             "The plant is a hyperelastic strip without any relaxation. Its own error is what good phenomenological "
             "models of VHB leave. A black box sees the fitted pulls one after another, 5 times a second.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _black_box(fitted: Sequence[Experiment], judged: Experiment) -> DataSet:
@@ -129,14 +135,26 @@ def _black_box(fitted: Sequence[Experiment], judged: Experiment) -> DataSet:
             for signal in ([r.inputs for r in records], [r.outputs for r in records])
         )
         return Recording.from_arrays(
-            stretch - 1, force, STEP * records[0].sample_time, input_names=("strain",), output_names=("force",),
-            input_units=("1",), output_units=("N",),
-        )  # fmt: skip
+            stretch - 1,
+            force,
+            STEP * records[0].sample_time,
+            input_names=("strain",),
+            output_names=("force",),
+            input_units=("1",),
+            output_units=("N",),
+        )
 
     return DataSet(
-        name="vhb4910", title="VHB 4910", unit="N", scale=1.0, files=(), note="", train=coarse(fitted),
-        test=coarse([judged]), candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=10),
-    )  # fmt: skip
+        name="vhb4910",
+        title="VHB 4910",
+        unit="N",
+        scale=1.0,
+        files=(),
+        note="",
+        train=coarse(fitted),
+        test=coarse([judged]),
+        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=10),
+    )
 
 
 def _law(amended: Plant, judged: Experiment) -> Law:
@@ -144,11 +162,13 @@ def _law(amended: Plant, judged: Experiment) -> Law:
     record = judged.recordings[0]
     elastic, all_of_it = (p.simulate(judged).require().outputs[0][0] for p in (amended.without_effects(), amended))
     return Law(
-        state="stretch", force="force beyond the elastic one (N)",
-        measured=(record.inputs[0], record.outputs[0] - elastic), modelled=(record.inputs[0], all_of_it - elastic),
+        state="stretch",
+        force="force beyond the elastic one (N)",
+        measured=(record.inputs[0], record.outputs[0] - elastic),
+        modelled=(record.inputs[0], all_of_it - elastic),
         caption="Held-out pull to 2 and back at 0.03 1/s, clockwise: what is measured, and what the amended plant has, "
         "beyond the elastic force of the amended plant.",
-    )  # fmt: skip
+    )
 
 
 def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> list[Path]:
@@ -215,8 +235,14 @@ def pull(file: Path) -> Experiment:
     """
     measured = read_csv(file, input_column="#2", output_column="#3")[0]
     record = Recording.from_arrays(
-        1 + measured.inputs / LENGTH, measured.outputs, measured.sample_time, start=measured.start,
-        input_names=("stretch",), input_units=("1",), output_names=("force",), output_units=("N",),
+        1 + measured.inputs / LENGTH,
+        measured.outputs,
+        measured.sample_time,
+        start=measured.start,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
         provenance=measured.provenance,
-    )  # fmt: skip
+    )
     return Experiment(recordings=(record,))

@@ -26,24 +26,41 @@ TUNED = control.lambda_tuning(LINEAR, command_limits=LIMITS)
 CURVE = control.static_curve(MODEL, (0.2, 1.0))
 INVERSE = control.with_inverse(LINEAR, CURVE, control.lambda_tuning, command_limits=(0.2, 1.0))
 COMMON = {
-    "sample_time": 0.1, "operating_input": 0.5, "operating_output": 0.5, "command_min": 0.0, "command_max": 1.0,
+    "sample_time": 0.1,
+    "operating_input": 0.5,
+    "operating_output": 0.5,
+    "command_min": 0.0,
+    "command_max": 1.0,
     "closed_loop_time": 1.0,
-}  # fmt: skip
+}
 TOP, BOTTOM = TUNED.law.feedback
 RNG = np.random.default_rng(0)
 PLANT = Plant(rig=Diaphragm(sample_time=0.1))
 RECORDING = Recording.from_arrays(0.2 + np.arange(80) % 7 / 10, np.linspace(0.0, 1.0, 80), 0.1)
 LEFT = control.Residual(rms=1e-3, correlation_time=0.5)
 TRAJECTORY = ThetaTrajectory(
-    model=MODEL, timepts=[0.0, 1.0], theta=np.tile(MODEL.theta[:, None], 2), theta_cov=np.zeros((2, 4, 4)),
+    model=MODEL,
+    timepts=[0.0, 1.0],
+    theta=np.tile(MODEL.theta[:, None], 2),
+    theta_cov=np.zeros((2, 4, 4)),
     drift_variance=np.zeros(4),
-)  # fmt: skip
+)
 RUN = {"controller": TUNED, "reference": np.full(5, 0.5), "rng": RNG}
 WRONG = {
-    "nothing": None, "text": "0.5", "texts": ["a", "b"], "object": object(), "mapping": {"a": 1}, "complex": 1j,
-    "ragged": [[1.0], [1.0, 2.0]], "endless": (1.2, np.inf), "matrix": np.ones((2, 2)), "model": MODEL,
-    "nan": np.nan, "infinite": np.inf, "empty": [],
-}  # fmt: skip
+    "nothing": None,
+    "text": "0.5",
+    "texts": ["a", "b"],
+    "object": object(),
+    "mapping": {"a": 1},
+    "complex": 1j,
+    "ragged": [[1.0], [1.0, 2.0]],
+    "endless": (1.2, np.inf),
+    "matrix": np.ones((2, 2)),
+    "model": MODEL,
+    "nan": np.nan,
+    "infinite": np.inf,
+    "empty": [],
+}
 SETTINGS = {"linear": LINEAR, "command_limits": LIMITS}
 TIMED = {**SETTINGS, "closed_loop_time": 1.0, "band_Hz": 1.0}
 SHAPED = {**SETTINGS, "crossover_Hz": 0.2, "phase_margin_deg": 60.0, "max_sensitivity": 1.4}
@@ -56,8 +73,10 @@ GIVEN = {
     "hinf": {**SETTINGS, "bandwidth_Hz": 0.2, "max_sensitivity": 1.5, "effort": 2.0},
     "pid": {**SETTINGS, "gains": control.PidGains(proportional=0.5, integral=0.5), "closed_loop_time": 1.0},
     "scheduled": {
-        "models": [control.linearise(MODEL, point) for point in (0.4, 0.6)], "design": control.lambda_tuning,
-        "command_limits": LIMITS, "operating_input": 0.4,
+        "models": [control.linearise(MODEL, point) for point in (0.4, 0.6)],
+        "design": control.lambda_tuning,
+        "command_limits": LIMITS,
+        "operating_input": 0.4,
     },
     "with_inverse": {**SETTINGS, "curve": CURVE, "design": control.lambda_tuning},
     "with_dynamics": {"controller": INVERSE, "filter": control.inverse_filter(LINEAR, 1.0)},
@@ -72,7 +91,9 @@ GIVEN = {
     "controller_to_dict": {"controller": TUNED},
     "controller_from_dict": {"data": control.controller_to_dict(TUNED)},
     "LinearModel": {
-        "numerator": LINEAR.numerator, "denominator": LINEAR.denominator, "covariance": LINEAR.covariance,
+        "numerator": LINEAR.numerator,
+        "denominator": LINEAR.denominator,
+        "covariance": LINEAR.covariance,
         "sample_time": 0.1,
     },
     "draw": {"model": MODEL, "rng": RNG, "count": 3},
@@ -80,9 +101,7 @@ GIVEN = {
     "gain_schedule": {"operating_inputs": [0.4], "rng": RNG, "samples": 2},
     "linear_frd": {"linear": LINEAR, "omega": [0.1]},
     "past_state": {"model": MODEL, "inputs": [0.5] * 4, "outputs": [0.5] * 4},
-    "band_margins": {
-        "linear": LINEAR, "feedback_numerator": TOP, "feedback_denominator": BOTTOM, "level": 0.9,
-    },
+    "band_margins": {"linear": LINEAR, "feedback_numerator": TOP, "feedback_denominator": BOTTOM, "level": 0.9},
     "margins": {"numerators": 2.0 * LINEAR.numerator, "denominators": LINEAR.denominator, "sample_time": 0.1},
     "Saturation": {"limit": 1.0, "slope": 1.0},
     "Relay": {"level": 1.0, "hysteresis": 0.1},
@@ -91,44 +110,80 @@ GIVEN = {
     "excitation": {"recording": Recording.from_arrays(np.arange(80) % 7, np.arange(80.0), 0.1)},
     "Excitation": {"bands": ((0.0, 1.0),)},
     "limit_cycles": {
-        "loop_numerator": TOP, "loop_denominator": BOTTOM, "sample_time": 0.1,
-        "describing_function": control.Saturation(limit=1.0), "amplitudes": [1.0, 2.0], "omegas": [1.0, 2.0],
+        "loop_numerator": TOP,
+        "loop_denominator": BOTTOM,
+        "sample_time": 0.1,
+        "describing_function": control.Saturation(limit=1.0),
+        "amplitudes": [1.0, 2.0],
+        "omegas": [1.0, 2.0],
     },
     "check": {
-        "model": MODEL, "plant": PLANT, "rng": RNG, "design": control.lambda_tuning, "operating_input": 0.5,
-        "operating_inputs": [0.5], "command_limits": LIMITS, "closed_loop_time": 1.0, "recording": RECORDING,
-        "specification": control.Specification(), "others": {"other": PLANT}, "trajectory": TRAJECTORY, "samples": 2,
+        "model": MODEL,
+        "plant": PLANT,
+        "rng": RNG,
+        "design": control.lambda_tuning,
+        "operating_input": 0.5,
+        "operating_inputs": [0.5],
+        "command_limits": LIMITS,
+        "closed_loop_time": 1.0,
+        "recording": RECORDING,
+        "specification": control.Specification(),
+        "others": {"other": PLANT},
+        "trajectory": TRAJECTORY,
+        "samples": 2,
         "progress": lambda share: None,
     },
     "Limit": {"good": 2.0, "poor": 1.0},
     "Specification": {field.name: field.default for field in fields(control.Specification)},
     "closed_loop": {"plant": PLANT, **RUN, "settle": 0.1, "progress": lambda share: None},
     "predict_loop": {
-        "model": MODEL, **RUN, "reading": ReadingTime.END_OF_HOLD, "residual": LEFT, "noise": 1e-3, "draws": 2,
+        "model": MODEL,
+        **RUN,
+        "reading": ReadingTime.END_OF_HOLD,
+        "residual": LEFT,
+        "noise": 1e-3,
+        "draws": 2,
         "progress": lambda share: None,
     },
     "sine_response": {
-        "plant": PLANT, "operating_input": 0.5, "amplitudes": [0.1, 0.2], "omega": [10.0, 20.0],
+        "plant": PLANT,
+        "operating_input": 0.5,
+        "amplitudes": [0.1, 0.2],
+        "omega": [10.0, 20.0],
         "progress": lambda share: None,
     },
     "SineResponse": {"amplitudes": [0.1, 0.2], "omega": [10.0, 20.0, 30.0], "values": np.full((2, 3), 1j)},
     "step_reference": {"centre": 0.5, "amplitude": 0.1, "plateau": 9, "rise": 2},
     "sine_reference": {"centre": 0.5, "amplitude": 0.1, "frequency_Hz": 0.2, "sample_time": 0.1, "periods": 3},
     "tone_reference": {
-        "centre": 0.5, "amplitude": 0.1, "frequencies_Hz": [0.2, 0.3], "sample_time": 0.1, "count": 90, "rng": RNG,
+        "centre": 0.5,
+        "amplitude": 0.1,
+        "frequencies_Hz": [0.2, 0.3],
+        "sample_time": 0.1,
+        "count": 90,
+        "rng": RNG,
     },
     "free_run_residual": {"model": MODEL, "recording": RECORDING},
     "Residual": {"rms": 1e-3, "correlation_time": 0.5},
-}  # fmt: skip
+}
 NAMING = {
-    "check", "Specification", "closed_loop", "predict_loop", "sine_response", "SineResponse", "step_reference",
-    "sine_reference", "tone_reference", "free_run_residual", "Residual",
-}  # fmt: skip
+    "check",
+    "Specification",
+    "closed_loop",
+    "predict_loop",
+    "sine_response",
+    "SineResponse",
+    "step_reference",
+    "sine_reference",
+    "tone_reference",
+    "free_run_residual",
+    "Residual",
+}
 """Those whose errors all hold the argument's name, so that it is known which one they are of."""
 FIRST = {"static_curve": (MODEL,), "gain_schedule": (MODEL,)}  # by which the function is chosen
-FURTHER = {
-    name: {"name": "own"} for name in ("LinearController", "InverseController", "ScheduledController")
-} | {"LinearModel": {"operating_input": 0.5, "operating_output": 0.5}}  # fmt: skip
+FURTHER = {name: {"name": "own"} for name in ("LinearController", "InverseController", "ScheduledController")} | {
+    "LinearModel": {"operating_input": 0.5, "operating_output": 0.5}
+}
 PASSES = {
     ("margins", "numerators", "empty"): "an empty loop has no gain",
     ("margins", "numerators", "matrix"): "two loops",
@@ -247,8 +302,10 @@ def test_a_response_has_a_value_at_each_point():
 
 def test_a_reference_may_be_a_list():
     for name in ("closed_loop", "predict_loop"):
-        runs = [called(name, {**GIVEN[name], "reference": r, "rng": np.random.default_rng(1)})
-                for r in ([0.5, 0.6], np.array([0.5, 0.6]))]  # fmt: skip
+        runs = [
+            called(name, {**GIVEN[name], "reference": r, "rng": np.random.default_rng(1)})
+            for r in ([0.5, 0.6], np.array([0.5, 0.6]))
+        ]
         np.testing.assert_array_equal(runs[0].reference, [0.5, 0.6])
         both = [run.command if name == "closed_loop" else run.commands for run in runs]
         np.testing.assert_array_equal(*both)

@@ -15,10 +15,17 @@ from deatwin.control.stability.limit_cycles import limit_cycles
 
 pytest.importorskip("xarray")
 LAG = LinearModel(
-    numerator=[0.0, 0.3], denominator=[1.0, -0.7], covariance=np.diag([0.0, 1e-4, 4e-4]), sample_time=0.02,
-    operating_input=2.0, operating_output=5e-4, input_name="command", output_name="displacement",
-    input_unit="V", output_unit="m",
-)  # fmt: skip
+    numerator=[0.0, 0.3],
+    denominator=[1.0, -0.7],
+    covariance=np.diag([0.0, 1e-4, 4e-4]),
+    sample_time=0.02,
+    operating_input=2.0,
+    operating_output=5e-4,
+    input_name="command",
+    output_name="displacement",
+    input_unit="V",
+    output_unit="m",
+)
 
 
 def with_pole(pole: float, level: float) -> LinearModel:
@@ -65,9 +72,12 @@ def test_a_varying_model_stands_over_time_and_has_holes_where_its_equilibrium_en
     exists = np.array(family.exists)
     exists[1] = False
     ended = replace(
-        family, exists=exists, stable=exists, has_gain=exists,
+        family,
+        exists=exists,
+        stable=exists,
+        has_gain=exists,
         operating_outputs=np.where(exists, family.operating_outputs, np.nan),
-    )  # fmt: skip
+    )
     back = kept(VaryingLinear(family=ended, timepts=np.array([10.0, 20.0])).to_xarray())
     assert float(back["static_gain"].sel(time=10.0)) == pytest.approx(1.0)
     assert np.isnan(float(back["static_gain"].sel(time=20.0))) and back["stable"].values.tolist() == [True, False]

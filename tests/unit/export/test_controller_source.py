@@ -13,9 +13,13 @@ from deatwin.control.export.controller import controller_source
 
 H = 0.02
 COMMON: dict[str, Any] = {
-    "sample_time": H, "operating_input": 2.0, "operating_output": 1.0, "command_min": 1.0, "command_max": 4.0,
+    "sample_time": H,
+    "operating_input": 2.0,
+    "operating_output": 1.0,
+    "command_min": 1.0,
+    "command_max": 4.0,
     "closed_loop_time": 0.5,
-}  # fmt: skip
+}
 ROUNDING = 1e-12
 """Of commands of some volts; the inverse of the curve has a slope of up to 4 V a unit, which enlarges it."""
 
@@ -46,20 +50,23 @@ def inverse(sign: float) -> InverseController:
     feedback = LinearController(name="PI", law=pi_law(0.3, 2.0).feedforward(1.0), windup=np.array([0.1]), **inner)
     return InverseController(
         name="PI behind the inverse", feedback=feedback, curve=curve, **{**COMMON, "operating_output": rest}
-    )  # fmt: skip
+    )
 
 
 def scheduled() -> ScheduledController:
     laws = (pi_law(0.9, 3.0), pi_law(0.5, 2.0), pi_law(0.2, 1.0))
     return ScheduledController(
         name="scheduled PI", points=np.array([1.5, 2.0, 3.0]), laws=laws, windup=np.array([0.1]), **COMMON
-    )  # fmt: skip
+    )
 
 
 KINDS = {
-    "linear": linear, "static": without_states, "rising": lambda: inverse(1.0), "falling": lambda: inverse(-1.0),
+    "linear": linear,
+    "static": without_states,
+    "rising": lambda: inverse(1.0),
+    "falling": lambda: inverse(-1.0),
     "scheduled": scheduled,
-}  # fmt: skip
+}
 
 
 def commanded(controller: Controller, series: np.ndarray) -> np.ndarray:

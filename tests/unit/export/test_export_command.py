@@ -40,15 +40,27 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 CHECK = {
     "schema": "deatwin/check/1",
     "operating": {
-        "input": 2.0, "output": 1.0, "static_gain": 1.0, "status": "ok", "sample_time": 0.02,
-        "input_unit": "V", "output_unit": "mm",
+        "input": 2.0,
+        "output": 1.0,
+        "static_gain": 1.0,
+        "status": "ok",
+        "sample_time": 0.02,
+        "input_unit": "V",
+        "output_unit": "mm",
     },
     "controller": {
-        "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
-        "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],
+        "kind": "linear",
+        "name": "PI",
+        "sample_time": 0.02,
+        "operating_input": 2.0,
+        "operating_output": 1.0,
+        "command_min": 1.0,
+        "command_max": 4.0,
+        "closed_loop_time": 0.5,
+        "windup": [0.1],
         "law": {"a": [[1.0]], "b": [[0.04, -0.04]], "c": [1.0], "d": [0.5, -0.5]},
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -76,20 +88,29 @@ def test_the_result_for_machines_names_inputs_and_outputs(run: Run) -> None:
     found = json.loads(text)
     assert status == 0
     assert {key: found[key] for key in ("name", "form", "inputs", "outputs", "sample_time_s")} == {
-        "name": "mine", "form": "c", "inputs": ["input"], "outputs": ["output"], "sample_time_s": 0.1,
-    }  # fmt: skip
+        "name": "mine",
+        "form": "c",
+        "inputs": ["input"],
+        "outputs": ["output"],
+        "sample_time_s": 0.1,
+    }
 
 
-@pytest.mark.parametrize(("model", "to", "interface"), [
-    ("model.json", "fmu", "ModelExchange"), ("model.json", "fmu-cs", "CoSimulation"),
-    ("narx.json", "fmu", "CoSimulation"), ("late.json", "fmu-cs", "CoSimulation"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("model", "to", "interface"),
+    [
+        ("model.json", "fmu", "ModelExchange"),
+        ("model.json", "fmu-cs", "CoSimulation"),
+        ("narx.json", "fmu", "CoSimulation"),
+        ("late.json", "fmu-cs", "CoSimulation"),
+    ],
+)
 def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, interface: str) -> None:
-    pytest.importorskip("fmpy", reason='FMUs need pip install fmpy')
+    pytest.importorskip("fmpy", reason="FMUs need pip install fmpy")
     status, text = run(model, "--to", to, "--out", "made.fmu")
     assert status == 0, text
     with zipfile.ZipFile("made.fmu") as archive:
-        assert f"<{interface} modelIdentifier=\"made\"" in archive.read("modelDescription.xml").decode()
+        assert f'<{interface} modelIdentifier="made"' in archive.read("modelDescription.xml").decode()
         assert {"sources/made.c", "sources/buildDescription.xml"} <= set(archive.namelist())
 
 
@@ -108,7 +129,7 @@ def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, inter
 )
 def test_what_cannot_be_exported_is_said_in_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
     if "fmu" in arguments:
-        pytest.importorskip("fmpy", reason='FMUs need pip install fmpy')
+        pytest.importorskip("fmpy", reason="FMUs need pip install fmpy")
     status, text = run(*arguments)
     assert status == 1
     assert said in text and text.count("\n") == 1

@@ -28,7 +28,7 @@ SHEET = Plant(rig=Planar(sample_time=0.02))
 
 
 def fmpy() -> Any:
-    return pytest.importorskip("fmpy", reason='FMUs are run by fmpy: pip install fmpy')
+    return pytest.importorskip("fmpy", reason="FMUs are run by fmpy: pip install fmpy")
 
 
 def commands(count: int, low: float, high: float) -> NDArray[np.float64]:
@@ -39,9 +39,12 @@ def simulated(plant: Plant, held: NDArray[np.float64], finer: int = 1) -> NDArra
     """Readings at the start and after each sample, (n + 1,)."""
     step = plant.rig.sample_time / finer
     run = plant.simulator.run(
-        np.repeat(held, finer), start=0.0, sample_time=step, rest_command=plant.rig.start.rest_command,
+        np.repeat(held, finer),
+        start=0.0,
+        sample_time=step,
+        rest_command=plant.rig.start.rest_command,
         values=plant.free_values,
-    )  # fmt: skip
+    )
     assert run.status.ok
     return run.outputs[::finer]
 
@@ -66,9 +69,11 @@ def opened(fmu: Path, start: float = 0.0) -> Iterator[tuple[Any, dict[str, int]]
 
     described, folder = read_model_description(str(fmu)), extract(str(fmu))
     instance = FMU3Model(
-        guid=described.guid, unzipDirectory=folder, modelIdentifier=described.modelExchange.modelIdentifier,
+        guid=described.guid,
+        unzipDirectory=folder,
+        modelIdentifier=described.modelExchange.modelIdentifier,
         instanceName="tried",
-    )  # fmt: skip
+    )
     try:
         instance.instantiate()
         instance.enterInitializationMode(startTime=start)
@@ -188,7 +193,7 @@ def test_a_narx_model_steps_in_an_fmu_as_it_simulates(tmp_path: Path) -> None:
     fmpy()
     model = NarxModel.from_terms(
         {"y(k-1)": 0.8, "u(k)": 0.2, "u(k-1)^2": 0.1}, sample_time=0.1, input_units=("V",), output_units=("mm",)
-    )  # fmt: skip
+    )
     fmu = export_cosimulation(narx_source(model), tmp_path / "narx.fmu")
     assert problems(fmu) == []
     u, y = commands(50, -1.0, 1.0), [0.0]

@@ -25,10 +25,14 @@ def simulated(model: NarxModel, inputs: np.ndarray) -> np.ndarray:
     lag = model.deterministic.table.max_lag
     padded = np.hstack([np.zeros((len(inputs), lag)), inputs])
     record = Recording(
-        inputs=padded, outputs=np.zeros((model.n_outputs, padded.shape[1])), sample_time=model.sample_time,
-        input_names=model.input_names, output_names=model.output_names, input_units=model.input_units,
+        inputs=padded,
+        outputs=np.zeros((model.n_outputs, padded.shape[1])),
+        sample_time=model.sample_time,
+        input_names=model.input_names,
+        output_names=model.output_names,
+        input_units=model.input_units,
         output_units=model.output_units,
-    )  # fmt: skip
+    )
     return model.deterministic.simulate(record).outputs[:, lag:].T
 
 
@@ -46,7 +50,7 @@ def test_the_source_computes_what_the_model_simulates(terms: Any, run_c: Any) ->
 def test_a_model_that_diverges_says_so_and_holds_its_last_output(run_c: Any) -> None:
     trained = OperatingRange(
         input_min=[-1], input_max=[1], input_centre=[0], output_min=[-1], output_max=[1], output_centre=[0]
-    )  # fmt: skip
+    )
     model = NarxModel.from_terms({"y(k-1)": 2.0, "u(k)": 1.0}, sample_time=0.1, operating=trained)
     found, status = run_c(narx_source(model), np.ones((20, 1)))
     # 2^n - 1 passes a thousand times the training data's 1 at n = 10.

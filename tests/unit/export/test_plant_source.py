@@ -26,9 +26,12 @@ def commands(plant: Plant, low: float, high: float, count: int = 60) -> np.ndarr
 def test_the_source_steps_as_the_simulation_does(plant: Plant, low: float, high: float, run_c: Any) -> None:
     held = commands(plant, low, high)
     expected = plant.simulator.run(
-        held, start=0.0, sample_time=plant.rig.sample_time, rest_command=plant.rig.start.rest_command,
+        held,
+        start=0.0,
+        sample_time=plant.rig.sample_time,
+        rest_command=plant.rig.start.rest_command,
         values=plant.free_values,
-    )  # fmt: skip
+    )
     source = plant_source(plant, name="rig")
     found, status = run_c(source, held[:, None], *LOOSE)
     size = np.ptp(expected.outputs)
@@ -43,9 +46,13 @@ def test_a_measured_channel_is_an_input(run_c: Any) -> None:
     held = commands(WARM, 0.0, 3.0)
     warmth = np.linspace(20.0, 45.0, held.size)
     expected = WARM.simulator.run(
-        held, start=0.0, sample_time=0.02, rest_command=WARM.rig.start.rest_command, values=WARM.free_values,
+        held,
+        start=0.0,
+        sample_time=0.02,
+        rest_command=WARM.rig.start.rest_command,
+        values=WARM.free_values,
         channels={"temperature": warmth},
-    )  # fmt: skip
+    )
     source = plant_source(WARM)
     assert [s.name for s in source.inputs] == ["command", "temperature"]
     found, _ = run_c(source, np.column_stack([held, warmth]), *LOOSE)

@@ -19,9 +19,13 @@ from deatwin.plant import Experiment, Plant, Recording
 
 pytest.importorskip("xarray")
 MODEL = NarxModel.from_terms(
-    {"y(k-1)": 0.6, "u(k-1)": 0.3, "u(k-1)^2": 0.1}, sample_time=0.02, noise_variance=4e-4,
-    theta_cov=np.diag([1e-4, 2e-4, 3e-4]), input_units=("V",), output_units=("m",),
-)  # fmt: skip
+    {"y(k-1)": 0.6, "u(k-1)": 0.3, "u(k-1)^2": 0.1},
+    sample_time=0.02,
+    noise_variance=4e-4,
+    theta_cov=np.diag([1e-4, 2e-4, 3e-4]),
+    input_units=("V",),
+    output_units=("m",),
+)
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +73,14 @@ def test_a_validation_has_each_test_at_its_lags(record, kept):
 
 
 def test_a_linear_model_and_its_response(kept):
-    model = LinearModel(a=[1, -0.6], b=[[0, 0.3, 0.1]], sample_time=0.02, theta_cov=1e-4 * np.eye(4),
-                        input_units=("V",), output_units=("m",))  # fmt: skip
+    model = LinearModel(
+        a=[1, -0.6],
+        b=[[0, 0.3, 0.1]],
+        sample_time=0.02,
+        theta_cov=1e-4 * np.eye(4),
+        input_units=("V",),
+        output_units=("m",),
+    )
     back = kept(model.to_xarray())
     assert back["a"].values.tolist() == [1.0, -0.6, 0.0]
     assert back["b"].sel(input="input").values.tolist() == [0.0, 0.3, 0.1]
@@ -114,12 +124,28 @@ def test_the_choice_of_sampling_stands_over_the_lag(kept):
 
 def test_the_choice_of_orders_is_a_table_with_the_chosen_one_marked(kept):
     tried = [
-        OrderTrial(output_lags=1, input_lags=1, degree=1, n_terms=2, error=0.2, mean_square=0.04, standard_error=0.001,
-                   status=TrialStatus.DONE),
-        OrderTrial(output_lags=(1, 3), input_lags=1, degree=2, n_terms=5, error=0.1, mean_square=0.01,
-                   standard_error=0.001, status=TrialStatus.DONE),
+        OrderTrial(
+            output_lags=1,
+            input_lags=1,
+            degree=1,
+            n_terms=2,
+            error=0.2,
+            mean_square=0.04,
+            standard_error=0.001,
+            status=TrialStatus.DONE,
+        ),
+        OrderTrial(
+            output_lags=(1, 3),
+            input_lags=1,
+            degree=2,
+            n_terms=5,
+            error=0.1,
+            mean_square=0.01,
+            standard_error=0.001,
+            status=TrialStatus.DONE,
+        ),
         OrderTrial(output_lags=2, input_lags=1, degree=3, status=TrialStatus.FAILED, reason="too few samples"),
-    ]  # fmt: skip
+    ]
     back = kept(OrderChoice(trials=tuple(tried), unit="m").to_xarray())
     assert back["chosen"].values.tolist() == [False, True, False]
     assert back["output_lags"].values.tolist() == ["1", "(1, 3)", "2"]
@@ -137,8 +163,9 @@ def test_sections_keep_where_they_lie_and_every_test(kept):
     back = kept(found.to_xarray())
     training = back.sel(section="training")
     assert (float(training["section_start"]), float(training["section_end"])) == (
-        found.training.start, found.training.end,
-    )  # fmt: skip
+        found.training.start,
+        found.training.end,
+    )
     assert float(back["record_start"][0]) == 5.0 and back["record_start"].attrs["units"] == "s"
     assert int(back["section_n_samples"].sum()) <= 4000
     # Input and output, three statistics each, three tests of each.
@@ -149,9 +176,12 @@ def test_sections_keep_where_they_lie_and_every_test(kept):
 
 def test_the_path_of_the_lasso_stands_over_its_knots(kept):
     path = LassoPath(
-        terms=MODEL.terms[:2], penalties=np.array([0.5, 0.1]), coefficients=np.array([[0.0, 0.4], [0.0, 0.2]]),
-        errors=np.array([np.inf, 0.01]), chosen=1,
-    )  # fmt: skip
+        terms=MODEL.terms[:2],
+        penalties=np.array([0.5, 0.1]),
+        coefficients=np.array([[0.0, 0.4], [0.0, 0.2]]),
+        errors=np.array([np.inf, 0.01]),
+        chosen=1,
+    )
     back = kept(path.to_xarray())
     assert back["coefficient"].sel(term="u(k-1)").values.tolist() == [0.0, 0.2]
     assert back["penalty"].values.tolist() == [0.5, 0.1] and back.attrs["chosen"] == 1

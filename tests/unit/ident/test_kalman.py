@@ -9,13 +9,111 @@ from deatwin.ident.kalman import StateSpace, adjoint, advance_root, kalman_filte
 from deatwin.plant.errors import ModelError
 
 # Annual flow of the Nile at Aswan, 1871 to 1970, 1e8 m^3 (Cobb, Biometrika 65 (1978) 243-251).
-NILE = np.array([
-    1120, 1160, 963, 1210, 1160, 1160, 813, 1230, 1370, 1140, 995, 935, 1110, 994, 1020, 960, 1180, 799, 958,
-    1140, 1100, 1210, 1150, 1250, 1260, 1220, 1030, 1100, 774, 840, 874, 694, 940, 833, 701, 916, 692, 1020, 1050,
-    969, 831, 726, 456, 824, 702, 1120, 1100, 832, 764, 821, 768, 845, 864, 862, 698, 845, 744, 796, 1040, 759,
-    781, 865, 845, 944, 984, 897, 822, 1010, 771, 676, 649, 846, 812, 742, 801, 1040, 860, 874, 848, 890, 744,
-    749, 838, 1050, 918, 986, 797, 923, 975, 815, 1020, 906, 901, 1170, 912, 746, 919, 718, 714, 740,
-], dtype=float)  # fmt: skip
+NILE = np.array(
+    [
+        1120,
+        1160,
+        963,
+        1210,
+        1160,
+        1160,
+        813,
+        1230,
+        1370,
+        1140,
+        995,
+        935,
+        1110,
+        994,
+        1020,
+        960,
+        1180,
+        799,
+        958,
+        1140,
+        1100,
+        1210,
+        1150,
+        1250,
+        1260,
+        1220,
+        1030,
+        1100,
+        774,
+        840,
+        874,
+        694,
+        940,
+        833,
+        701,
+        916,
+        692,
+        1020,
+        1050,
+        969,
+        831,
+        726,
+        456,
+        824,
+        702,
+        1120,
+        1100,
+        832,
+        764,
+        821,
+        768,
+        845,
+        864,
+        862,
+        698,
+        845,
+        744,
+        796,
+        1040,
+        759,
+        781,
+        865,
+        845,
+        944,
+        984,
+        897,
+        822,
+        1010,
+        771,
+        676,
+        649,
+        846,
+        812,
+        742,
+        801,
+        1040,
+        860,
+        874,
+        848,
+        890,
+        744,
+        749,
+        838,
+        1050,
+        918,
+        986,
+        797,
+        923,
+        975,
+        815,
+        1020,
+        906,
+        901,
+        1170,
+        912,
+        746,
+        919,
+        718,
+        714,
+        740,
+    ],
+    dtype=float,
+)
 
 
 @pytest.fixture(params=["compiled", "plain"])
@@ -37,17 +135,35 @@ def cases():
     walk = {"rows": rng.normal(size=(n, m)), "noise_variance": 0.3, "start": rng.normal(size=m)}
     moving = {"rows": rng.normal(size=(2, n, m)), "noise_variance": [0.3, 0.0], "start": rng.normal(size=m)}
     yield "constant", StateSpace(**walk, start_cov=covariance(rng, m))
-    yield "random walk with gaps", StateSpace(
-        **walk, start_cov=covariance(rng, m), process_cov=np.diag([0.1, 0.0, 2.0]), intervals=rng.integers(1, 9, n - 1)
+    yield (
+        "random walk with gaps",
+        StateSpace(
+            **walk,
+            start_cov=covariance(rng, m),
+            process_cov=np.diag([0.1, 0.0, 2.0]),
+            intervals=rng.integers(1, 9, n - 1),
+        ),
     )
-    yield "time invariant, start known exactly, one source", StateSpace(
-        **walk, start_cov=np.zeros((m, m)), transition=rng.normal(size=(m, m)) / 2, process_cov=covariance(rng, m, 1)
+    yield (
+        "time invariant, start known exactly, one source",
+        StateSpace(
+            **walk,
+            start_cov=np.zeros((m, m)),
+            transition=rng.normal(size=(m, m)) / 2,
+            process_cov=covariance(rng, m, 1),
+        ),
     )
-    yield "two outputs, one without noise, all time-varying", StateSpace(
-        **moving, start_cov=covariance(rng, m, 2), transition=rng.normal(size=(n - 1, m, m)) / 2,
-        process_cov=np.array([covariance(rng, m) for _ in range(n - 1)]), intervals=rng.uniform(0.5, 2, n - 1),
-        added=rng.normal(size=(n - 1, m)),
-    )  # fmt: skip
+    yield (
+        "two outputs, one without noise, all time-varying",
+        StateSpace(
+            **moving,
+            start_cov=covariance(rng, m, 2),
+            transition=rng.normal(size=(n - 1, m, m)) / 2,
+            process_cov=np.array([covariance(rng, m) for _ in range(n - 1)]),
+            intervals=rng.uniform(0.5, 2, n - 1),
+            added=rng.normal(size=(n - 1, m)),
+        ),
+    )
 
 
 def conditioned(model, outputs):
@@ -106,7 +222,10 @@ def test_nile_as_published(loops):
     # maximise the diffuse likelihood, -632.54; for a local level the diffuse start is N(y_1, R + Q) at the second year.
     # States and covariances: statsmodels 0.15.0, UnobservedComponents(y, "llevel", use_exact_diffuse=True).
     model = StateSpace(
-        rows=np.ones((99, 1)), noise_variance=15099.0, start=NILE[:1], start_cov=[[15099.0 + 1469.1]],
+        rows=np.ones((99, 1)),
+        noise_variance=15099.0,
+        start=NILE[:1],
+        start_cov=[[15099.0 + 1469.1]],
         process_cov=[[1469.1]],
     )
     filtered = kalman_filter(model, NILE[1:])
@@ -187,9 +306,12 @@ def test_a_wide_start_costs_the_smoother_no_digits(loops):
     rows = rng.normal(size=(200, 3)) * [1.0, 30.0, 0.01]
     outputs = rows @ [1.0, -0.02, 50.0] + rng.normal(size=200)
     model = StateSpace(
-        rows=rows, noise_variance=1.0, start=np.zeros(3), start_cov=1e12 * np.diag([1.0, 1e-3, 1e4]),
+        rows=rows,
+        noise_variance=1.0,
+        start=np.zeros(3),
+        start_cov=1e12 * np.diag([1.0, 1e-3, 1e4]),
         process_cov=np.zeros((3, 3)),
-    )  # fmt: skip
+    )
     smoothed = kalman_smoother(kalman_filter(model, outputs))
     theta, *_ = np.linalg.lstsq(rows, outputs)
     cov = np.linalg.inv(rows.T @ rows)
@@ -203,9 +325,12 @@ def test_units_of_the_states_do_not_matter(loops):
     outputs = np.random.default_rng(9).normal(size=model.rows.shape[:2])
     unit = np.array([1e-9, 1.0, 1e7])
     other = replace(
-        model, rows=model.rows / unit, start=model.start * unit, start_cov=model.start_cov * np.outer(unit, unit),
+        model,
+        rows=model.rows / unit,
+        start=model.start * unit,
+        start_cov=model.start_cov * np.outer(unit, unit),
         process_cov=model.process_cov * np.outer(unit, unit),
-    )  # fmt: skip
+    )
     one, two = (kalman_smoother(kalman_filter(m, outputs)) for m in (model, other))
     np.testing.assert_allclose(two.states / unit, one.states, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(two.covariances / np.outer(unit, unit), one.covariances, rtol=1e-9, atol=1e-12)
@@ -220,11 +345,13 @@ def test_one_factor_on_all_covariances_is_found_in_closed_form():
     def scaled(factor):
         return kalman_filter(
             replace(
-                model, noise_variance=factor * model.noise_variance, start_cov=factor * model.start_cov,
+                model,
+                noise_variance=factor * model.noise_variance,
+                start_cov=factor * model.start_cov,
                 process_cov=factor * model.process_cov,
             ),
             outputs,
-        )  # fmt: skip
+        )
 
     best = filtered.variance_factor
     assert scaled(best).log_likelihood == pytest.approx(filtered.scaled_log_likelihood, rel=1e-12)
@@ -268,9 +395,14 @@ def test_an_extended_filter_is_smoothed_as_its_linearisation(loops):
         added.append(f(state) - transition @ state)
         state, root = f(state), advance_root(root, transition, source)
     linear = StateSpace(
-        rows=rows, noise_variance=noise, start=[0.1, 0.8], start_cov=0.25 * np.eye(2), transition=transitions[:-1],
-        added=added[:-1], process_cov=source.T @ source,
-    )  # fmt: skip
+        rows=rows,
+        noise_variance=noise,
+        start=[0.1, 0.8],
+        start_cov=0.25 * np.eye(2),
+        transition=transitions[:-1],
+        added=added[:-1],
+        process_cov=source.T @ source,
+    )
     filtered = kalman_filter(linear, outputs)
     np.testing.assert_allclose(filtered.states, states, rtol=1e-9, atol=1e-12)
     expected = conditioned(linear, outputs[None])[0]

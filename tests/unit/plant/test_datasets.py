@@ -48,8 +48,12 @@ def test_without_xarray_the_error_says_what_to_install(monkeypatch):
 
 @pytest.fixture(scope="module")
 def two_records() -> Experiment:
-    blank = [Recording.from_arrays(np.full(n, 2.0 + n / 100), np.zeros(n), 0.02, start=start, input_units=("V",),
-                                   output_units=("m",)) for n, start in ((20, 0.0), (30, 1.0))]  # fmt: skip
+    blank = [
+        Recording.from_arrays(
+            np.full(n, 2.0 + n / 100), np.zeros(n), 0.02, start=start, input_units=("V",), output_units=("m",)
+        )
+        for n, start in ((20, 0.0), (30, 1.0))
+    ]
     return Experiment(recordings=tuple(blank))
 
 

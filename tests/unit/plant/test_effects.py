@@ -70,9 +70,7 @@ def test_a_drift_of_permittivity_leaves_the_rest_alone(base, experiment):
 
 def test_creep_after_a_step_goes_one_way(experiment):
     # Heavily damped, so that what is seen after 1 s is the film and not the ball (A10).
-    plant = Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0}).with_effects(
-        effect_named("creep")
-    )
+    plant = Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0}).with_effects(effect_named("creep"))
     step = np.r_[np.zeros(50), np.full(1500, 2.4)]
     tail = reading(plant, experiment, step)[100:]
     assert np.all(np.diff(tail) > 0)

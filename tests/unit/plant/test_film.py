@@ -18,9 +18,11 @@ def sheet(build, stretches):
     """A film of one point under an electrode, stretched as told."""
     points = film_points([FilmPoint(volume=VOLUME, stretches=stretches, radius=0.5)], build)
     return PointwiseFilm(
-        points=points, elastic=VOLUME * gent(*points[0].stretches, 25e3, 107.0), rest_stretch=3.5,
+        points=points,
+        elastic=VOLUME * gent(*points[0].stretches, 25e3, 107.0),
+        rest_stretch=3.5,
         capacitances=point_capacitances(points, 4.5, THICKNESS),
-    )  # fmt: skip
+    )
 
 
 def rates(stretches, viscous):

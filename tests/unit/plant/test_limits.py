@@ -108,9 +108,9 @@ def snapping_film():
     """
     modulus, limit, prestretch = 25e3, 300.0, 2.0
     rig = Planar(prestretch=prestretch, gain=1000.0)
-    film = Plant(rig=rig, values={
-        "shear_modulus": modulus, "stretch_limit": limit, "permittivity": 4.5, "branch_modulus": 1.0,
-    })  # fmt: skip
+    film = Plant(
+        rig=rig, values={"shear_modulus": modulus, "stretch_limit": limit, "permittivity": 4.5, "branch_modulus": 1.0}
+    )
 
     def stress(stretch):
         return modulus * limit / (limit - (2 * stretch**2 + stretch**-4) + 3) * (stretch - stretch**-5)

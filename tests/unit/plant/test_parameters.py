@@ -59,9 +59,10 @@ def test_the_slope_of_a_scale_is_its_derivative(scale):
     assert scale.slope(3.0) == pytest.approx((inverse(here + step) - inverse(here - step)) / (2 * step))
 
 
-@pytest.mark.parametrize(("scale", "ends"), [
-    (Scale.LINEAR, (0.5, 4.0)), (Scale.LOGARITHMIC, (np.log(0.5), np.log(4.0))), (Scale.RECIPROCAL, (0.25, 2.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("scale", "ends"),
+    [(Scale.LINEAR, (0.5, 4.0)), (Scale.LOGARITHMIC, (np.log(0.5), np.log(4.0))), (Scale.RECIPROCAL, (0.25, 2.0))],
+)
 def test_the_ends_of_a_range_are_in_order_in_every_coordinate(scale, ends):
     found = Parameter(name="a", value=1.0, unit="1", lower=0.5, upper=4.0, scale=scale).ends
     assert found == pytest.approx(ends, rel=1e-12)

@@ -21,9 +21,7 @@ def rest(n: int = 100, start: float = 0.0) -> Recording:
     return Recording.from_arrays(np.full(n, 2.4), np.linspace(0.0, 1e-4, n), 0.02, start=start)
 
 
-FILM = FilmSpec(
-    material="VHB 4910", thickness=1e-3, prestretch=3.5, frame_diameter=80e-3, electrode_diameter=35e-3
-)
+FILM = FilmSpec(material="VHB 4910", thickness=1e-3, prestretch=3.5, frame_diameter=80e-3, electrode_diameter=35e-3)
 DRIVE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0, command_min=1.1, command_max=3.75)
 DRIVE_WITHOUT_RANGE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0)
 
@@ -162,10 +160,13 @@ class TestChecks:
     def test_commands_in_and_little_outside_of_the_range(self, drive: DriveSpec) -> None:
         check_command_range(Recording.from_arrays([0.0, 2.4, 4.2], np.zeros(3), 0.02), drive)
 
-    @pytest.mark.parametrize(("size", "said"), [
-        (0.3, r"moves over 270 mm, in a frame of 80 mm; this looks like µm: call the column displacement_um"),
-        (300.0, r"moves over 2.7e\+05 mm, in a frame of 80 mm$"),
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("size", "said"),
+        [
+            (0.3, r"moves over 270 mm, in a frame of 80 mm; this looks like µm: call the column displacement_um"),
+            (300.0, r"moves over 2.7e\+05 mm, in a frame of 80 mm$"),
+        ],
+    )
     def test_a_film_does_not_move_farther_than_its_frame_is_wide(self, size: float, said: str) -> None:
         with pytest.raises(DataError, match=said):
             check_motion(Recording.from_arrays(np.zeros(1001), size * np.linspace(0, 1, 1001), 0.02), FILM)

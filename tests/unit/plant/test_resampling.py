@@ -88,9 +88,9 @@ def test_the_bandwidth_is_that_of_the_interpolation() -> None:
 def test_gaps_stay_gaps(tmp_path: Path) -> None:
     times = jittered(300)
     rows = np.r_[0:100, 110:300]
-    write_csv(tmp_path / "r.csv", {
-        "time_s": times[rows], "command_V": np.sin(times[rows]), "displacement_mm": times[rows]
-    })  # fmt: skip
+    write_csv(
+        tmp_path / "r.csv", {"time_s": times[rows], "command_V": np.sin(times[rows]), "displacement_mm": times[rows]}
+    )
     with pytest.raises(DataError, match="row 102: a gap"):
         read_recording(tmp_path / "r.csv", resample=STEP)
     first, second = read_recordings(tmp_path / "r.csv", resample=STEP, allow_gaps=True)
@@ -139,10 +139,12 @@ def test_times_without_a_unit_that_are_no_seconds(tmp_path: Path, *, even: bool)
 @pytest.mark.parametrize(
     ("times", "step", "says"),
     [
-        ([0.0, 0.1], 0.1, "shape"), ([0.0, 0.2, 0.1], 0.1, "sample 2: times do not increase"),
-        ([0.0, 0.1, 0.2], 0.0, "must be positive"), ([0.0, 0.1, 0.2], 5.0, "no two samples"),
+        ([0.0, 0.1], 0.1, "shape"),
+        ([0.0, 0.2, 0.1], 0.1, "sample 2: times do not increase"),
+        ([0.0, 0.1, 0.2], 0.0, "must be positive"),
+        ([0.0, 0.1, 0.2], 5.0, "no two samples"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_resampled(times: list[float], step: float, says: str) -> None:
     with pytest.raises(DataError, match=says):
         resample(Recording.from_arrays(np.zeros(3), np.zeros(3), 0.1), step, timepts=times)

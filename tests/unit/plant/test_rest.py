@@ -25,7 +25,7 @@ from deatwin.plant import (
     Sizes,
     StartProcedure,
     actuation_curve,
-)  # fmt: skip
+)
 from deatwin.plant.rest import rest_state
 from deatwin.plant.small_signal import small_signals
 

@@ -57,10 +57,13 @@ def test_derivatives_are_those_of_the_step_that_simulates():
     for _ in range(2000):
         x = after(x, inputs)[:-1] * scale
     size = 1e-5
-    by_state = [(after(x + size * e * scale, inputs) - after(x - size * e * scale, inputs)) / (2 * size)
-                for e in np.eye(x.size)]  # fmt: skip
-    by_input = [(after(x, inputs + size * e) - after(x, inputs - size * e)) / (2 * size)
-                for e in np.eye(inputs.size)[: 1 + equations.history]]  # fmt: skip
+    by_state = [
+        (after(x + size * e * scale, inputs) - after(x - size * e * scale, inputs)) / (2 * size) for e in np.eye(x.size)
+    ]
+    by_input = [
+        (after(x, inputs + size * e) - after(x, inputs - size * e)) / (2 * size)
+        for e in np.eye(inputs.size)[: 1 + equations.history]
+    ]
     whole = np.vstack([np.column_stack([small.a, small.b]), np.concatenate([small.c, small.d])])
     differences = np.column_stack([*by_state, *by_input])
     # Newton's rounding by the size of the difference, and its square by the curvature.

@@ -86,7 +86,7 @@ def test_any_changed_value_is_refused_or_harmless(section: str, tmp_path: Path) 
         (("calibration", "covariance", 0, 1), 1e-3, "symmetric, without a negative eigenvalue"),
         (("calibration", "covariance", 0, 0), 1e300, "no variance is larger"),
     ],
-)  # fmt: skip
+)
 def test_the_error_names_file_and_value(at: Place, value: Any, said: str, tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     path.write_text(json.dumps(spoilt(sound(), at, value)), encoding="utf-8")

@@ -55,9 +55,14 @@ def pulls(seed: int) -> Experiment:
     stretch = np.interp(np.arange(1200) / 100, np.arange(13), corners)
     stretch[:100] = np.linspace(1, corners[1], 100)
     silent = Recording.from_arrays(
-        stretch, np.zeros(1200), 0.1, input_names=("stretch",), input_units=("1",),
-        output_names=("force",), output_units=("N",),
-    )  # fmt: skip
+        stretch,
+        np.zeros(1200),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
     plant = Plant(rig=Coupon(sample_time=0.1, noise=2e-3)).with_effects(Creep(modulus=60e3, time=25.0))
     return plant.record(Experiment(recordings=(silent,)), rng)
 
@@ -72,11 +77,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "soft.toml").write_text(soft, encoding="utf-8")
     for name, seed in (("pulls.csv", 1), ("again.csv", 2)):
         record = pulls(seed).recordings[0]
-        columns = {
-            "time_s": record.timepts.round(6),
-            "stretch": record.inputs[0],
-            "force_N": record.outputs[0],
-        }
+        columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
         write_csv(folder / name, columns)
     time = np.arange(200) * 0.02
     command = (2.4 + 0.8 * np.sin(2 * np.pi * 0.5 * time)).round(5)

@@ -13,11 +13,23 @@ from deatwin.plant.errors import DataError
 from deatwin.scenarios.sweep.casefile import decode, encode, read_case, write_case
 
 CASE: dict[str, Any] = {
-    "name": "größe 3 µm", "passed": True, "count": 7, "nothing": None, "empty": [], "blank": "",
-    "result": {"gain": 0.1 + 0.2, "track": [1.5, math.inf, -0.0], "gaps": [1.0, None], "table": [[1, 2, 3], [4, 5, 6]],
-               "ragged": [[1], [2, 3]], "large": 2**40, "inner": {"odd": math.nan, "words": ["ab", "", "größer"]}},
+    "name": "größe 3 µm",
+    "passed": True,
+    "count": 7,
+    "nothing": None,
+    "empty": [],
+    "blank": "",
+    "result": {
+        "gain": 0.1 + 0.2,
+        "track": [1.5, math.inf, -0.0],
+        "gaps": [1.0, None],
+        "table": [[1, 2, 3], [4, 5, 6]],
+        "ragged": [[1], [2, 3]],
+        "large": 2**40,
+        "inner": {"odd": math.nan, "words": ["ab", "", "größer"]},
+    },
     "causes": [{"effect": "creep", "p": 0.9}, {"effect": "delay", "p": None, "known": False}],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
@@ -28,10 +40,20 @@ CASE: dict[str, Any] = {
         {"x": -0.0, "y": 5e-324, "z": 0.1, "most": 1.7976931348623157e308, "whole": 3.0, "int": 3, "far": -(10**400)},
         {"a": {"b": {"c": {}}}, "d": [[], [[]], {}], "e": [None], "mixed": [1, "a", None, True, {"k": []}]},
         {"lone \ud800": "\ud800", "nul": "a\0b\0", "lines": "\r\n\u2028", "": "no name", "/": 1, " ": 2, "_": 3},
-        {"record": "like the variable", "mode": "w", "fp": 1, "dimensions": [1], "sha256": "0" * 64, "a.b": 1,
-         "a": {"b": 2}, "c": [1, 2], "c_0": 3, "0" * 64: [1]},
+        {
+            "record": "like the variable",
+            "mode": "w",
+            "fp": 1,
+            "dimensions": [1],
+            "sha256": "0" * 64,
+            "a.b": 1,
+            "a": {"b": 2},
+            "c": [1, 2],
+            "c_0": 3,
+            "0" * 64: [1],
+        },
     ],
-)  # fmt: skip
+)
 def test_a_case_comes_back_to_the_last_bit(record: dict[str, Any]) -> None:
     content = encode(record)
     # Python's JSON tells 3 from 3.0, -0.0 from 0.0, True from 1, and writes the shortest text that gives a float back.

@@ -11,13 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.control import (
-    Check,
-    Specification,
-    excited_band,
-    free_run_residual,
-    linearise,
-)
+from deatwin.control import Check, Specification, excited_band, free_run_residual, linearise
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import Coupon, Creep, Plant
@@ -58,16 +52,19 @@ def pulled(seed: int, plant: Plant) -> Recording:
     noise = band_limited_noise(rng, 120.0, 0.1)
     stretch = 1.5 + 0.4 * (noise - noise.mean()) / np.abs(noise - noise.mean()).max()
     silent = Recording.from_arrays(
-        stretch, np.zeros(stretch.size), 0.1, input_names=("stretch",), input_units=("1",),
-        output_names=("force",), output_units=("N",),
-    )  # fmt: skip
+        stretch,
+        np.zeros(stretch.size),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
     return plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
 
 
 def write(path: Path, record: Recording) -> None:
-    write_csv(
-        path, {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
-    )
+    write_csv(path, {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]})
 
 
 @pytest.fixture(scope="module")
@@ -101,10 +98,25 @@ def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def results(desk: Path) -> Path:
     """What a check with all options wrote."""
     options = [
-        "--design", "shaped", "--closed-loop-time", "1.2", "--operating-input", "1.44",
-        "--operating-range", "1.3", "1.6",
-        "--recording", "other.csv", *COLUMNS, "--diagnosis", "found", "--rival", "further:late", "--seed", "3",
-    ]  # fmt: skip
+        "--design",
+        "shaped",
+        "--closed-loop-time",
+        "1.2",
+        "--operating-input",
+        "1.44",
+        "--operating-range",
+        "1.3",
+        "1.6",
+        "--recording",
+        "other.csv",
+        *COLUMNS,
+        "--diagnosis",
+        "found",
+        "--rival",
+        "further:late",
+        "--seed",
+        "3",
+    ]
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(desk)
         assert main(["check", "narx.json", *PLANT, *options, "--out", "c", "--quiet"]) == 0
@@ -197,10 +209,18 @@ def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
     assert len(rows) == len(found["findings"])
     assert sorted(verdict for _, _, verdict in rows) == sorted(f["verdict"] for f in found["findings"])
     assert {"pass": "good", "marginal": "doubt", "fail": "bad"}[found["verdict"]] in text
-    for title in ("Margins of the model", "Margins of creep", "Runs on the physics plant", "Runs on further:late",
-                  "Prediction", "Film", "Limit cycles", "Excitation"):  # fmt: skip
+    for title in (
+        "Margins of the model",
+        "Margins of creep",
+        "Runs on the physics plant",
+        "Runs on further:late",
+        "Prediction",
+        "Film",
+        "Limit cycles",
+        "Excitation",
+    ):
         assert f'colspan="6">{title}</th>' in text, title
-    assert '<td>phase margin</td>' in text and "≥ 45°" in text and "≥ 30°" in text
+    assert "<td>phase margin</td>" in text and "≥ 45°" in text and "≥ 30°" in text
 
 
 def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
@@ -209,9 +229,7 @@ def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
     steps = table(results / "figures/steps.csv")
     np.testing.assert_allclose(steps["achieved_N"], found.steps.output, rtol=1e-12)
     document = json.loads((results / "check.json").read_text(encoding="utf-8"))
-    np.testing.assert_allclose(
-        0.5 * (steps["high_N"] - steps["low_N"]), document["predicted"]["half_width"], rtol=1e-9
-    )
+    np.testing.assert_allclose(0.5 * (steps["high_N"] - steps["low_N"]), document["predicted"]["half_width"], rtol=1e-9)
     rivals = table(results / "figures/rivals.csv")
     np.testing.assert_allclose(rivals["achieved_creep_N"], found.others["creep"].output, rtol=1e-12)
     margins = table(results / "figures/margins.csv")
@@ -263,11 +281,13 @@ def test_a_free_run_that_diverges_on_the_recording_is_an_answer(
     """0.5 y = 10 y³ + 0.028 u has no root above u = 1.54: there y grows without end. The job was done: status 0."""
     model = NarxModel.load(at_desk / "narx.json")
     grows = NarxModel.from_terms(
-        {"y(k-1)": 0.5, "y(k-1)^3": 10.0, "u(k)": 0.028}, sample_time=model.sample_time, provenance=model.provenance,
+        {"y(k-1)": 0.5, "y(k-1)^3": 10.0, "u(k)": 0.028},
+        sample_time=model.sample_time,
+        provenance=model.provenance,
         operating=replace(
             model.operating, output_min=np.zeros(1), output_max=np.full(1, 0.15), output_centre=np.full(1, 0.08)
         ),
-    )  # fmt: skip
+    )
     grows.save(at_desk / "grows.json")
     given = ["grows.json", *PLANT, "--recording", "noise.csv", *COLUMNS, "--operating-input", "1.3"]
     assert main(["check", *given, "--out", "grown"]) == 0
@@ -286,7 +306,8 @@ def test_a_free_run_that_diverges_on_the_recording_is_an_answer(
         ([*PLANT, "--operating-range", "1.6", "1.4"], 1, "the operating range 1.6 to 1.4 holds no input"),
         ([*PLANT, "--operating-range", "1.5", "9"], 1, "lies outside of the training data"),
         (
-            [*PLANT, "--operating-input", "1.7", "--operating-range", "1.4", "1.6"], 1,
+            [*PLANT, "--operating-input", "1.7", "--operating-range", "1.4", "1.6"],
+            1,
             "the operating input 1.7 lies outside of the operating range, 1.4 to 1.6",
         ),
         ([*PLANT, "--operating-input", "9"], 1, "the operating input 9 lies outside of the training data"),
@@ -301,7 +322,7 @@ def test_a_free_run_that_diverges_on_the_recording_is_an_answer(
         ([*PLANT, "--design", "pidd"], 2, "pidd"),
         ([], 2, "--plant"),
     ],
-)  # fmt: skip
+)
 def test_one_line_for_what_is_wrong(
     at_desk: Path, capsys: pytest.CaptureFixture[str], options: list[str], status: int, line: str
 ) -> None:
@@ -382,14 +403,22 @@ def test_a_diagnosis_keeps_its_rivals(
     stretch = np.interp(np.arange(1200) / 100, np.arange(13), corners)
     stretch[:100] = np.linspace(1, corners[1], 100)
     silent = Recording.from_arrays(
-        stretch, np.zeros(1200), 0.1, input_names=("stretch",), input_units=("1",),
-        output_names=("force",), output_units=("N",),
-    )  # fmt: skip
+        stretch,
+        np.zeros(1200),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
     record = creeping.record(Experiment(recordings=(silent,)), rng).recordings[0].section(0, 120)
     task = DiagnosisTask(
-        plant=strip(), experiments=[Experiment(recordings=(record,))], files=[], command=["deatwin", "diagnose"],
+        plant=strip(),
+        experiments=[Experiment(recordings=(record,))],
+        files=[],
+        command=["deatwin", "diagnose"],
         effects=(Creep(), Mullins()),
-    )  # fmt: skip
+    )
     (tmp_path / "rivals").mkdir()
     (tmp_path / "rivals" / "delay.json").write_text("of a former run")
     (tmp_path / "run.json").write_text(json.dumps({"outputs": ["rivals/delay.json"]}))

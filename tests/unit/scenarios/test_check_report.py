@@ -14,18 +14,27 @@ def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_a
     findings = [
         Finding(subject=subject, value=value, verdict=Verdict.FAIL, text="far off")
         for subject, value in (
-            ("overshoot", 7.3e11), ("ripple", 0.4), ("tracking", 101.0), ("limit cycle", 10.1), ("plant", None),
+            ("overshoot", 7.3e11),
+            ("ripple", 0.4),
+            ("tracking", 101.0),
+            ("limit cycle", 10.1),
+            ("plant", None),
             ("steady error", np.inf),
         )
-    ]  # fmt: skip
+    ]
     wanted = Specification(overshoot=Limit(good=20.0, poor=50.0, unit="%"), reserve=0.0)
     check: Any = SimpleNamespace(findings=findings, table=())
     model: Any = None
     view = View(check=check, model=model, plants={}, specification=wanted)
     rows = {row.subject: row for group in groups(view) for row in group.rows}
     assert [rows[finding.subject].value for finding in findings] == [
-        "more than 1000 %", "40 %", "more than 100 times", "more than 1000 %", "–", "∞"
-    ]  # fmt: skip
+        "more than 1000 %",
+        "40 %",
+        "more than 100 times",
+        "more than 1000 %",
+        "–",
+        "∞",
+    ]
     assert (rows["overshoot"].good, rows["overshoot"].poor) == ("≤ 2e+03 %", "≤ 5e+03 %")
     assert (rows["tracking"].good, rows["tracking"].poor) == ("≤ 1.50 times", "≤ 3.00 times")
 

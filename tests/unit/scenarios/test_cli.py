@@ -26,17 +26,7 @@ def test_help_loads_nothing_heavy() -> None:
     text, _, loaded = done.stdout.partition("LOADED")
     for command in ("demo", "simulate", "identify", "frequency", "diagnose", "check", "scenario", "doctor"):
         assert command in text
-    heavy = {
-        "numpy",
-        "scipy",
-        "casadi",
-        "matplotlib",
-        "jinja2",
-        "control",
-        "sklearn",
-        "deatwin.plant",
-        "deatwin.ident",
-    }
+    heavy = {"numpy", "scipy", "casadi", "matplotlib", "jinja2", "control", "sklearn", "deatwin.plant", "deatwin.ident"}
     assert heavy.isdisjoint(loaded.split())
 
 
@@ -86,16 +76,7 @@ def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:
 
 def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "rig.toml", "second.csv", "--out", "alone.csv", "--quiet"]) == 0
-    with_history = [
-        "simulate",
-        "rig.toml",
-        "second.csv",
-        "--history",
-        "first.csv",
-        "--out",
-        "after.csv",
-        "--quiet",
-    ]
+    with_history = ["simulate", "rig.toml", "second.csv", "--history", "first.csv", "--out", "after.csv", "--quiet"]
     assert main(with_history) == 0
     assert capsys.readouterr().out == ""
     tables = [np.genfromtxt(name, delimiter=",", names=True) for name in ("alone.csv", "after.csv")]

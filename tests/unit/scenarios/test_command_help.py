@@ -26,10 +26,16 @@ from deatwin.scenarios.voice import Voice
 COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
 PROGRAM = "import sys; from deatwin.scenarios.cli import main; sys.exit(main())"
 SHARED = {
-    "quiet": options.Quiet, "as_json": options.Json, "jobs": options.Jobs, "seed": options.Seed,
-    "allow_gaps": options.AllowGaps, "dt": options.SampleTime, "input_column": options.InputColumn,
-    "output_column": options.OutputColumn, "time_column": options.TimeColumn,
-}  # fmt: skip
+    "quiet": options.Quiet,
+    "as_json": options.Json,
+    "jobs": options.Jobs,
+    "seed": options.Seed,
+    "allow_gaps": options.AllowGaps,
+    "dt": options.SampleTime,
+    "input_column": options.InputColumn,
+    "output_column": options.OutputColumn,
+    "time_column": options.TimeColumn,
+}
 COLOUR = re.compile(r"\x1b\[[0-9;]*(?:3[0-7]|9[0-7]|38;[0-9;]+)m")
 
 
@@ -37,8 +43,12 @@ def program(*arguments: str, **environment: str) -> list[str]:
     """Lines that a process prints."""
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM, *arguments],
-        env={**os.environ, **environment}, capture_output=True, text=True, check=False, timeout=60,
-    )  # fmt: skip
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
     return done.stdout.splitlines()
 
 
@@ -172,8 +182,9 @@ def test_effects_and_sizes_are_completed() -> None:
         ("deatwin sce", {"scenario", "scenarios"}),
     ],
 )
-def test_bash_is_offered_names(typed: str, offered: set[str], capsys: pytest.CaptureFixture[str],
-                               monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+def test_bash_is_offered_names(
+    typed: str, offered: set[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("_DEATWIN_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", typed)
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - (not typed.endswith(" "))))
@@ -199,8 +210,10 @@ def on_a_terminal(**environment: str) -> str:
     clean = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "FORCE_COLOR")}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "check", "--help"],
-        stdout=slave, stderr=slave, env={**clean, "TERM": "xterm-256color", **environment},
-    )  # fmt: skip
+        stdout=slave,
+        stderr=slave,
+        env={**clean, "TERM": "xterm-256color", **environment},
+    )
     os.close(slave)
     shown = b""
     try:

@@ -31,17 +31,30 @@ def spec(name: str, kind: str, *effects: str, ratio: float = 2.0, rich: bool = T
 
 
 def done(
-    verdict: str, *causes: str, ratio: float, probability: float = 0.9, also: tuple[str, ...] = (),
-    d2: float | None = None, check: Mapping[str, float | None] | None = None, term: str = "",
-    advised: Mapping[str, Any] | None = None, mass: float | None = None,
-) -> dict[str, Any]:  # fmt: skip
+    verdict: str,
+    *causes: str,
+    ratio: float,
+    probability: float = 0.9,
+    also: tuple[str, ...] = (),
+    d2: float | None = None,
+    check: Mapping[str, float | None] | None = None,
+    term: str = "",
+    advised: Mapping[str, Any] | None = None,
+    mass: float | None = None,
+) -> dict[str, Any]:
     errors = {"nominal": 9e-6, "base": 4e-6, "diagnosis": 2e-6, "oracle": 2e-6} if check is None else dict(check)
     near = [] if d2 is None else [{"effects": ["a", "b"], "d2": d2}]
     return {
-        "status": "done", "ratio": ratio, "check": errors, "advised": advised, "parameters": [],
+        "status": "done",
+        "ratio": ratio,
+        "check": errors,
+        "advised": advised,
+        "parameters": [],
         "diagnosis": {
-            "verdict": verdict, "causes": [{"effect": c, "probability": probability} for c in causes],
-            "set": [*causes, *also] if causes else [], "indistinguishable": near,
+            "verdict": verdict,
+            "causes": [{"effect": c, "probability": probability} for c in causes],
+            "set": [*causes, *also] if causes else [],
+            "indistinguishable": near,
             "next_experiment": None if advised is None else {"added_mass_g": mass},
         },
         "baselines": {
@@ -49,7 +62,7 @@ def done(
             "gaussian_process": {"rms": 3e-6, "term": "", "failure": ""},
             "narx": {"rms": None, "term": "", "failure": "x"},
         },
-    }  # fmt: skip
+    }
 
 
 CLEAN = {"nominal": 9e-6, "base": 2e-6, "diagnosis": 2e-6, "oracle": None}
@@ -63,8 +76,17 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (spec("e2", "effect", "rub"), done("named", "hysteresis", ratio=2.0)),
     (spec("e3", "effect", "rub"), done("named", "creep", ratio=1.5, probability=0.7, term="s")),
     (spec("e4", "effect", "slow_flow"), done("none", ratio=0.6, check={**CLEAN, "oracle": 1e-6})),
-    (spec("e5", "effect", "glass_lag"), done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=3.0,
-                                             check={"base": 4e-6, "diagnosis": 3e-6, "oracle": 2e-6})),
+    (
+        spec("e5", "effect", "glass_lag"),
+        done(
+            "ambiguous",
+            "delay",
+            ratio=1.0,
+            also=("sensor_lag",),
+            d2=3.0,
+            check={"base": 4e-6, "diagnosis": 3e-6, "oracle": 2e-6},
+        ),
+    ),
     (spec("e6", "effect", "glass_lag", ratio=0.3), done("none", ratio=0.3)),
     (spec("e7", "effect", "slow_flow", ratio=1.6), {"status": "error", "message": "ValueError: no"}),
     (spec("o1", "outside", "aether"), done("unknown", ratio=1.0)),
@@ -72,23 +94,53 @@ MADE: list[tuple[dict[str, Any], dict[str, Any]]] = [
     (spec("o3", "outside", "aether", ratio=0.4), done("none", ratio=0.4)),
     (spec("p1", "pair", "slow_flow", "rub"), done("named", "creep", "coulomb_friction", ratio=2.0)),
     (spec("p2", "pair", "slow_flow", "glass_lag"), done("named", "creep", "delay", ratio=2.0)),
-    (spec("t1", "tie", "glass_lag", rich=False),
-     done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
-          advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""})),
-    (spec("t2", "tie", "glass_lag", rich=False),
-     done("ambiguous", "delay", ratio=1.0, also=("sensor_lag",), d2=1.0,
-          advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "failure": ""})),
+    (
+        spec("t1", "tie", "glass_lag", rich=False),
+        done(
+            "ambiguous",
+            "delay",
+            ratio=1.0,
+            also=("sensor_lag",),
+            d2=1.0,
+            advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "set": ["sensor_lag"], "failure": ""},
+        ),
+    ),
+    (
+        spec("t2", "tie", "glass_lag", rich=False),
+        done(
+            "ambiguous",
+            "delay",
+            ratio=1.0,
+            also=("sensor_lag",),
+            d2=1.0,
+            advised={"verdict": "ambiguous", "causes": [{"effect": "sensor_lag"}], "failure": ""},
+        ),
+    ),
     # named rightly at once; too weak to be demanded of, resolved with a mass
     (spec("t3", "tie", "glass_lag", rich=False), done("named", "sensor_lag", ratio=0.8)),
-    (spec("t4", "tie", "glass_lag", ratio=0.4, rich=False),
-     done("ambiguous", "delay", ratio=0.4, also=("sensor_lag",), d2=1.0, mass=5.0,
-          advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "failure": ""})),
-]  # fmt: skip
+    (
+        spec("t4", "tie", "glass_lag", ratio=0.4, rich=False),
+        done(
+            "ambiguous",
+            "delay",
+            ratio=0.4,
+            also=("sensor_lag",),
+            d2=1.0,
+            mass=5.0,
+            advised={"verdict": "named", "causes": [{"effect": "sensor_lag"}], "failure": ""},
+        ),
+    ),
+]
 INTERVALS = [
-    ({"name": f"interval-{k}", "kind": "interval"},
-     {"status": "done", "parameters": [{"name": "creep.time", "true": 1.0, "low": 0.9, "high": 1.1 - 0.2 * (k == 0)}]})
+    (
+        {"name": f"interval-{k}", "kind": "interval"},
+        {
+            "status": "done",
+            "parameters": [{"name": "creep.time", "true": 1.0, "low": 0.9, "high": 1.1 - 0.2 * (k == 0)}],
+        },
+    )
     for k in range(4)
-]  # fmt: skip
+]
 
 
 def sealed(key: Mapping[str, Any], **changed: Any) -> Seal:
@@ -187,9 +239,11 @@ def test_what_is_only_reported_is_neither_met_nor_missed(opened: Opened) -> None
 def test_ties_tell_what_was_diagnosed_with_a_mass_and_what_needed_no_experiment(opened: Opened) -> None:
     cells = {row[0]: row[-2:] for table in tables(opened, sealed({})) if "†" in table.title for row in table.rows}
     assert cells == {
-        "t1": ["named: sensor_lag", "yes"], "t2": ["ambiguous: sensor_lag", "no"], "t3": ["–", "at once"],
+        "t1": ["named: sensor_lag", "yes"],
+        "t2": ["ambiguous: sensor_lag", "no"],
+        "t3": ["–", "at once"],
         "t4": ["named: sensor_lag†", "yes"],
-    }  # fmt: skip
+    }
 
 
 def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
@@ -251,9 +305,15 @@ def test_results_of_a_part_are_not_written_under_another_key(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("changed", "words"),
-    [({"key": "other"}, "key"), ({"code": "other"}, "code"), ({"seed": 4}, "seed"), ({"size": "full"}, "size"),
-     ({"version": "2"}, "version"), ({"thresholds": {"a.B": 2.0}}, r"thresholds \(a.B\)")],
-)  # fmt: skip
+    [
+        ({"key": "other"}, "key"),
+        ({"code": "other"}, "code"),
+        ({"seed": 4}, "seed"),
+        ({"size": "full"}, "size"),
+        ({"version": "2"}, "version"),
+        ({"thresholds": {"a.B": 2.0}}, r"thresholds \(a.B\)"),
+    ],
+)
 def test_a_folder_is_not_gone_on_with_under_another_seal(
     made: tuple[Store, dict[str, Any]], tmp_path: Path, changed: dict[str, Any], words: str
 ) -> None:

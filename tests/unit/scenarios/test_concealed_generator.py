@@ -77,7 +77,11 @@ def test_the_integrator_has_the_order_of_its_scheme():
     reads = np.array([timeline.start + 4.0])
     steps = [
         integrate(
-            plant.equations, plant.free_values, times, plant.equations.inputs(commands, 0.0, times), reads,
+            plant.equations,
+            plant.free_values,
+            times,
+            plant.equations.inputs(commands, 0.0, times),
+            reads,
             tolerance=tolerance,
         ).steps
         for tolerance in (1e-10, 256e-10)
@@ -117,9 +121,15 @@ class Workbench:
         rate = ca.Function("rate", [x, self.velocity], [ca.vertcat(*(self.rates[s.name()] for s in self.states))])
         force = ca.Function("force", [x, self.velocity], [self.force])
         found = solve_ivp(
-            lambda t, x: np.asarray(rate(x, velocity(t))).ravel(), (timepts[0], timepts[-1]), np.zeros(x.numel()),
-            method="LSODA", t_eval=timepts, rtol=1e-6, atol=1e-9, max_step=2e-3,
-        )  # fmt: skip
+            lambda t, x: np.asarray(rate(x, velocity(t))).ravel(),
+            (timepts[0], timepts[-1]),
+            np.zeros(x.numel()),
+            method="LSODA",
+            t_eval=timepts,
+            rtol=1e-6,
+            atol=1e-9,
+            max_step=2e-3,
+        )
         return np.array([float(force(x, velocity(t))) for x, t in zip(found.y.T, timepts, strict=True)])
 
 
@@ -240,9 +250,15 @@ def _plants(rigging: Rigging) -> tuple[Plant, ...]:
 
 
 KNOCK = CaseSpec(
-    name="knock", kind="effect", effects=("knocked_sensor",), truth=("sensor_jump",), target_ratio=0.9, seed=77,
-    excitation="noise", noise_share=0.03,
-)  # fmt: skip
+    name="knock",
+    kind="effect",
+    effects=("knocked_sensor",),
+    truth=("sensor_jump",),
+    target_ratio=0.9,
+    seed=77,
+    excitation="noise",
+    noise_share=0.03,
+)
 
 
 @pytest.fixture(scope="module")

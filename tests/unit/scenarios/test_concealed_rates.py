@@ -56,8 +56,9 @@ def test_calibration_error_and_brier_score_by_hand() -> None:
     stated, true = [0.95, 0.95, 0.95, 0.95, 0.62, 0.62], [True, True, True, False, True, False]
     bins = reliability(stated, true)
     assert [(b.stated, b.came_true.hits, b.came_true.count) for b in bins] == [
-        (pytest.approx(0.62), 1, 2), (pytest.approx(0.95), 3, 4),
-    ]  # fmt: skip
+        (pytest.approx(0.62), 1, 2),
+        (pytest.approx(0.95), 3, 4),
+    ]
     assert expected_calibration_error(bins) == pytest.approx((4 * 0.20 + 2 * 0.12) / 6)
     assert brier_score(stated, true) == pytest.approx((3 * 0.05**2 + 0.95**2 + 0.38**2 + 0.62**2) / 6)
     assert reliability([1.0], [True])[0].came_true.count == 1  # certainty belongs to the highest bin

@@ -100,8 +100,19 @@ def test_a_size_that_there_is_not_is_an_error_of_one_line(
 
 
 def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
-    command = ["scenario", "concealed-physics", "--size", "tiny", "--seed", str(TINY_SEED), "--jobs", "2",
-               "--out", str(tmp_path), "--quiet"]  # fmt: skip
+    command = [
+        "scenario",
+        "concealed-physics",
+        "--size",
+        "tiny",
+        "--seed",
+        str(TINY_SEED),
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path),
+        "--quiet",
+    ]
     program = [sys.executable, "-c", "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"]
     first = subprocess.Popen([*program, *command], start_new_session=True)
     while len(list((tmp_path / "cases").glob("*.nc"))) < 4 and first.poll() is None:

@@ -39,9 +39,17 @@ PASS, MARGINAL, FAIL = Verdict.PASS, Verdict.MARGINAL, Verdict.FAIL
 
 def outcome(number=0, verdict="pass", inside=1.0, sound=True, *, design="LQG", concealed="") -> Outcome:
     return Outcome(
-        number=number, concealed=concealed, design=design, closed_loop_time=0.2, band_Hz=2.0, verdict=verdict,
-        reason="a reason, with a comma", inside=inside, sound=sound, truth="steps overshoot by 2 %",
-    )  # fmt: skip
+        number=number,
+        concealed=concealed,
+        design=design,
+        closed_loop_time=0.2,
+        band_Hz=2.0,
+        verdict=verdict,
+        reason="a reason, with a comma",
+        inside=inside,
+        sound=sound,
+        truth="steps overshoot by 2 %",
+    )
 
 
 def put(trials: Trials, one: Outcome) -> None:
@@ -149,10 +157,17 @@ def test_a_recording_without_a_model_is_an_outcome(monkeypatch: pytest.MonkeyPat
 # Rates ---------------------------------------------------------------------------------------------------------------
 
 MIXED = (
-    outcome(0), outcome(1), outcome(2, inside=0.999), outcome(3, inside=None), outcome(4, sound=False),
-    outcome(5, "marginal", 0.5), outcome(6, "marginal", sound=False), outcome(7, "fail", sound=False),
-    outcome(8, "fail", None, None), outcome(9, NO_MODEL, None, None),
-)  # fmt: skip
+    outcome(0),
+    outcome(1),
+    outcome(2, inside=0.999),
+    outcome(3, inside=None),
+    outcome(4, sound=False),
+    outcome(5, "marginal", 0.5),
+    outcome(6, "marginal", sound=False),
+    outcome(7, "fail", sound=False),
+    outcome(8, "fail", None, None),
+    outcome(9, NO_MODEL, None, None),
+)
 
 
 def test_what_counts_as_kept() -> None:
@@ -193,18 +208,33 @@ def loop(error: float = 1e-6, *, status: RunStatus = RunStatus.DONE, ringing: fl
     swing = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
     output = reference - error * swing - ringing * swing
     return ClosedLoop(
-        status=status, timepts=H * np.arange(n), reference=reference, output=output, measured=output,
-        command=np.full(n, 2.5), command_limits=(1.0, 4.0), input_unit="V", output_unit="m",
-    )  # fmt: skip
+        status=status,
+        timepts=H * np.arange(n),
+        reference=reference,
+        output=output,
+        measured=output,
+        command=np.full(n, 2.5),
+        command_limits=(1.0, 4.0),
+        input_unit="V",
+        output_unit="m",
+    )
 
 
 def tracked(rms: float, phase: float = 80.0) -> Tracked:
     one = np.ones(1)
     return Tracked(
-        controller=None, run=loop(rms),
-        margins=Margins(gain=5.0 * one, phase_deg=phase * one, delay=0.3 * one, crossover=3.0 * one, stable=one > 0,
-                        disk=one, modulus=one),
-    )  # fmt: skip
+        controller=None,
+        run=loop(rms),
+        margins=Margins(
+            gain=5.0 * one,
+            phase_deg=phase * one,
+            delay=0.3 * one,
+            crossover=3.0 * one,
+            stable=one > 0,
+            disk=one,
+            modulus=one,
+        ),
+    )
 
 
 def tracking(name: str = "nominal rig", *, phase: float = 80.0, **rms: float) -> Tracking:
@@ -229,7 +259,8 @@ def six(**spoilt: ClosedLoop) -> tuple[FleetRun, ...]:
 def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "electrode_rc"):
     designs = tuple(
         SimpleNamespace(
-            source=source, controller=SimpleNamespace(name="PI", closed_loop_time=0.4),
+            source=source,
+            controller=SimpleNamespace(name="PI", closed_loop_time=0.4),
             runs=SimpleNamespace(steps=loop(5e-6)),
             check=SimpleNamespace(verdict=verdict, reason="the phase margin is 22°"),
             truth=SimpleNamespace(verdict=verdict, text="steps overshoot by 51 % on the physics plant"),
@@ -243,11 +274,16 @@ def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "elec
 
 def matters() -> Matters:
     known = Matter(
-        name="physics plant", residual=2e-6, bandwidth_Hz=Interval(value=1.0, low=0.9, high=1.1),
-        overshoot=Interval(value=0.02, low=0.01, high=0.04), gain=Interval(value=5.0, low=4.0, high=6.0),
-        rms=Interval(value=8e-6, low=7e-6, high=9e-6), controller=None, steps=None,
+        name="physics plant",
+        residual=2e-6,
+        bandwidth_Hz=Interval(value=1.0, low=0.9, high=1.1),
+        overshoot=Interval(value=0.02, low=0.01, high=0.04),
+        gain=Interval(value=5.0, low=4.0, high=6.0),
+        rms=Interval(value=8e-6, low=7e-6, high=9e-6),
+        controller=None,
+        steps=None,
         achieved=Achieved(bandwidth_Hz=1.05, overshoot=0.04, gain=6.5, rms=7.5e-6),
-    )  # fmt: skip
+    )
     lost = Matter(name="linear ARX", residual=None, reason="the model is unstable")
     return Matters(models=(lost, known), output_rms=2e-4)
 
@@ -257,9 +293,12 @@ GOOD = tuple(outcome(n) for n in range(9)) + tuple(outcome(n, "fail", 0.5, False
 
 def made(**parts) -> Study:
     whole = {
-        "tracking": (tracking(), tracking("specification", I=30.0, D=15.0, oI=18.0, oD=14.0)), "fleet": six(),
-        "matters": matters(), "concealed": (concealed(), concealed(PASS, PASS, "creep")), "outcomes": GOOD,
-    }  # fmt: skip
+        "tracking": (tracking(), tracking("specification", I=30.0, D=15.0, oI=18.0, oD=14.0)),
+        "fleet": six(),
+        "matters": matters(),
+        "concealed": (concealed(), concealed(PASS, PASS, "creep")),
+        "outcomes": GOOD,
+    }
     return Study(**(whole | parts))
 
 
@@ -332,9 +371,13 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     # It ends before errors count: its rms is infinite.
     lost = replace(tracked(1e-6), run=loop(status=RunStatus.PULL_IN, seconds=3.0))
     study = made(outcomes=MIXED)
-    study = replace(study, tracking=(study.tracking[0], replace(
-        study.tracking[1], tracked={**study.tracking[1].tracked, "inverse": lost}
-    )))  # fmt: skip
+    study = replace(
+        study,
+        tracking=(
+            study.tracking[0],
+            replace(study.tracking[1], tracked={**study.tracking[1].tracked, "inverse": lost}),
+        ),
+    )
     asked = []
 
     def fake(folder, size, seed, jobs, tell):

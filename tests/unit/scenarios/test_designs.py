@@ -14,11 +14,14 @@ from deatwin.plant import Coupon
 from deatwin.scenarios.designs import DesignName, Wanted, design_named
 
 KINDS: dict[DesignName, tuple[type[Controller], str]] = {
-    DesignName.PI: (LinearController, "I"), DesignName.PID: (LinearController, "PID"),
-    DesignName.INVERSE: (InverseController, "inverse"), DesignName.LQG: (LinearController, "LQG"),
-    DesignName.HINF: (LinearController, "H-infinity"), DesignName.SHAPED: (LinearController, "I"),
+    DesignName.PI: (LinearController, "I"),
+    DesignName.PID: (LinearController, "PID"),
+    DesignName.INVERSE: (InverseController, "inverse"),
+    DesignName.LQG: (LinearController, "LQG"),
+    DesignName.HINF: (LinearController, "H-infinity"),
+    DesignName.SHAPED: (LinearController, "I"),
     DesignName.SCHEDULED: (ScheduledController, "scheduled"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", list(DesignName))

@@ -46,14 +46,17 @@ ELSEWHERE = {
     "scenario NAME": "a placeholder: each scenario has commands of its own",
     "scenario NAME --out results/NAME": "the same placeholder",
 }
-PUBLISHED = [json.loads((ROOT / f"docs/data/{name}.json").read_text(encoding="utf-8"))
-             for name in ("concealed-physics", "concealed-physics-long")]  # fmt: skip
+PUBLISHED = [
+    json.loads((ROOT / f"docs/data/{name}.json").read_text(encoding="utf-8"))
+    for name in ("concealed-physics", "concealed-physics-long")
+]
 STUDIES = [f"scenario concealed-physics --size {study['size']} --seed {study['seed']}" for study in PUBLISHED]
 """The studies of the published tables: each page tells the command that made it, whatever its seed."""
 DATA = ("scenario silverbox --data recordings --out silverbox",)
 """Public recordings, which a user downloads: run where DEATWIN_DATA names their folder."""
 LONG = {
-    "demo": [], "demo --out deatwin-demo": [],
+    "demo": [],
+    "demo --out deatwin-demo": [],
     "check narx.json --plant found/model.json --diagnosis found --recording noise.csv --design inverse "
     "--operating-range 1.5 3.2 --out control": [],
     "diagnose rig.toml lab.csv --input-column '#2' --output-column '#3' --out found": [],
@@ -62,10 +65,14 @@ LONG = {
     "scenario concealed-physics": ["--size", "tiny", "--jobs", "-1"],
     **{study: ["--size", "tiny"] for study in STUDIES},
     "scenario concealed-physics --size tiny --jobs -1 --out concealed": [],
-    "scenario control-check": [], "scenario svb-benchmark": [], "scenario thesis-data": [],
-    "scenario thesis-data --out thesis-data": [], "scenario your-own-rig": [],
-    "scenario your-own-rig --out quarter-car": [], **{command: [] for command in DATA},
-}  # fmt: skip
+    "scenario control-check": [],
+    "scenario svb-benchmark": [],
+    "scenario thesis-data": [],
+    "scenario thesis-data --out thesis-data": [],
+    "scenario your-own-rig": [],
+    "scenario your-own-rig --out quarter-car": [],
+    **{command: [] for command in DATA},
+}
 """Under the mark `study`, with the options that are added to make them shorter: tiny studies in place of days."""
 STAGES = ("doctor", "scenarios", "identify", "frequency", "diagnose", "simulate", "check", "export", "demo", "scenario")
 MADE_BY = {
@@ -75,9 +82,11 @@ MADE_BY = {
 }
 """What other commands take, by the documented command that writes it."""
 LONG_BLOCKS = {
-    ("README.md", 0), ("docs/how-to/check-a-controller.md", 0), ("docs/how-to/own-effect.md", 1),
+    ("README.md", 0),
+    ("docs/how-to/check-a-controller.md", 0),
+    ("docs/how-to/own-effect.md", 1),
     ("docs/how-to/which-experiment.md", 1),
-}  # fmt: skip
+}
 BLOCKS_ELSEWHERE = {
     ("docs/how-to/run-a-study.md", 0): "tests/unit/scenarios/test_sweep_studies.py",
     ("docs/how-to/run-a-study.md", 1): "a form, not a program: `...` stands for the reader's own call",
@@ -113,8 +122,14 @@ SHORT = sorted((c for c in SHOWN if c not in {*LONG, *ELSEWHERE}), key=lambda c:
 
 
 def table(path: Path, record: Recording) -> None:
-    write_csv(path, {"time_s": record.timepts.round(6), "command_V": record.inputs[0].round(6),
-                     "displacement_mm": (1e3 * record.outputs[0]).round(6)})  # fmt: skip
+    write_csv(
+        path,
+        {
+            "time_s": record.timepts.round(6),
+            "command_V": record.inputs[0].round(6),
+            "displacement_mm": (1e3 * record.outputs[0]).round(6),
+        },
+    )
 
 
 def measured(folder: Path, commands: Sequence[np.ndarray], start: float = 0.0) -> tuple[Recording, ...]:
@@ -142,12 +157,20 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (rig,) = [text for _, text in DOCUMENTS.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
     (folder / "rig.toml").write_text(rig, encoding="utf-8")
     noise, other = band_limited_noise(rng, 18.0, STEP), band_limited_noise(rng, 10.0, STEP)
-    for name, record in zip(("noise", "steps", "check"),
-                            measured(folder, [noise, random_holds(rng, 12.0, STEP, 1.4, 3.0), other]), strict=True):
+    for name, record in zip(
+        ("noise", "steps", "check"),
+        measured(folder, [noise, random_holds(rng, 12.0, STEP, 1.4, 3.0), other]),
+        strict=True,
+    ):
         table(folder / f"{name}.csv", record)
     monday = measured(folder, [noise, other])
-    for name, record in (("monday_1", monday[0]), ("monday_2", monday[1]), ("train", monday[0]), ("test", monday[1]),
-                         ("tuesday", measured(folder, [noise[::-1]])[0])):  # fmt: skip
+    for name, record in (
+        ("monday_1", monday[0]),
+        ("monday_2", monday[1]),
+        ("train", monday[0]),
+        ("test", monday[1]),
+        ("tuesday", measured(folder, [noise[::-1]])[0]),
+    ):
         table(folder / f"{name}.csv", record)
     german(folder / "lab.csv", monday[0])
     rows = np.c_[monday[0].timepts.round(6), monday[0].inputs[0], 1e3 * monday[0].outputs[0]]
@@ -211,7 +234,7 @@ def test_a_command_does_what_its_page_says(
         arguments = at_the_shaker(arguments, tmp_path, at_desk, monkeypatch)
     status, told = run(arguments), capsys.readouterr()
     if "fmu" in command and importlib.util.find_spec("fmpy") is None:
-        assert status == 1 and "pip install \"fmpy" in told.err
+        assert status == 1 and 'pip install "fmpy' in told.err
         return
     assert status == 0, told.err
     assert all(path.exists() for path in outputs(arguments))
@@ -240,9 +263,7 @@ def test_a_long_command_does_what_its_page_says(
     assert all(path.exists() for path in outputs(arguments))
 
 
-def at_the_shaker(
-    arguments: list[str], folder: Path, desk: Path, monkeypatch: pytest.MonkeyPatch
-) -> list[str]:
+def at_the_shaker(arguments: list[str], folder: Path, desk: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The working folder for a plant with a sample time of its own, with the recording that its page makes."""
     monkeypatch.chdir(folder)
     monkeypatch.syspath_prepend(str(folder))
@@ -256,8 +277,9 @@ def at_the_shaker(
 def block_params() -> list[object]:
     return [
         pytest.param(at, id=f"{at[0]}-{at[1]}", marks=[pytest.mark.study] if at in LONG_BLOCKS else [])
-        for at in BLOCKS if at not in BLOCKS_ELSEWHERE
-    ]  # fmt: skip
+        for at in BLOCKS
+        if at not in BLOCKS_ELSEWHERE
+    ]
 
 
 @pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take ten times as long")
@@ -270,8 +292,14 @@ def test_a_block_of_python_runs(at: tuple[str, int], at_desk: Path, monkeypatch:
         if f'"{path}' in code and not Path(path).exists():
             assert run(shlex.split(maker)) == 0
     if "predicted.csv" in code:
-        assert run(shlex.split("simulate found/model.json check.csv --history noise.csv --history steps.csv "
-                               "--out predicted.csv")) == 0  # fmt: skip
+        assert (
+            run(
+                shlex.split(
+                    "simulate found/model.json check.csv --history noise.csv --history steps.csv --out predicted.csv"
+                )
+            )
+            == 0
+        )
     module = ModuleType("__main__")
     monkeypatch.setitem(sys.modules, "__main__", module)
     monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)

@@ -19,16 +19,27 @@ DOCS = Path(__file__).parents[3] / "docs"
 
 def outcome(number: int, verdict: str, inside: float | None, sound: bool | None, concealed: str = "") -> Outcome:
     return Outcome(
-        number=number, concealed=concealed, design="LQG", closed_loop_time=0.2, band_Hz=2.0, verdict=verdict,
-        reason="a reason | with a bar", inside=inside, sound=sound, truth="overshoots by 2 µm",
-    )  # fmt: skip
+        number=number,
+        concealed=concealed,
+        design="LQG",
+        closed_loop_time=0.2,
+        band_Hz=2.0,
+        verdict=verdict,
+        reason="a reason | with a bar",
+        inside=inside,
+        sound=sound,
+        truth="overshoots by 2 µm",
+    )
 
 
 # Two passes of which one keeps its word, a broken limit that was caught, caution once of two, and no controller once.
 TRIALS = [
-    outcome(0, "pass", 1.0, True), outcome(1, "pass", 0.98, True, "creep"), outcome(2, "fail", None, False),
-    outcome(3, "marginal", 1.0, True), outcome(4, "fail", None, None),
-]  # fmt: skip
+    outcome(0, "pass", 1.0, True),
+    outcome(1, "pass", 0.98, True, "creep"),
+    outcome(2, "fail", None, False),
+    outcome(3, "marginal", 1.0, True),
+    outcome(4, "fail", None, None),
+]
 
 
 @pytest.fixture
@@ -64,8 +75,11 @@ def test_the_committed_pages_are_what_their_data_give() -> None:
 
 def test_every_block_that_is_made_is_shown_on_a_page() -> None:
     data = {name: json.loads((DOCS / "data" / f"{name}.json").read_text(encoding="utf-8")) for name in evidence.DATA}
-    shown = {found[2] for name in ("control-check.md", "validation.md")
-             for found in evidence.BLOCK.finditer((DOCS / name).read_text(encoding="utf-8"))}  # fmt: skip
+    shown = {
+        found[2]
+        for name in ("control-check.md", "validation.md")
+        for found in evidence.BLOCK.finditer((DOCS / name).read_text(encoding="utf-8"))
+    }
     assert shown == set(evidence.blocks(data))
 
 
@@ -110,22 +124,53 @@ STORY = {
         {"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False},
         {"measure": "random rigs and designs that pass", "demanded": "90 %", "reached": "1 of 1", "passed": True},
     ],
-    "tracking": {"nominal rig": {
-        "PI": {"rms_error": 2.4e-5, **TRACKED}, "inverse": {"rms_error": 8e-6, **TRACKED, "gain_margin": None},
-        "oracle: inverse": {"rms_error": None, **TRACKED, "status": "diverged"},
-    }},
+    "tracking": {
+        "nominal rig": {
+            "PI": {"rms_error": 2.4e-5, **TRACKED},
+            "inverse": {"rms_error": 8e-6, **TRACKED, "gain_margin": None},
+            "oracle: inverse": {"rms_error": None, **TRACKED, "status": "diverged"},
+        }
+    },
     "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
     "models": [
-        {"model": "linear ARX", "quantity": "bandwidth_Hz", "predicted": 0.8, "low": 0.7, "high": 0.9,
-         "achieved": 0.5, "inside": False},
-        {"model": "linear ARX", "quantity": "gain_margin", "predicted": 3.0, "low": 2.0, "high": None,
-         "achieved": 2.5, "inside": True},
+        {
+            "model": "linear ARX",
+            "quantity": "bandwidth_Hz",
+            "predicted": 0.8,
+            "low": 0.7,
+            "high": 0.9,
+            "achieved": 0.5,
+            "inside": False,
+        },
+        {
+            "model": "linear ARX",
+            "quantity": "gain_margin",
+            "predicted": 3.0,
+            "low": 2.0,
+            "high": None,
+            "achieved": 2.5,
+            "inside": True,
+        },
     ],
-    "concealed": [{"effect": "creep", "diagnosis": "unknown", "causes": [], "designs": [
-        {"source": "base", "closed_loop_time": 0.4, "controller": "I", "verdict": "fail", "reason": "one; two; three",
-         "truth": "pass", "true_text": "steps overshoot by 2 % on the physics plant"},
-    ]}],
-}  # fmt: skip
+    "concealed": [
+        {
+            "effect": "creep",
+            "diagnosis": "unknown",
+            "causes": [],
+            "designs": [
+                {
+                    "source": "base",
+                    "closed_loop_time": 0.4,
+                    "controller": "I",
+                    "verdict": "fail",
+                    "reason": "one; two; three",
+                    "truth": "pass",
+                    "true_text": "steps overshoot by 2 % on the physics plant",
+                }
+            ],
+        }
+    ],
+}
 
 
 @pytest.fixture
@@ -174,14 +219,18 @@ def test_a_folder_without_a_story_changes_nothing(story, docs, name, content, me
 
 MISSED = {"measure": "smooth |H(f)|", "demanded": "below 1", "reached": "2", "passed": False}
 SILVERBOX = {
-    "verdict": "named", "causes": ["cubic_stiffness"], "measures": [{**MISSED, "passed": True}, MISSED],
+    "verdict": "named",
+    "causes": ["cubic_stiffness"],
+    "measures": [{**MISSED, "passed": True}, MISSED],
     "held_out": {
-        "The arrow-head": {"base": 0.25, "amended": 0.003, "black_boxes": {
-            LINEAR: 0.0001, "FRO, refined": 0.002, "grown by the free-run error": None,
-        }},
+        "The arrow-head": {
+            "base": 0.25,
+            "amended": 0.003,
+            "black_boxes": {LINEAR: 0.0001, "FRO, refined": 0.002, "grown by the free-run error": None},
+        },
         "Another": {"base": 9.0, "amended": 9.0, "black_boxes": {}},
     },
-}  # fmt: skip
+}
 
 
 @pytest.fixture
@@ -221,9 +270,9 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert (docs / "validation.md").read_text(encoding="utf-8") == page
 
 
-@pytest.mark.parametrize(("amended", "verdict", "shown", "ahead"), [
-    (0.001, "named", "cubic stiffness", 0), (0.003, "unknown", "unknown", 1),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("amended", "verdict", "shown", "ahead"), [(0.001, "named", "cubic stiffness", 0), (0.003, "unknown", "unknown", 1)]
+)
 def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, shown: str, ahead: int) -> None:
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}

@@ -85,9 +85,12 @@ def test_the_held_out_section_is_the_end_of_the_stretch() -> None:
     record = made_up(20_000)  # 400 s
     stretch = SimpleNamespace(first=5000, last=15_000)
     one = Prepared(
-        actuator=fleet(0)[0], recordings={RECORDED: record}, sections=SimpleNamespace(stretches=[stretch]),  # type: ignore[arg-type]
-        sampling=None, findings=(),  # type: ignore[arg-type]
-    )  # fmt: skip
+        actuator=fleet(0)[0],
+        recordings={RECORDED: record},
+        sections=SimpleNamespace(stretches=[stretch]),  # type: ignore[arg-type]
+        sampling=None,
+        findings=(),  # type: ignore[arg-type]
+    )
     training, held_out = one.split(RECORDED, 4)
     assert (training.start, held_out.end) == pytest.approx((100.0, 300.0))
     assert held_out.duration == pytest.approx(HELD_OUT) and held_out.start == pytest.approx(training.end)
@@ -134,9 +137,12 @@ def test_free_run_errors_find_the_degree() -> None:
 
 def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
     choice = Choice(
-        terms=np.array([5.0, 3.0, 2.0, 1.0]), bounds=np.array([7.0, 9.0, 8.0, 1.0]), bound_errors=np.ones(4),
-        err=np.array([0.9, 0.05, 2e-3, 0.03, 1e-5]), err_errors=np.ones(5),
-    )  # fmt: skip
+        terms=np.array([5.0, 3.0, 2.0, 1.0]),
+        bounds=np.array([7.0, 9.0, 8.0, 1.0]),
+        bound_errors=np.ones(4),
+        err=np.array([0.9, 0.05, 2e-3, 0.03, 1e-5]),
+        err_errors=np.ones(5),
+    )
     assert choice.by_bound == 3
     assert [choice.by_threshold(t) for t in (1e-2, 1e-3, 1e-6)] == [2, 4, 5]
 
@@ -147,10 +153,10 @@ def test_deviations_from_an_operating_point() -> None:
     record = Recording.from_arrays([3.0, 3.5, 2.0], [18.0, 21.0, 14.0], 1.0)
     model = replace(
         model,
-        operating=Fixed(terms=["1"]).fit(
-            Recording.from_arrays([3.0] * 9, [18.0, 18.0, 18.1] * 3, 1.0)
-        ).model_.operating,
-    )  # fmt: skip
+        operating=Fixed(terms=["1"])
+        .fit(Recording.from_arrays([3.0] * 9, [18.0, 18.0, 18.1] * 3, 1.0))
+        .model_.operating,
+    )
     shifted, moved = deviations(model, record)
     found = dict(zip(map(str, shifted.terms), shifted.theta, strict=True))
     assert found == pytest.approx({"y(k-1)": 0.5, "u(k)": 6.0, "u(k)^2": 1.0})
@@ -207,9 +213,12 @@ def test_only_what_a_programme_asks_for_is_identified() -> None:
 def prepared() -> tuple[Prepared, ...]:
     record = made_up(24_000)
     one = Prepared(
-        actuator=fleet(0)[0], recordings=dict.fromkeys(VARIANTS, record), findings=inspect_recordings(record),
-        sections=choose_sections(record, n_segments=40), sampling=choose_sampling(record, n_lags=100),
-    )  # fmt: skip
+        actuator=fleet(0)[0],
+        recordings=dict.fromkeys(VARIANTS, record),
+        findings=inspect_recordings(record),
+        sections=choose_sections(record, n_segments=40),
+        sampling=choose_sampling(record, n_lags=100),
+    )
     return tuple(replace(one, actuator=actuator) for actuator in fleet(0))
 
 
@@ -222,14 +231,16 @@ def whole(recorded: Bench, steady: Bench, methods: tuple[str, ...]) -> Study:
 
 PAGES = {
     "semp-fleet": (
-        semp_fleet, ("table B.1", "table 4.1", "table 4.2", "table 4.3"),
+        semp_fleet,
+        ("table B.1", "table 4.1", "table 4.2", "table 4.3"),
         ("orders", "semp", "free_runs", "drift", "tests_dea5", "tests_dea6"),
     ),
     "svb-fleet": (
-        svb_fleet, ("table 6.4", "table D.1", "table D.2"),
+        svb_fleet,
+        ("table 6.4", "table D.1", "table D.2"),
         ("pruning", "posterior", "free_runs", "tests_dea5", "tests_dea6", "choice"),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", PAGES)

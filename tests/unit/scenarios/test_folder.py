@@ -24,10 +24,15 @@ def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_recording(
         Path("short.csv"),
         Recording.from_arrays(
-            np.linspace(1.0, 2.0, 12), np.zeros(12), 0.02, input_names=("command",), output_names=("displacement",),
-            input_units=("V",), output_units=("m",),
+            np.linspace(1.0, 2.0, 12),
+            np.zeros(12),
+            0.02,
+            input_names=("command",),
+            output_names=("displacement",),
+            input_units=("V",),
+            output_units=("m",),
         ),
-    )  # fmt: skip
+    )
     return tmp_path
 
 

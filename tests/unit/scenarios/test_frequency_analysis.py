@@ -39,11 +39,18 @@ def tones(lines: tuple[int, ...], size: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize(
     ("system", "lines"),
     [
-        (LINEAR, (7,)), (HAMMERSTEIN, (3,)), (HAMMERSTEIN, (3, 8)), (HAMMERSTEIN, (1, 4, 12)), (QUADRATIC, (5,)),
-        (QUADRATIC, (3, 8)), (QUADRATIC, (1, 4, 12)), (QUADRATIC, (1, 3, 9, 16)), (DUFFING, (5,)),
+        (LINEAR, (7,)),
+        (HAMMERSTEIN, (3,)),
+        (HAMMERSTEIN, (3, 8)),
+        (HAMMERSTEIN, (1, 4, 12)),
+        (QUADRATIC, (5,)),
+        (QUADRATIC, (3, 8)),
+        (QUADRATIC, (1, 4, 12)),
+        (QUADRATIC, (1, 3, 9, 16)),
+        (DUFFING, (5,)),
         (DUFFING, (1, 4, 12)),
     ],
-)  # fmt: skip
+)
 def test_closed_forms_are_what_simulation_gives(system: ClosedForm, lines: tuple[int, ...]) -> None:
     # n tones of size a make n! H_n (a/2)^n at the sum of their lines. The n-fold difference over the signs leaves what
     # is odd in each tone; the next such terms have two further tones, so the error is of the order a^2: at a = 0.01
@@ -84,7 +91,7 @@ def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
         y[k] = 0.55 * y[k - 1] + 1e-5 * gain * (u[k] ** 2 + u[k - 1] ** 2 + u[k] * u[k - 1]) + e[k]
     return Recording.from_arrays(
         u, y, STEP, input_names=("command",), input_units=("V",), output_names=("displacement",), output_units=("m",)
-    )  # fmt: skip
+    )
 
 
 def plan_of() -> Plan:
@@ -100,11 +107,15 @@ def made() -> Fleet:
     prepared = []
     for number, gain in enumerate(GAINS):
         record = made_up(gain, seed=number)
-        prepared.append(Prepared(
-            actuator=fabricated(0)[number], recordings=dict.fromkeys(VARIANTS, record),
-            sections=choose_sections(record, n_segments=20), sampling=choose_sampling(record, n_lags=50),
-            findings=inspect_recordings(record),
-        ))  # fmt: skip
+        prepared.append(
+            Prepared(
+                actuator=fabricated(0)[number],
+                recordings=dict.fromkeys(VARIANTS, record),
+                sections=choose_sections(record, n_segments=20),
+                sampling=choose_sampling(record, n_lags=50),
+                findings=inspect_recordings(record),
+            )
+        )
     return identify_alike(prepared, plan_of())
 
 
@@ -138,9 +149,10 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(fleet_frequency, "_passed", lambda *_: next(calls))
     rows = iter(range(3))
     monkeypatch.setattr(
-        fleet_frequency, "_free_run_errors",
+        fleet_frequency,
+        "_free_run_errors",
         lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
-    )  # fmt: skip
+    )
     structure, chosen, tried = choose_structure(records, plan_of())
     assert structure == ("a", "b") and tried == 4  # type: ignore[comparison-overlap]
     np.testing.assert_allclose(chosen, errors["a", "b"])
@@ -148,8 +160,10 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
 
 def test_a_fit_has_a_covariance_that_the_scatter_bears_out() -> None:
     terms = ["y(k-1)", "u(k)^2", "u(k-1)^2", "u(k)u(k-1)"]
-    models = [fit(NarxModel.from_terms(dict.fromkeys(terms, 1.0), sample_time=1.0).terms, made_up(1.0, 600, seed))
-              for seed in range(40)]  # fmt: skip
+    models = [
+        fit(NarxModel.from_terms(dict.fromkeys(terms, 1.0), sample_time=1.0).terms, made_up(1.0, 600, seed))
+        for seed in range(40)
+    ]
     gains = [gfrf(m, 1, [0.5], operating_input=OPERATING_INPUT) for m in models]
     scatter = np.std([float(g.gain[0]) for g in gains], ddof=1)
     stated = np.sqrt(np.mean([float(g.gain_deviation[0]) ** 2 for g in gains]))
@@ -178,9 +192,7 @@ def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
     assert spread(found.each, 0.01) == pytest.approx(0.5, abs=0.05)
     assert spread(found.each, 1.0) == pytest.approx(0.5, abs=0.05)
     # Of the law itself: H_2 with a ridge. The truth's ratio, for the estimated models to be near.
-    law = NarxModel.from_terms(
-        {"y(k-1)": 0.55, "u(k)^2": 1e-5, "u(k-1)^2": 1e-5, "u(k)u(k-1)": 1e-5}, sample_time=STEP
-    )
+    law = NarxModel.from_terms({"y(k-1)": 0.55, "u(k)^2": 1e-5, "u(k-1)^2": 1e-5, "u(k)u(k-1)": 1e-5}, sample_time=STEP)
     near = 2 * np.pi * np.array([0.1, 0.2, 0.3])
     second = [gfrf(law, 2, np.column_stack([near, s * near]), operating_input=OPERATING_INPUT).gain for s in (-1, 1)]
     for one in found.each:
@@ -204,9 +216,19 @@ def test_the_page_and_what_fails_on_it(
     result = frequency_analysis.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (
-        "ranges", "benchmark_gfrfs", "benchmark_nofrfs", "identified", "removal", "gfrf1", "gfrf2", "test_signal",
-        "nofrfs", "series", "sampled", "anchor",
-    )  # fmt: skip
+        "ranges",
+        "benchmark_gfrfs",
+        "benchmark_nofrfs",
+        "identified",
+        "removal",
+        "gfrf1",
+        "gfrf2",
+        "test_signal",
+        "nofrfs",
+        "series",
+        "sampled",
+        "anchor",
+    )
     assert page.count("<figure>") == page.count("<svg ") == len(names)
     for name in names:
         assert (tmp_path / f"figures/{name}.csv").is_file() and f"figures/{name}.csv" in page
@@ -228,13 +250,17 @@ def test_verdicts_fail_where_they_should(found: Actuators, known: Benchmarks, ma
     first = found.each[0]
     moved = replace(first.removal, shifted_run=first.removal.run + 1e-9)
     spoilt = replace(
-        found, each=(replace(first, simulated=1.01 * first.simulated, removal=moved), *found.each[1:]),
+        found,
+        each=(replace(first, simulated=1.01 * first.simulated, removal=moved), *found.each[1:]),
         side=replace(found.side, designed_inputs=found.side.random_inputs),
-    )  # fmt: skip
+    )
     wrong = replace(known, errors={"S2": {1: 1e-9}})
     now = {row.measure: row.passed for row in judge(wrong, spoilt, truth)}
     lost = {measure for measure, passed in sound.items() if passed and not now[measure]}
     for words in (
-        "closed forms", "model of deviations", "sum of its weights", "sum of GₙUₙ against the simulated spectrum, over",
-    ):  # fmt: skip
+        "closed forms",
+        "model of deviations",
+        "sum of its weights",
+        "sum of GₙUₙ against the simulated spectrum, over",
+    ):
         assert sum(words in measure for measure in lost) == 1, words

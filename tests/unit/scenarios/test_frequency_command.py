@@ -24,22 +24,32 @@ STEP = 0.1
 PICTURES = ("frequency", "gfrf2", "gfrf3", "nofrf", "test_signal")
 TABLES = ("frequency", "gfrf2", "gfrf3", "nofrf1", "nofrf2", "nofrf3", "test_signal")
 FILES = {
-    "report.html", "run.json", *(f"figures/{name}.svg" for name in PICTURES),
+    "report.html",
+    "run.json",
+    *(f"figures/{name}.svg" for name in PICTURES),
     *(f"figures/{name}.csv" for name in TABLES),
-}  # fmt: skip
+}
 
 
 def model_of(equation: Mapping[str, float], centre: float = 0.0, **more: Any) -> NarxModel:
     """A model with a covariance of 1 % of each parameter, trained on inputs from -1 to 1 about a centre."""
     found = NarxModel.from_terms(equation, sample_time=STEP)
     trained = OperatingRange(
-        input_min=[centre - 1], input_max=[centre + 1], input_centre=[centre],
-        output_min=[-9], output_max=[9], output_centre=[0],
-    )  # fmt: skip
+        input_min=[centre - 1],
+        input_max=[centre + 1],
+        input_centre=[centre],
+        output_min=[-9],
+        output_max=[9],
+        output_centre=[0],
+    )
     return replace(
-        found, theta_cov=np.diag((0.01 * found.theta) ** 2), operating=trained, input_units=("V",), output_units=("m",),
+        found,
+        theta_cov=np.diag((0.01 * found.theta) ** 2),
+        operating=trained,
+        input_units=("V",),
+        output_units=("m",),
         **more,
-    )  # fmt: skip
+    )
 
 
 SQUARE = {"y(k-1)": 0.6, "u(k)": 0.4, "u(k)^2": 0.1}
@@ -71,9 +81,14 @@ def test_order_one_keeps_its_table(square: Path, capsys: pytest.CaptureFixture[s
     found = table(square / "response/figures/frequency.csv")
     assert found.dtype.names is not None
     assert found.dtype.names[:7] == (
-        "frequency_Hz", "real_m_per_V", "imaginary_m_per_V", "gain_m_per_V", "gain_low_m_per_V", "gain_high_m_per_V",
+        "frequency_Hz",
+        "real_m_per_V",
+        "imaginary_m_per_V",
+        "gain_m_per_V",
+        "gain_low_m_per_V",
+        "gain_high_m_per_V",
         "phase_deg",
-    )  # fmt: skip
+    )
     expected = 0.4 * one_by_a(found["frequency_Hz"])
     np.testing.assert_allclose(found["real_m_per_V"] + 1j * found["imaginary_m_per_V"], expected, rtol=1e-12)
     # d ln H / d ln b = 1 and d ln H / d a = e^(-jwT) / A, each parameter known to 1 %
@@ -160,9 +175,7 @@ def test_headers_have_their_units(
         assert header in (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
 
 
-def test_json_tells_all(
-    square: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_json_tells_all(square: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))  # other tests draw
     options = ["--operating-input", "0.2", "--level", "0.9", "--band", "0.5", "0.8", "--out", "response", "--json"]
     assert main(["frequency", "narx.json", *options]) == 0

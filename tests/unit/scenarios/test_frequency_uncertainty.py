@@ -34,9 +34,15 @@ SAMPLE_TIME = 0.12
 def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:
     """A response over a band, known with a circular normal law."""
     return BandMean(
-        order=1, from_Hz=0.0, to_Hz=0.1, value=np.array([value.real, value.imag]), gradient=np.zeros((2, 1)),
-        scatter=Scatter(scale=variance * np.eye(2), dof=1e9), gain=gain, unit="m/V",
-    )  # fmt: skip
+        order=1,
+        from_Hz=0.0,
+        to_Hz=0.1,
+        value=np.array([value.real, value.imag]),
+        gradient=np.zeros((2, 1)),
+        scatter=Scatter(scale=variance * np.eye(2), dof=1e9),
+        gain=gain,
+        unit="m/V",
+    )
 
 
 def fleet_of(values: list[complex], variance: float = 0.0) -> Consistency:
@@ -94,9 +100,7 @@ def drawn(model: NarxModel, scale: float, seed: int) -> Spread:
 def test_a_covariance_that_is_off_is_seen() -> None:
     # b1 z^-1 + b2 z^-2 is linear in its parameters: the law is exact, and the band holds with a probability of 99 %.
     theta_cov = np.array([[1e-4, 5e-5], [5e-5, 4e-4]])
-    model = replace(
-        NarxModel.from_terms({"u(k-1)": 1.0, "u(k-2)": 0.5}, sample_time=1.0), theta_cov=theta_cov
-    )
+    model = replace(NarxModel.from_terms({"u(k-1)": 1.0, "u(k-2)": 0.5}, sample_time=1.0), theta_cov=theta_cov)
     right = drawn(model, 1.0, 0)
     assert right.strict.all() and right.largest < right.allowed
     assert right.held == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 20_000))
@@ -125,9 +129,14 @@ def test_who_shares_what() -> None:
     found = {key: one for key, (one, _) in tasks(3, 4).items()}
     groups = {group: [one for (its, _), one in found.items() if its == group] for group, _ in found}
     assert {group: len(every) for group, every in groups.items()} == {
-        "fleet": 6, "steady": 6, "level": 6, "repeats": 4, "shared": len(SHARED), "tolerances": len(TOLERANCES),
+        "fleet": 6,
+        "steady": 6,
+        "level": 6,
+        "repeats": 4,
+        "shared": len(SHARED),
+        "tolerances": len(TOLERANCES),
         "specification": 1,
-    }  # fmt: skip
+    }
     for one, other in zip(groups["fleet"], groups["steady"], strict=True):
         assert one.seed == other.seed and other.plant.effect_names == ("hysteresis",)
     assert len({one.seed for one in groups["level"]}) == 1
@@ -188,9 +197,14 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
     for module, name, less in (
-        (spread, "DRAWS", 500), (speed, "DRAWS", 500), (speed, "CHUNKS", 3), (speed, "LOOP", 3),
-        (benchmarks, "SURFACE", 9), (consistency, "ORDERS", (1, 2)), (consistency, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
-    ):  # fmt: skip
+        (spread, "DRAWS", 500),
+        (speed, "DRAWS", 500),
+        (speed, "CHUNKS", 3),
+        (speed, "LOOP", 3),
+        (benchmarks, "SURFACE", 9),
+        (consistency, "ORDERS", (1, 2)),
+        (consistency, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
+    ):
         monkeypatch.setattr(module, name, less)
 
 
@@ -198,13 +212,28 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
     setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0,
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
         progress=lambda share, text: told.append((share, text)),
-    )  # fmt: skip
+    )
     result = frequency_uncertainty.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    figures = ("complex", "plane", "gain_phase", "higher_orders", "spectra", "law", "fleet", "pairs", "spread", "truth",
-               "p_values")  # fmt: skip
+    figures = (
+        "complex",
+        "plane",
+        "gain_phase",
+        "higher_orders",
+        "spectra",
+        "law",
+        "fleet",
+        "pairs",
+        "spread",
+        "truth",
+        "p_values",
+    )
     assert page.count("<figure>") == page.count("<svg ") == len(figures)
     for figure in figures:
         assert (tmp_path / f"figures/{figure}.csv").is_file() and f"figures/{figure}.csv" in page
@@ -229,9 +258,7 @@ def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
     assert {d["name"] for d in recorded_["drifts"] if d["drifts"]} == {f"DEA {n}" for n in range(1, 6)}
     # What the tolerance of the thickness predicts of a gain that goes with its fourth power, to first order.
     share = TOLERANCES["thickness"].share
-    assert result["spread"]["predicted"] == pytest.approx(
-        [abs((1 + share) ** -4 - 1) / np.sqrt(3)] * 4, rel=0.05
-    )
+    assert result["spread"]["predicted"] == pytest.approx([abs((1 + share) ** -4 - 1) / np.sqrt(3)] * 4, rel=0.05)
 
 
 def test_the_structure_is_set_beforehand() -> None:
@@ -261,7 +288,8 @@ def test_agreements_are_counted_by_column() -> None:
     kinds = ("DIFFERENT", "ALIKE", "DRIFT", "DIFFERENT", "DIFFERENT", "ALIKE")
     table = SimpleNamespace(
         differences=[SimpleNamespace(agreement=Agreement[kind]) for kind in kinds],
-        pairs=("ab", "ac", "bc"), columns=(1, 2),
-    )  # fmt: skip
+        pairs=("ab", "ac", "bc"),
+        columns=(1, 2),
+    )
     shares = consistency.share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
     np.testing.assert_allclose(shares, [2 / 3, 1 / 3])

@@ -141,7 +141,8 @@ FILES = {
     "others.lvm": LVM + LVM.partition("***End_of_Header***")[2].replace("displacement", "force"),
     "multi.lvm": LVM.replace("X_Columns\tNo", "X_Columns\tMulti")
     .replace("command\tdis", "command\tX_Value\tdis")
-    .replace("\n\t", "\n0.1\t").replace("\t1.0\t", "\t1.0\t0.2\t"),
+    .replace("\n\t", "\n0.1\t")
+    .replace("\t1.0\t", "\t1.0\t0.2\t"),
     "old.xls": "not a recording",
     "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
@@ -214,22 +215,39 @@ DATA = ("data/vhb4910", "data/emps", "data/silverbox")  # without recordings
 DESIGNED = {
     "schema": "deatwin/check/1",
     "operating": {
-        "input": 2.0, "output": 1.0, "static_gain": 1.0, "status": "ok", "sample_time": 0.02,
-        "input_unit": "V", "output_unit": "mm",
+        "input": 2.0,
+        "output": 1.0,
+        "static_gain": 1.0,
+        "status": "ok",
+        "sample_time": 0.02,
+        "input_unit": "V",
+        "output_unit": "mm",
     },
     "controller": {
-        "kind": "linear", "name": "PI", "sample_time": 0.02, "operating_input": 2.0, "operating_output": 1.0,
-        "command_min": 1.0, "command_max": 4.0, "closed_loop_time": 0.5, "windup": [0.1],
+        "kind": "linear",
+        "name": "PI",
+        "sample_time": 0.02,
+        "operating_input": 2.0,
+        "operating_output": 1.0,
+        "command_min": 1.0,
+        "command_max": 4.0,
+        "closed_loop_time": 0.5,
+        "windup": [0.1],
         "law": {"a": [[1.0]], "b": [[0.04, -0.04]], "c": [1.0], "d": [0.5, -0.5]},
     },
-}  # fmt: skip
+}
 NOBODY = 65534
 FRONT_DOOR = (
-    "scenarios/deatwin/scenarios/*.py", "scenarios/deatwin/scenarios/commands/*.py", "plant/deatwin/plant/sources.py",
-    "plant/deatwin/plant/documents.py", "plant/deatwin/plant/checks.py", "plant/deatwin/plant/rigs/rigfile.py",
+    "scenarios/deatwin/scenarios/*.py",
+    "scenarios/deatwin/scenarios/commands/*.py",
+    "plant/deatwin/plant/sources.py",
+    "plant/deatwin/plant/documents.py",
+    "plant/deatwin/plant/checks.py",
+    "plant/deatwin/plant/rigs/rigfile.py",
     "plant/deatwin/plant/rigs/rigmistakes.py",
-    "plant/deatwin/plant/files/*.py", "plant/deatwin/plant/files/formats/*.py",
-)  # fmt: skip
+    "plant/deatwin/plant/files/*.py",
+    "plant/deatwin/plant/files/formats/*.py",
+)
 ERRORS = {"DataError", "RigError", "ModelError", "SimulationError", "ControlError", "BadParameter", "Mistake"}
 NOT_FROM_THE_COMMAND_LINE = {
     "assemble.py: dt is": "typer refuses --dt first",
@@ -371,10 +389,12 @@ def write_recordings(desk: Path) -> None:
         with File(desk / name, "w") as file:
             made(file)
     with TdmsWriter(desk / "clocks.tdms") as file:
-        file.write_segment([
-            ChannelObject("one", name, values, {"wf_increment": 0.02, "wf_start_offset": start})
-            for start, (name, values) in enumerate(timeless.items())
-        ])  # fmt: skip
+        file.write_segment(
+            [
+                ChannelObject("one", name, values, {"wf_increment": 0.02, "wf_start_offset": start})
+                for start, (name, values) in enumerate(timeless.items())
+            ]
+        )
 
 
 @contextmanager
@@ -438,9 +458,7 @@ def test_a_process_says_the_same_and_ends_with_the_status(given: str, desk: Path
     assert re.fullmatch(row.pattern, said(done.stderr)), done.stderr
 
 
-def test_a_full_disk_is_said_in_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     def full(*arguments: object) -> dict[str, str]:
         raise OSError(28, "No space left on device", "results.csv")
 
@@ -463,8 +481,9 @@ def messages(path: Path) -> Iterator[tuple[int, str]]:
         texts = [*node.args[:1], *(word.value for word in node.keywords if word.arg == "text")]
         if name in ERRORS and texts and isinstance(texts[0], ast.Constant | ast.JoinedStr):
             parts = texts[0].values if isinstance(texts[0], ast.JoinedStr) else [texts[0]]
-            yield node.lineno, "".join(
-                re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".*" for part in parts
+            yield (
+                node.lineno,
+                "".join(re.escape(str(part.value)) if isinstance(part, ast.Constant) else ".*" for part in parts),
             )
 
 

@@ -33,10 +33,13 @@ from deatwin.scenarios.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell's background jobs ignore, these tests too
 sys.exit(main())
 """
-WAITING = """
+WAITING = (
+    """
 import importlib, time
 importlib.import_module("deatwin.ident.mismatch.diagnose").detect = lambda *_, **__: time.sleep(60)
-""" + PROGRAM  # the step that is interrupted lasts until it is: however slow the machine, no next one begins
+"""
+    + PROGRAM
+)  # the step that is interrupted lasts until it is: however slow the machine, no next one begins
 SCHEMA = json.loads((ROOT / "scenarios/deatwin/scenarios/schemas/partial.schema.json").read_text(encoding="utf-8"))
 DIAGNOSE = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "1", "--quiet", "--out"]
 
@@ -69,9 +72,15 @@ def interrupted_at_a_terminal(
     """Status, stdout and stderr of a program that is interrupted once the terminal shows a text."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [sys.executable, "-c", program, *arguments], cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-        stderr=theirs, env={**os.environ, "TERM": "xterm", "COLUMNS": "500"}, text=True, start_new_session=True,
-    )  # fmt: skip
+        [sys.executable, "-c", program, *arguments],
+        cwd=folder,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "500"},
+        text=True,
+        start_new_session=True,
+    )
     os.close(theirs)
     said, end, sent = b"", time.monotonic() + 120, False
     try:
@@ -105,9 +114,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_ctrl_c_keeps_the_calibrated_plant(
-    recorded: Path, validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
+def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[str, Path], dict[str, Any]]) -> None:
     arguments = ["diagnose", "rig.toml", "noise.csv", "--jobs", "1", "--json", "--out", "result"]
     status, out, err = interrupted_at_a_terminal(WAITING, arguments, recorded, "looking for a mismatch")
     assert (status, out) == (130, ""), err
@@ -169,9 +176,12 @@ def ends_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
 
 
 def test_fits_are_kept_and_the_next_run_starts_anew(
-    on_bench: Path, ends_after: Callable[[str, int], None], monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]],
-) -> None:  # fmt: skip
+    on_bench: Path,
+    ends_after: Callable[[str, int], None],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    validate: Callable[[str, Path], dict[str, Any]],
+) -> None:
     take = partial.FinishedSteps.take
     ends_after("fit", 3)
     assert main([*DIAGNOSE, "again"]) == 130
@@ -239,8 +249,10 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
     with pytest.raises(KeyboardInterrupt):
         finished.take(Step(name="fit", subject="creep+slip", result={}))
     assert said == [
-        (0.3, "building in effects"), (0.3, "building in effects (creep)"), (0.3, "building in effects (creep+slip)"),
-    ]  # fmt: skip
+        (0.3, "building in effects"),
+        (0.3, "building in effects (creep)"),
+        (0.3, "building in effects (creep+slip)"),
+    ]
     assert "locate, 2 fits with effects" in finished._listed()
 
 
@@ -282,9 +294,12 @@ def test_files_of_others_in_the_folder_stay(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("words", "said"), [((), "interrupted"), (("5 of 7 are through",), "5 of 7 are through")])
 def test_every_command_says_that_it_was_interrupted(
-    words: tuple[str, ...], said: str, on_bench: Path, monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    said: str,
+    on_bench: Path,
+    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
+) -> None:
     from deatwin.scenarios import given
 
     def stop(*_: object, **__: object) -> None:

@@ -16,19 +16,30 @@ from deatwin.scenarios.live.verdicts import Verdict
 ROWS = [f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3\n" for k in range(40)]
 TABLE = "time_s,command_V,displacement_mm\n" + "".join(ROWS)
 DIAGNOSIS: dict[str, Any] = {
-    "schema": "deatwin/diagnosis/1", "output": {"name": "displacement", "unit": "um"}, "verdict": "named",
-    "noise": 2.0, "model_error": 0.9,
+    "schema": "deatwin/diagnosis/1",
+    "output": {"name": "displacement", "unit": "um"},
+    "verdict": "named",
+    "noise": 2.0,
+    "model_error": 0.9,
     "detect": {"p_value": 0.0, "excess": 4.1, "smallest_detectable": {"creep": 0.4}},
     "locate": {"time": [], "frequency": [], "region": [], "place": []},
-    "causes": [{
-        "effect": "creep", "family": "film", "probability": 0.98, "share_explained": 0.97,
-        "parameters": {"time": {"value": 54.0, "low": 50.0, "high": 59.0, "unit": "s"}},
-    }],
-    "set": ["creep"], "indistinguishable": [], "next_experiment": None, "free_form": None,
+    "causes": [
+        {
+            "effect": "creep",
+            "family": "film",
+            "probability": 0.98,
+            "share_explained": 0.97,
+            "parameters": {"time": {"value": 54.0, "low": 50.0, "high": 59.0, "unit": "s"}},
+        }
+    ],
+    "set": ["creep"],
+    "indistinguishable": [],
+    "next_experiment": None,
+    "free_form": None,
     "sentence": "The film <keeps> creeping.",
     "fit": {"fitted": {"before": 9.8, "after": 2.05}, "unseen": {"before": 10.2, "after": 2.1, "gain_low": 7.4}},
     "warnings": [],
-}  # fmt: skip
+}
 
 
 def write_result(folder: Path, recordings: dict[str, str] | None = None, **changed: Any) -> None:
@@ -247,10 +258,20 @@ def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
     (root / "two" / "report.html").write_text("", encoding="utf-8")
     table = compare([Verdict.read(root, name) for name in ("<b>one", "two")]).html()
     for text in (
-        "The film &lt;keeps&gt; creeping.", "54 s", "50 to 59 s", "creep, dielectric absorption", "10.2 → 2.10 µm",
-        "9.80 → 2.05 µm", "2.00 µm", 64 * "a", "Not from the same recordings", 'href="results/two/report.html"',
-        "&lt;b&gt;one", "&lt;i&gt;.csv", "took 12.5 s",
-    ):  # fmt: skip
+        "The film &lt;keeps&gt; creeping.",
+        "54 s",
+        "50 to 59 s",
+        "creep, dielectric absorption",
+        "10.2 → 2.10 µm",
+        "9.80 → 2.05 µm",
+        "2.00 µm",
+        64 * "a",
+        "Not from the same recordings",
+        'href="results/two/report.html"',
+        "&lt;b&gt;one",
+        "&lt;i&gt;.csv",
+        "took 12.5 s",
+    ):
         assert text in table, text
     assert "<b>" not in table and "<i>" not in table
     assert table.count("<svg") == 2 and "results/%3Cb%3Eone" not in table

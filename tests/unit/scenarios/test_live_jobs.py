@@ -34,12 +34,15 @@ print("not a fact")
 print(json.dumps({"share": 0.5, "step": "fitting"}))
 print(json.dumps({"share": 1.0, "verdict": "named", "sentence": "it creeps"}))
 """
-KEEPS = """
+KEEPS = (
+    """
 import pathlib
 kept = pathlib.Path("found/partial")
 kept.mkdir()
 (kept / "steps.json").write_text("{}")
-""" + SLOW
+"""
+    + SLOW
+)
 """What it finished stands there when it is cancelled."""
 WRONG = 'import sys; print("a warning", file=sys.stderr); sys.exit("error: noise.csv: no column")'
 

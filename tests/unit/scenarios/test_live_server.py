@@ -35,9 +35,12 @@ def ask(kind: str = "http", method: str = "GET", query: str = "", path: str = "/
 
     sent = {"host": "127.0.0.1:8000", "cookie": "deatwin-8000=secret", **headers}
     scope = {
-        "type": kind, "method": method, "path": path, "query_string": query.encode(),
+        "type": kind,
+        "method": method,
+        "path": path,
+        "query_string": query.encode(),
         "headers": [(name.replace("_", "-").encode(), text.encode()) for name, text in sent.items() if text],
-    }  # fmt: skip
+    }
     guard = Guard(app, port=8000, key="secret", most_bytes=1000)
     asyncio.run(guard(scope, receive, send))
     first = said[0]

@@ -21,9 +21,12 @@ RNG = np.random.default_rng(0)
 BOX = RNG.standard_normal((2, 300))
 TANKS = {name: RNG.uniform(1, 9, (40, 1)) for name in ("uEst", "uVal", "yEst", "yVal")}
 MOTOR = {
-    "vir": RNG.standard_normal((1500, 1)), "gtau": np.array([[35.15]]), "qm": RNG.standard_normal((1500, 1)),
-    "qg": RNG.standard_normal((1500, 1)), "t": 1e-3 * np.arange(1500.0)[:, None],
-}  # fmt: skip
+    "vir": RNG.standard_normal((1500, 1)),
+    "gtau": np.array([[35.15]]),
+    "qm": RNG.standard_normal((1500, 1)),
+    "qg": RNG.standard_normal((1500, 1)),
+    "t": 1e-3 * np.arange(1500.0)[:, None],
+}
 
 
 class Input_output_data:

@@ -103,10 +103,11 @@ def _unbounded(kind: type) -> type:
         def describe(self) -> tuple[Parameter, ...]:
             return (
                 Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=1e3),
-                Parameter(name="distance", value=self.distance, unit="m", lower=1e-6, upper=1.0,
-                          scale=Scale.LOGARITHMIC),
+                Parameter(
+                    name="distance", value=self.distance, unit="m", lower=1e-6, upper=1.0, scale=Scale.LOGARITHMIC
+                ),
                 Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
-            )  # fmt: skip
+            )
 
     return Wide
 

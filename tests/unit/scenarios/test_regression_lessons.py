@@ -20,8 +20,11 @@ def test_risk_is_the_integral_of_the_squared_error(name: str, size: float) -> No
     level = 1.3
     expected, _ = quad(
         lambda z: float((shrinkage.rule(name, np.array(z), level) - size) ** 2 * norm.pdf(z - size)),
-        -10, 14, points=[-level, level], limit=200,
-    )  # fmt: skip
+        -10,
+        14,
+        points=[-level, level],
+        limit=200,
+    )
     found = shrinkage._risk(name, np.array(size), level)
     assert float(found) == pytest.approx(expected, abs=1e-7)  # of the quadrature
 
@@ -65,9 +68,13 @@ def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
     shares: list[float] = []
     setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0,
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
         progress=lambda share, text: shares.append(share),
-    )  # fmt: skip
+    )
     result = regression_lessons.run(setting)
     missed = [row for row in result["measures"] if not row["passed"]]
     assert len(result["measures"]) == 21 and not missed, missed

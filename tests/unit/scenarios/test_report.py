@@ -93,7 +93,12 @@ class Step:
 
 
 VERIFIED = Verification(
-    fitted_before=9e-6, fitted_after=2e-6, unseen_before=10.2e-6, unseen_after=2.13e-6, gain_low=7.4e-6, noise=2e-6,
+    fitted_before=9e-6,
+    fitted_after=2e-6,
+    unseen_before=10.2e-6,
+    unseen_after=2.13e-6,
+    gain_low=7.4e-6,
+    noise=2e-6,
     output_unit="m",
     ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10.2e-6, gain_low=7.4e-6, share=0.968),),
     shams=(
@@ -103,18 +108,23 @@ VERIFIED = Verification(
     ),
     transfers=(
         Transfer(
-            part="steps.csv", before=11e-6, after=2.2e-6, gain_low=8e-6, gain_high=9e-6, floor=2.3e-6,
-            model_error=1e-6,
+            part="steps.csv", before=11e-6, after=2.2e-6, gain_low=8e-6, gain_high=9e-6, floor=2.3e-6, model_error=1e-6
         ),
         Transfer(
-            part="lowest amplitudes", before=2e-6, after=6.78e-6, gain_low=-5e-6, gain_high=-4e-6, floor=2.3e-6,
+            part="lowest amplitudes",
+            before=2e-6,
+            after=6.78e-6,
+            gain_low=-5e-6,
+            gain_high=-4e-6,
+            floor=2.3e-6,
             model_error=1e-6,
         ),
     ),
     constancies=(
-        Constancy(effect="creep", change=-1.264, deviation=0.083, own=0.5), Constancy(effect="delay", own=0.04),
+        Constancy(effect="creep", change=-1.264, deviation=0.083, own=0.5),
+        Constancy(effect="delay", own=0.04),
     ),
-)  # fmt: skip
+)
 
 
 def with_everything() -> Diagnosis:
@@ -130,35 +140,80 @@ def with_everything() -> Diagnosis:
     step: Any = Step
     located: Any = SimpleNamespace(region=Step("region"), place=Step("place"), lines=None)
     evidence = Evidence(
-        experiments=(experiment,), base=(tuple(np.zeros(700) for _ in records),),
-        amended=(tuple(np.zeros(700) for _ in records),), unseen=unseen, noise=2e-6, model_error=1e-6,
+        experiments=(experiment,),
+        base=(tuple(np.zeros(700) for _ in records),),
+        amended=(tuple(np.zeros(700) for _ in records),),
+        unseen=unseen,
+        noise=2e-6,
+        model_error=1e-6,
         candidates=(
             CandidateSummary(effects=(), fitted=9e-6, unseen=10e-6),
             CandidateSummary(effects=("creep",), fitted=2e-6, unseen=2.1e-6, d2=0.0),
             CandidateSummary(effects=("delay",), fitted=8e-6, unseen=8.1e-6, d2=1234.0),
         ),
-        base_model=CalibratedPlant.nominal(plant), checked=gate(plant, (experiment,)), detection=step("detection"),
-        location=located, discovery=step("discovery"), advice=step("advice"), verification=VERIFIED,
-    )  # fmt: skip
+        base_model=CalibratedPlant.nominal(plant),
+        checked=gate(plant, (experiment,)),
+        detection=step("detection"),
+        location=located,
+        discovery=step("discovery"),
+        advice=step("advice"),
+        verification=VERIFIED,
+    )
     return replace(
-        DIAGNOSIS, verdict=Verdict.NAMED, evidence=evidence, verification=VERIFIED.to_dict(), names=("creep",),
-        causes=(Cause(effect="creep", family="film", probability=0.98, share_explained=0.97,
-                      parameters={"time": Interval(value=54.0, low=50.0, high=59.0, unit="s")}),),
-        detect={**DIAGNOSIS.detect, "noise_source": "rests", "practical": 0.61, "taken_up": True,
-                "smallest_detectable": {"creep": 0.4},
-                "statistics": [{"name": "variance", "value": 4.0, "where": "", "score": 3.0, "p_value": 0.0025}]},
-        locate={"time": [{"from_s": 1.0, "to_s": 9.0, "score": 0.9}], "frequency": [], "region": [], "response": None,
-                "place": [{"place": "film", "signal": "stiffness", "score": 0.8}]},
-        parameters={"shear_modulus": FittedParameter(value=26.4e3, low=25e3, high=27e3, unit="Pa", nominal=30e3,
-                                                     at_bound=True)},
-        next_experiment={"file": "next_input.csv", "seconds": 120.0, "confusion_before": 0.3, "confusion_after": 0.02,
-                         "waveform": "holds", "added_mass_g": None, "measure": None},
-        free_form={"place": "ball", "before": 10.2, "after": 4.41, "gain_low": 5.0, "terms": [
-            {"term": "x v", "coefficient": -0.0123, "unit": "N s/m2", "shape": None, "inclusion": 0.94}]},
+        DIAGNOSIS,
+        verdict=Verdict.NAMED,
+        evidence=evidence,
+        verification=VERIFIED.to_dict(),
+        names=("creep",),
+        causes=(
+            Cause(
+                effect="creep",
+                family="film",
+                probability=0.98,
+                share_explained=0.97,
+                parameters={"time": Interval(value=54.0, low=50.0, high=59.0, unit="s")},
+            ),
+        ),
+        detect={
+            **DIAGNOSIS.detect,
+            "noise_source": "rests",
+            "practical": 0.61,
+            "taken_up": True,
+            "smallest_detectable": {"creep": 0.4},
+            "statistics": [{"name": "variance", "value": 4.0, "where": "", "score": 3.0, "p_value": 0.0025}],
+        },
+        locate={
+            "time": [{"from_s": 1.0, "to_s": 9.0, "score": 0.9}],
+            "frequency": [],
+            "region": [],
+            "response": None,
+            "place": [{"place": "film", "signal": "stiffness", "score": 0.8}],
+        },
+        parameters={
+            "shear_modulus": FittedParameter(value=26.4e3, low=25e3, high=27e3, unit="Pa", nominal=30e3, at_bound=True)
+        },
+        next_experiment={
+            "file": "next_input.csv",
+            "seconds": 120.0,
+            "confusion_before": 0.3,
+            "confusion_after": 0.02,
+            "waveform": "holds",
+            "added_mass_g": None,
+            "measure": None,
+        },
+        free_form={
+            "place": "ball",
+            "before": 10.2,
+            "after": 4.41,
+            "gain_low": 5.0,
+            "terms": [{"term": "x v", "coefficient": -0.0123, "unit": "N s/m2", "shape": None, "inclusion": 0.94}],
+        },
         indistinguishable=({"effects": ["creep", "delay"], "d2": 9.1},),
-        forms=({"form": {"ball": "sliding"}, "fitted": 9.77, "unseen": 10.4},
-               {"form": {}, "fitted": 11.3, "unseen": 12.6}),
-    )  # fmt: skip
+        forms=(
+            {"form": {"ball": "sliding"}, "fitted": 9.77, "unseen": 10.4},
+            {"form": {}, "fitted": 11.3, "unseen": 12.6},
+        ),
+    )
 
 
 class Outline(HTMLParser):
@@ -190,9 +245,17 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     page = (folder.path / "report.html").read_text(encoding="utf-8")
     outline = Outline(page)
     assert outline.headings == [
-        "What was left out", "Recordings", "The calibrated plant", "Is anything missing?", "Where it differs",
-        "What was tried", "Free form", "What to record next", "Does it hold?", "Provenance",
-    ]  # fmt: skip
+        "What was left out",
+        "Recordings",
+        "The calibrated plant",
+        "Is anything missing?",
+        "Where it differs",
+        "What was tried",
+        "Free form",
+        "What to record next",
+        "Does it hold?",
+        "Provenance",
+    ]
     assert outline.open == []
     assert len(outline.ids) == len(set(outline.ids))
     assert page.count("<svg") == 11  # four of the recordings, seven of the steps
@@ -200,14 +263,35 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         assert f"drawn by {name}" in page
     assert len(page) < 5e6
     shown = (
-        "that of the readings while the command rests", "on a bound of its range", "30 kPa", "26.4 kPa", "25 to 27 kPa",
-        "0.00250", "0.610 µm", "Fitted to all recordings, the plant leaves less than that", "film: stiffness", "1234",
-        "creep and delay (9.10)", "x v", "-0.0123", "94 %",
-        "at the ball", "from 30 to 2.0 %", "ball = sliding", "as the rig file says", "12.6",
-        "creep with the opposite sign does as well", "the error grows on unseen data: lowest amplitudes", "6.78",
-        "97 %", "3.12 %", "not judged: it hardly differs", "-126 ± 8 %", "cannot be told",
+        "that of the readings while the command rests",
+        "on a bound of its range",
+        "30 kPa",
+        "26.4 kPa",
+        "25 to 27 kPa",
+        "0.00250",
+        "0.610 µm",
+        "Fitted to all recordings, the plant leaves less than that",
+        "film: stiffness",
+        "1234",
+        "creep and delay (9.10)",
+        "x v",
+        "-0.0123",
+        "94 %",
+        "at the ball",
+        "from 30 to 2.0 %",
+        "ball = sliding",
+        "as the rig file says",
+        "12.6",
+        "creep with the opposite sign does as well",
+        "the error grows on unseen data: lowest amplitudes",
+        "6.78",
+        "97 %",
+        "3.12 %",
+        "not judged: it hardly differs",
+        "-126 ± 8 %",
+        "cannot be told",
         "the strength of creep would change by -126 % of itself over the fitted part",
-    )  # fmt: skip
+    )
     for text in shown:
         assert text in page, text
 

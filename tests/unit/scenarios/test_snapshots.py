@@ -110,9 +110,15 @@ def texts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     clean = {name: value for name, value in os.environ.items() if name not in NOT_FROM_OUTSIDE}
     fixed = {"COLUMNS": str(WIDTH), "LINES": "60", "TERM": "xterm", "NO_COLOR": "1", "PYTHONUTF8": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", RUN], input=json.dumps([shlex.split(line) for line in CASES.values()]), cwd=folder,
-        env={**clean, **fixed}, capture_output=True, encoding="utf-8", timeout=120, check=True,
-    )  # fmt: skip
+        [sys.executable, "-c", RUN],
+        input=json.dumps([shlex.split(line) for line in CASES.values()]),
+        cwd=folder,
+        env={**clean, **fixed},
+        capture_output=True,
+        encoding="utf-8",
+        timeout=120,
+        check=True,
+    )
     results: list[Any] = json.loads(done.stdout)
     found = {name: shown(line, *result) for (name, line), result in zip(CASES.items(), results, strict=True)}
     if os.environ.get(RENEW):

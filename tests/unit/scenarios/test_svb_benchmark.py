@@ -170,9 +170,18 @@ def test_a_trial_counts_what_is_missed_and_what_is_false() -> None:
 
 def wrong(system: str, method: str, number: int) -> Trial:
     return Trial(
-        system=system, method=method, number=number, redraws=0, terms=("1",), theta=(0.0,), low=(0.0,), high=(0.0,),
-        missed=1, false=1, seconds=0.1,
-    )  # fmt: skip
+        system=system,
+        method=method,
+        number=number,
+        redraws=0,
+        terms=("1",),
+        theta=(0.0,),
+        low=(0.0,),
+        high=(0.0,),
+        missed=1,
+        false=1,
+        seconds=0.1,
+    )
 
 
 def test_methods_that_are_always_wrong_do_not_pass() -> None:
@@ -197,9 +206,13 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(sampling, "FLIPS", 1000)
     shares: list[float] = []
     setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0,
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
         progress=lambda share, text: shares.append(share),
-    )  # fmt: skip
+    )
     result = svb_benchmark.run(setting)
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -286,8 +299,13 @@ def test_a_malformed_case_is_told_of_before_any_is_run(tmp_path: Path, monkeypat
 
 
 def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
-    never = Contrast(full=Margin(true=5.0, false=math.inf), near=Margin(true=1 / 3, false=1.0), redraws=2, snr_db=20.0,
-                     condition=math.inf)  # fmt: skip
+    never = Contrast(
+        full=Margin(true=5.0, false=math.inf),
+        near=Margin(true=1 / 3, false=1.0),
+        redraws=2,
+        snr_db=20.0,
+        condition=math.inf,
+    )
     flags = np.array([[True, False], [True, True]])
     answer = Answer(trials=(wrong("S2", "fro", 7),), contrast=never, covered={"least squares": flags})
     store = Draws(tmp_path, 0, {})

@@ -100,9 +100,10 @@ def alone_on_one_core(
 def cluster() -> Iterator[Any]:
     """Two dask workers, each a process of its own."""
     distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as made, distributed.Client(made) as client:  # fmt: skip
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made,
+        distributed.Client(made) as client,
+    ):
         yield client
 
 
@@ -311,8 +312,9 @@ def test_no_backend_is_forced_anywhere() -> None:
     """Whoever calls joblib leaves the backend to the user's configuration."""
     calls = {
         path: re.findall(r"Parallel\(([^\n]*)\)\(|parallel_(?:backend|config)\(", path.read_text(encoding="utf-8"))
-        for root in ("plant", "ident", "control", "scenarios") for path in (ROOT / root).rglob("*.py")
-    }  # fmt: skip
+        for root in ("plant", "ident", "control", "scenarios")
+        for path in (ROOT / root).rglob("*.py")
+    }
     made = [call for found in calls.values() for call in found]
     assert len(made) >= 2  # the runner of jobs and that of sweeps
     assert [call for call in made if not call or re.search("backend|prefer|require", call)] == []

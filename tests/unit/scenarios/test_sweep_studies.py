@@ -146,8 +146,9 @@ def test_results_that_make_no_table_are_clear_errors(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"track has arrays of several shapes, \(1,\) and \(2,\)"):
         study.to_xarray()
     failed = run_study(grid(value=[1]), odd, tmp_path / "odd").failures
-    assert list(failed.values()) == ["DataError: the result spectrum is a ndarray; it must be a real number, an array, "
-                                     "or a text"]  # fmt: skip
+    assert list(failed.values()) == [
+        "DataError: the result spectrum is a ndarray; it must be a real number, an array, or a text"
+    ]
     with pytest.raises(DataError, match="a study is sealed before its first case"):
         open_study(tmp_path / "none")
     assert not (tmp_path / "none").exists()

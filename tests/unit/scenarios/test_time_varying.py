@@ -88,8 +88,9 @@ def test_a_held_equilibrium_is_one_and_nothing_else_changes() -> None:
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(benchmark, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
-    found = benchmark.carry_out_benchmark((), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}],
-                                          np.zeros(1), np.zeros(1))  # fmt: skip
+    found = benchmark.carry_out_benchmark(
+        (), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}], np.zeros(1), np.zeros(1)
+    )
     truth = MOVING_DC.truth()
     for time, output, value in zip(
         found.solved[1].timepts, found.solved[1].equilibria, found.solved[1].values[:, 0], strict=True
@@ -179,8 +180,11 @@ def test_drift_is_followed_and_standing_still_is_not_made_worse() -> None:
     known = drifting.trajectory.theta[3]
     # The gain grows by 0.3 of itself, and the constant and the linear term, which move along, take a part of it.
     growth = drifting.trajectory.at(1000.0).theta @ [1, 0, 2.4, 2.4**2] - drifting.trajectory.at(100.0).theta @ [
-        1, 0, 2.4, 2.4**2,
-    ]  # fmt: skip
+        1,
+        0,
+        2.4,
+        2.4**2,
+    ]
     assert growth == pytest.approx(0.3 * 900 / 1100 * 1e-5 * 2.4**2, rel=0.15)
     assert known.shape == drifting.trajectory.timepts.shape
 
@@ -206,9 +210,12 @@ def test_a_periodic_recording_is_predicted_exactly() -> None:
     record = replace(long, outputs=steady[None]).section(6 * 166, 12 * 166)
     n = 6 * 166
     trajectory = ThetaTrajectory(
-        model=model, timepts=record.timepts, theta=np.repeat(model.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, 6, 6)), drift_variance=np.zeros(6),
-    )  # fmt: skip
+        model=model,
+        timepts=record.timepts,
+        theta=np.repeat(model.theta[:, None], n, axis=1),
+        theta_cov=np.zeros((n, 6, 6)),
+        drift_variance=np.zeros(6),
+    )
     windows = windows_of(record, 166 * STEP)
     assert len(windows) == 11 and windows[1].start == pytest.approx(windows[0].start + 83 * STEP)
     found = compare_windows(windows, {CONSTANT: model, VARYING: trajectory}, 2.4)
@@ -238,19 +245,16 @@ def made() -> Study:
         patch.setattr(study, "MAP_TIMES", 12)
         patch.setattr(benchmark, "TIMES", 12)
         falling, rising, still = (
-            _analysed(name, drift, drawn) for name, drift, drawn in (("DEA 1", -0.3, True), ("DEA 2", 0.3, True),
-                                                                     ("DEA 6", 0.0, False))
-        )  # fmt: skip
+            _analysed(name, drift, drawn)
+            for name, drift, drawn in (("DEA 1", -0.3, True), ("DEA 2", 0.3, True), ("DEA 6", 0.0, False))
+        )
         followed = tuple(follow(system, np.random.default_rng(5)) for system in SYSTEMS)
         frozen = tuple(run for system in SYSTEMS for speed in (2.0, 4.0) for run in frozen_run(system, speed))
         timepts, frequencies = np.array([10.0, 20.0]), np.array([0.5, 2.0])
         held = [covered(np.random.default_rng(k), timepts, frequencies) for k in range(4)]
         known = benchmark.carry_out_benchmark(followed, frozen, held, timepts, frequencies)
     plain = replace(rising, maps={}, whole=None, frozen={})
-    driven = (
-        falling, rising,
-        *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still,
-    )  # fmt: skip
+    driven = (falling, rising, *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still)
     return Study(benchmark=known, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))
 
 
@@ -286,9 +290,23 @@ def test_the_page_shows_all_of_it(made: Study, tmp_path: Path, monkeypatch: pyte
     result = time_varying.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (
-        "parameters", "resonance", "moving_gfrf", "moving_nofrf", "moving_dc", "frozen", "coverage", "sliding",
-        "wander", "theta", "equilibria", "free_runs", "bands", "tv_gfrf", "tv_nofrf", "short_time",
-    )  # fmt: skip
+        "parameters",
+        "resonance",
+        "moving_gfrf",
+        "moving_nofrf",
+        "moving_dc",
+        "frozen",
+        "coverage",
+        "sliding",
+        "wander",
+        "theta",
+        "equilibria",
+        "free_runs",
+        "bands",
+        "tv_gfrf",
+        "tv_nofrf",
+        "short_time",
+    )
     assert page.count("<figure>") == page.count("<svg ") == len(names)
     for name in names:
         assert (tmp_path / f"figures/{name}.csv").is_file() and f"figures/{name}.csv" in page

@@ -38,20 +38,30 @@ from deatwin.scenarios.unexplained_drift.study import Answers, Study, carry_out
 def diagnosis(verdict: Verdict, causes: dict[str, dict[str, Interval]], names: tuple[str, ...] = ()) -> Diagnosis:
     after = (1.0, 1.0, 0.5) if causes else (None, None, None)
     return Diagnosis(
-        output={"name": "displacement", "unit": "um"}, verdict=verdict, noise=0.6, model_error=1.0, detect={},
-        locate={}, sentence="", names=names or tuple(causes),
-        fit={"fitted": {"before": 4.0, "after": after[0]},
-             "unseen": {"before": 5.0, "after": after[1], "gain_low": after[2]}},
-        causes=tuple(Cause(effect=n, family="film", probability=0.9, share_explained=0.9, parameters=p)
-                     for n, p in causes.items()),
-    )  # fmt: skip
+        output={"name": "displacement", "unit": "um"},
+        verdict=verdict,
+        noise=0.6,
+        model_error=1.0,
+        detect={},
+        locate={},
+        sentence="",
+        names=names or tuple(causes),
+        fit={
+            "fitted": {"before": 4.0, "after": after[0]},
+            "unseen": {"before": 5.0, "after": after[1], "gain_low": after[2]},
+        },
+        causes=tuple(
+            Cause(effect=n, family="film", probability=0.9, share_explained=0.9, parameters=p)
+            for n, p in causes.items()
+        ),
+    )
 
 
 def finding(answer: Diagnosis, name: str = "DEA 2") -> Finding:
     time = 0.02 * np.arange(1000)
     track = Track(
         timepts=time, measured=1e-6 * time, base=0 * time, answer=0.9e-6 * time, deviation=np.full(1000, 1e-6)
-    )  # fmt: skip
+    )
     return Finding(name=name, diagnosis=answer, tracks=(track, track))
 
 
@@ -80,10 +90,13 @@ def test_what_the_diagnosis_is_given_says_nothing_of_the_drift() -> None:
 def test_the_key_lists_what_the_specification_has_not() -> None:
     key = Key.of(fleet(5))
     assert {name: tuple(sorted(drift)) for name, drift in key.drifts.items()} == {
-        "DEA 1": ("grease_ridge", "permittivity_drift"), "DEA 2": ("prestretch_relaxation",),
-        "DEA 3": ("creep", "permittivity_drift"), "DEA 4": ("thermal_stiffness",),
-        "DEA 5": ("charge_injection", "prestretch_relaxation"), "DEA 6": ("electrode_loss",),
-    }  # fmt: skip
+        "DEA 1": ("grease_ridge", "permittivity_drift"),
+        "DEA 2": ("prestretch_relaxation",),
+        "DEA 3": ("creep", "permittivity_drift"),
+        "DEA 4": ("thermal_stiffness",),
+        "DEA 5": ("charge_injection", "prestretch_relaxation"),
+        "DEA 6": ("electrode_loss",),
+    }
     assert key.drifts["DEA 2"]["prestretch_relaxation"] == {"relative_loss": 0.06, "time": 1000.0}
     assert [e.name for e in concealed_in(fleet(5)[3])] == ["thermal_stiffness"]
 
@@ -184,8 +197,9 @@ def test_marks(name: str, answer: Diagnosis, mark: Mark) -> None:
 def test_intervals_are_held_against_the_truth() -> None:
     (score,) = judged([finding(diagnosis(Verdict.NAMED, RELAXED))], Key.of(fleet(5)))
     assert {e.name: (e.truth, e.covered) for e in score.estimates} == {
-        "relative_loss": (0.06, True), "time": (1000.0, False),
-    }  # fmt: skip
+        "relative_loss": (0.06, True),
+        "time": (1000.0, False),
+    }
     assert [row.passed for row in measures([score])] == [True, True, True, True, True]
     (wrong,) = judged([finding(diagnosis(Verdict.NAMED, {"creep": {}}))], Key.of(fleet(5)))
     assert [row.passed for row in measures([wrong])] == [False, False, False, True, True]
@@ -196,9 +210,7 @@ def drift(shift: float, error: float = 0.0) -> Drift:
 
 
 def group(sizes: Any, name: str = "creep") -> Group:
-    return Group(
-        name=name, assumption="as made up", histories=FRESH, drifts=tuple(map(drift, sizes))
-    )
+    return Group(name=name, assumption="as made up", histories=FRESH, drifts=tuple(map(drift, sizes)))
 
 
 def test_intervals_of_spread_and_of_one_more_hold_what_they_should() -> None:
@@ -246,8 +258,9 @@ def test_shift_and_gain_of_a_line_with_known_noise() -> None:
     # 1/√800 = 3.5 %: three times that.
     rng = np.random.default_rng(4)
     shape = 100e-6 * np.sin(0.01 * np.arange(2000))
-    found = [between(shape + rng.normal(0, 1e-6, 2000), 1.1 * shape + 5e-6 + rng.normal(0, 1e-6, 2000))
-             for _ in range(400)]  # fmt: skip
+    found = [
+        between(shape + rng.normal(0, 1e-6, 2000), 1.1 * shape + 5e-6 + rng.normal(0, 1e-6, 2000)) for _ in range(400)
+    ]
     shifts, gains = np.array([[d.shift, d.gain] for d in found]).T
     assert shifts.mean() == pytest.approx(5e-6 + 0.1 * shape.mean(), abs=4 * shifts.std() / 20)
     assert gains.mean() == pytest.approx(0.1, abs=4 * gains.std() / 20 + 1.1e-4)  # noise in y₁ flattens by (1/71)²/2
@@ -259,10 +272,12 @@ def test_shift_and_gain_of_a_line_with_known_noise() -> None:
 def five(unlike: float) -> tuple[Group, ...]:
     base = np.array(norm.ppf((np.arange(6) + 0.5) / 6))
     return (
-        group([-20e-6, 70e-6, 30e-6, 0.0, -10e-6, 5e-6], "six actuators"), group(20e-6 + 2e-6 * base, "creep"),
-        group(20e-6 + unlike * base, "creep"), group(70e-6 + 4e-6 * base, "relaxation"),
+        group([-20e-6, 70e-6, 30e-6, 0.0, -10e-6, 5e-6], "six actuators"),
+        group(20e-6 + 2e-6 * base, "creep"),
+        group(20e-6 + unlike * base, "creep"),
+        group(70e-6 + 4e-6 * base, "relaxation"),
         group(70e-6 + 2 * unlike * base, "relaxation"),
-    )  # fmt: skip
+    )
 
 
 def test_the_argument_holds_or_fails_with_the_histories() -> None:
@@ -383,6 +398,10 @@ def test_the_story(tmp_path: Path) -> None:
 
 def setting(folder: Path, jobs: int = 1) -> Setting:
     return Setting(
-        folder=ResultFolder(folder), data=None, command=("deatwin", "scenario", "unexplained-drift"), jobs=jobs, seed=0,
+        folder=ResultFolder(folder),
+        data=None,
+        command=("deatwin", "scenario", "unexplained-drift"),
+        jobs=jobs,
+        seed=0,
         progress=lambda share, text: None,
-    )  # fmt: skip
+    )

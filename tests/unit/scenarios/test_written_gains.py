@@ -19,11 +19,13 @@ H = 0.02
         ("V", "1", PidGains(proportional=0.0, integral=3.0), ["0 V", "3 V/s"]),
         ("1", "N", PidGains(proportional=2.0, integral=3.0), ["2 1/N", "3 1/(N s)"]),
         (
-            "V", "N", PidGains(proportional=2.0, integral=3.0, derivative=0.5, filter_time=0.1),
+            "V",
+            "N",
+            PidGains(proportional=2.0, integral=3.0, derivative=0.5, filter_time=0.1),
             ["2 V/N", "3 V/(N s)", "0.5 V s/N", "0.1 s"],
         ),
     ],
-)  # fmt: skip
+)
 def test_each_gain_has_its_unit(input_unit: str, output_unit: str, gains: PidGains, expected: list[str]) -> None:
     law = gains.law(H)
     controller = SimpleNamespace(local=lambda _: law, operating_input=1.0, sample_time=H)

@@ -82,10 +82,20 @@ FILMS = 8
 
 
 @taking(
-    model=instance(NarxModel), plant=instance(Plant, CalibratedPlant), rng=generator, design=function,
-    operating_input=finite, operating_inputs=numbers, closed_loop_time=positive, command_limits=pair,
-    recording=instance(Recording), specification=instance(Specification), others=require_others,
-    trajectory=instance(ThetaTrajectory), samples=whole(1), progress=function,
+    model=instance(NarxModel),
+    plant=instance(Plant, CalibratedPlant),
+    rng=generator,
+    design=function,
+    operating_input=finite,
+    operating_inputs=numbers,
+    closed_loop_time=positive,
+    command_limits=pair,
+    recording=instance(Recording),
+    specification=instance(Specification),
+    others=require_others,
+    trajectory=instance(ThetaTrajectory),
+    samples=whole(1),
+    progress=function,
 )
 def check(
     model: NarxModel,
@@ -189,11 +199,20 @@ def check(
     points = _points(model, controller, operating_inputs)
     require_laws(controller, [controller.operating_input, *points])
     subject = _Subject(
-        model=model, linear=seen, controller=controller, plant=known, others=everyone, rng=rng, samples=samples,
-        points=points, specification=specification or Specification(),
-        residual=residual, excited=excited, trajectory=trajectory,
+        model=model,
+        linear=seen,
+        controller=controller,
+        plant=known,
+        others=everyone,
+        rng=rng,
+        samples=samples,
+        points=points,
+        specification=specification or Specification(),
+        residual=residual,
+        excited=excited,
+        trajectory=trajectory,
         caveats=(*caveats, *(integral_only(controller) if asked else ())),
-    )  # fmt: skip
+    )
     return subject.judged(progress)
 
 
@@ -256,10 +275,19 @@ class _Subject:
         if progress is not None:
             progress(1.0)
         return Check(
-            findings=tuple(findings), operating=OperatingPoint.of(self.linear), controller=self.controller,
-            margins=here, table=(*rows, *more), excited_band_Hz=self.band_Hz, steps=runs.steps, sine=runs.sine,
-            others=seen, predicted=predicted, sine_predicted=sine_predicted, caveats=self.caveats,
-        )  # fmt: skip
+            findings=tuple(findings),
+            operating=OperatingPoint.of(self.linear),
+            controller=self.controller,
+            margins=here,
+            table=(*rows, *more),
+            excited_band_Hz=self.band_Hz,
+            steps=runs.steps,
+            sine=runs.sine,
+            others=seen,
+            predicted=predicted,
+            sine_predicted=sine_predicted,
+            caveats=self.caveats,
+        )
 
     def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
         """Margins at the controller's own point, and at all points and times."""
@@ -304,9 +332,15 @@ class _Subject:
             return None
         rig = self.plant.plant.rig
         return predict_loop(
-            self.model, self.controller, reference, reading=rig.reading, residual=self.residual,
-            noise=rig.noise, rng=self.rng, progress=progress,
-        )  # fmt: skip
+            self.model,
+            self.controller,
+            reference,
+            reading=rig.reading,
+            residual=self.residual,
+            noise=rig.noise,
+            rng=self.rng,
+            progress=progress,
+        )
 
     def _on_plant(
         self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None

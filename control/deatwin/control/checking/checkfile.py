@@ -58,11 +58,14 @@ def to_document(check: Check) -> dict[str, Any]:
         "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
         **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
         "others": {name: run.to_dict() for name, run in check.others.items()},
-        "predicted": None if predicted is None else {
-            "middle": predicted.middle.tolist(), "half_width": predicted.half_width.tolist(),
+        "predicted": None
+        if predicted is None
+        else {
+            "middle": predicted.middle.tolist(),
+            "half_width": predicted.half_width.tolist(),
             "diverged": predicted.diverged,
         },
-    }  # fmt: skip
+    }
 
 
 def from_document(document: Mapping[str, Any]) -> dict[str, Any]:

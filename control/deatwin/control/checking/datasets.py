@@ -50,13 +50,18 @@ def dataset_of(check: Check) -> Any:
         variables,
         coords,
         {
-            "verdict": check.verdict.value, "reason": check.reason, "sentence": check.sentence,
-            "operating_input": operating.input, "input_unit": operating.input_unit,
-            "output_unit": operating.output_unit, "sample_time": operating.sample_time,
-            "excited_band_Hz": check.excited_band_Hz, "others": list(check.others),
+            "verdict": check.verdict.value,
+            "reason": check.reason,
+            "sentence": check.sentence,
+            "operating_input": operating.input,
+            "input_unit": operating.input_unit,
+            "output_unit": operating.output_unit,
+            "sample_time": operating.sample_time,
+            "excited_band_Hz": check.excited_band_Hz,
+            "others": list(check.others),
         },
         to_document(check),
-    )  # fmt: skip
+    )
 
 
 def _times(runs: Mapping[str, ClosedLoop]) -> dict[str, Any]:

@@ -18,9 +18,7 @@ __all__ = ["judge_film"]
 _HOLD = 2.0  # s at the largest command
 
 
-def judge_film(
-    source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller
-) -> Finding:
+def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
     """Judge whether the film bears what the controller commands, and what it might command.
 
     Parameters

@@ -79,8 +79,9 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
             "its operating point, as it was identified"
         )
     for signal, unit, known in (
-        ("input", model.input_units[0], rig.input_unit), ("output", model.output_units[0], rig.output_unit)
-    ):  # fmt: skip
+        ("input", model.input_units[0], rig.input_unit),
+        ("output", model.output_units[0], rig.output_unit),
+    ):
         if unit and unit != known:
             raise ModelError(f"the model's {signal} is in {unit}, the rig's in {known}")
 

@@ -113,10 +113,8 @@ class Check:
         tuned, at, least = self.controller, self.operating, self.least_margins
         margins = ", ".join(
             f"{name} {value:.2g}{unit}" if isfinite(value) else f"{name} infinite"
-            for name, value, unit in (
-                ("gain margin", least["gain"], ""), ("phase margin", least["phase_deg"], "°")
-            )
-        )  # fmt: skip
+            for name, value, unit in (("gain margin", least["gain"], ""), ("phase margin", least["phase_deg"], "°"))
+        )
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
             f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover there "

@@ -107,11 +107,21 @@ def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> M
         Stable where the simultaneous 95 % band keeps clear of -1.
     """
     return MarginRow(
-        source="model by its analytic band", operating_input=linear.operating_input, time=None,
-        gain=band.gain.value, phase_deg=band.phase_deg.value, delay=band.delay.value, disk=band.disk.value,
-        crossover_Hz=crossover_Hz, gain_low=band.gain.low, phase_low_deg=band.phase_deg.low, delay_low=band.delay.low,
-        disk_low=band.disk.low, stable_share=1.0 if band.modulus_low > 0.0 else band.level, samples=1,
-    )  # fmt: skip
+        source="model by its analytic band",
+        operating_input=linear.operating_input,
+        time=None,
+        gain=band.gain.value,
+        phase_deg=band.phase_deg.value,
+        delay=band.delay.value,
+        disk=band.disk.value,
+        crossover_Hz=crossover_Hz,
+        gain_low=band.gain.low,
+        phase_low_deg=band.phase_deg.low,
+        delay_low=band.delay.low,
+        disk_low=band.disk.low,
+        stable_share=1.0 if band.modulus_low > 0.0 else band.level,
+        samples=1,
+    )
 
 
 def _row(
@@ -126,8 +136,18 @@ def _row(
 
     itself = [float(v[0]) if stable[0] else 0.0 for v in (found.gain, found.phase_deg, found.delay, found.disk)]
     return MarginRow(
-        source=source, operating_input=operating_input, time=time, gain=itself[0], phase_deg=itself[1],
-        delay=itself[2], disk=itself[3], crossover_Hz=float(found.crossover[0] / (2 * np.pi)),
-        gain_low=low(found.gain), phase_low_deg=low(found.phase_deg), delay_low=low(found.delay),
-        disk_low=low(found.disk), stable_share=float(stable.mean()) if stable[0] else 0.0, samples=stable.size,
-    )  # fmt: skip
+        source=source,
+        operating_input=operating_input,
+        time=time,
+        gain=itself[0],
+        phase_deg=itself[1],
+        delay=itself[2],
+        disk=itself[3],
+        crossover_Hz=float(found.crossover[0] / (2 * np.pi)),
+        gain_low=low(found.gain),
+        phase_low_deg=low(found.phase_deg),
+        delay_low=low(found.delay),
+        disk_low=low(found.disk),
+        stable_share=float(stable.mean()) if stable[0] else 0.0,
+        samples=stable.size,
+    )

@@ -54,9 +54,7 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
 
-def judge_training(
-    model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]
-) -> Finding | None:
+def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]) -> Finding | None:
     """Judge whether the loop stays where the model was trained.
 
     Parameters

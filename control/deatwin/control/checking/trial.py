@@ -120,9 +120,7 @@ class Trial:
         """
         return self._run(plant, self.controller.scaled(factor), self.step_reference, progress)
 
-    def _run(
-        self, plant: Plant, controller: Controller, reference: Array, progress: Progress | None
-    ) -> ClosedLoop:
+    def _run(self, plant: Plant, controller: Controller, reference: Array, progress: Progress | None) -> ClosedLoop:
         return closed_loop(plant, controller, reference, rng=self.rng, progress=progress)
 
     def sine_error(self) -> float:

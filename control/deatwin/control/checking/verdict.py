@@ -108,9 +108,7 @@ def worst(findings: Sequence[Finding]) -> Finding:
     return min(findings, key=lambda finding: inf if finding.room is None else finding.room)
 
 
-def judge_margins(
-    rows: Sequence[MarginRow], sample_time: float, specification: Specification
-) -> tuple[Finding, ...]:
+def judge_margins(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> tuple[Finding, ...]:
     """Judge the margins of one source where they are worst.
 
     Parameters

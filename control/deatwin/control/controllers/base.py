@@ -60,9 +60,14 @@ class Controller(ABC):
 
     def __post_init__(self) -> None:
         require_fields(
-            self, sample_time=positive, operating_input=finite, operating_output=finite, command_min=finite,
-            command_max=finite, closed_loop_time=positive,
-        )  # fmt: skip
+            self,
+            sample_time=positive,
+            operating_input=finite,
+            operating_output=finite,
+            command_min=finite,
+            command_max=finite,
+            closed_loop_time=positive,
+        )
         if not self.command_min < self.operating_input < self.command_max:
             raise ControlError(
                 f"the operating input {self.operating_input:g} must lie between the limits of the command, "
@@ -169,9 +174,14 @@ class Controller(ABC):
             return np.atleast_1d(self.command(u[0], u[1], np.asarray(x))[0])
 
         return control.nlsys(
-            update, output, dt=self.sample_time, states=self.states, name=self.name,
-            inputs=["reference", "reading"], outputs=["command"],
-        )  # fmt: skip
+            update,
+            output,
+            dt=self.sample_time,
+            states=self.states,
+            name=self.name,
+            inputs=["reference", "reading"],
+            outputs=["command"],
+        )
 
 
 def require_factor(factor: float) -> None:

@@ -16,8 +16,14 @@ __all__ = ["controller_from_dict", "controller_to_dict"]
 
 _KINDS: tuple[type[Controller], ...] = (LinearController, InverseController, ScheduledController)
 _COMMON = (
-    "name", "sample_time", "operating_input", "operating_output", "command_min", "command_max", "closed_loop_time",
-)  # fmt: skip
+    "name",
+    "sample_time",
+    "operating_input",
+    "operating_output",
+    "command_min",
+    "command_max",
+    "closed_loop_time",
+)
 
 
 @taking(controller=instance(Controller))

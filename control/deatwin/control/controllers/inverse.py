@@ -298,9 +298,13 @@ class InverseController(Controller):
         feedback, curve = self.feedback, self.curve
         return {
             "feedback": {**feedback.details(), **{name: getattr(feedback, name) for name in _INNER}},
-            "curve": {"inputs": curve.inputs.tolist(), "outputs": curve.outputs.tolist(),
-                      "input_unit": curve.input_unit, "output_unit": curve.output_unit},
-        }  # fmt: skip
+            "curve": {
+                "inputs": curve.inputs.tolist(),
+                "outputs": curve.outputs.tolist(),
+                "input_unit": curve.input_unit,
+                "output_unit": curve.output_unit,
+            },
+        }
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:

@@ -213,9 +213,14 @@ class Law:
         import control
 
         return control.ss(
-            self.a, self.b, self.c[None, :], self.d[None, :], sample_time,
-            inputs=["reference", "reading"], outputs=["command"],
-        )  # fmt: skip
+            self.a,
+            self.b,
+            self.c[None, :],
+            self.d[None, :],
+            sample_time,
+            inputs=["reference", "reading"],
+            outputs=["command"],
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which `from_dict` makes the same law."""
@@ -236,9 +241,11 @@ class Law:
         """
         n = len(data["c"])
         return cls(
-            a=np.reshape(data["a"], (n, n)), b=np.reshape(data["b"], (n, 2)), c=np.array(data["c"], dtype=float),
+            a=np.reshape(data["a"], (n, n)),
+            b=np.reshape(data["b"], (n, 2)),
+            c=np.array(data["c"], dtype=float),
             d=np.array(data["d"], dtype=float),
-        )  # fmt: skip
+        )
 
     def _transfer(self, b: Array, d: float) -> Polynomials:
         """``C (z - A)^-1 b + d``, by the determinant of a rank-one change."""

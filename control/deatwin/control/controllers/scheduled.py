@@ -166,9 +166,10 @@ class ScheduledController(Controller):
     def details(self) -> dict[str, Any]:
         """Plain data of points and laws."""
         return {
-            "points": self.points.tolist(), "laws": [law.to_dict() for law in self.laws],
+            "points": self.points.tolist(),
+            "laws": [law.to_dict() for law in self.laws],
             "windup": self.windup.tolist(),
-        }  # fmt: skip
+        }
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:

@@ -155,9 +155,7 @@ def with_dynamics(controller: InverseController, filter: InverseFilter) -> Inver
     inner = controller.feedback
     law = filter.before(inner.law.feedforward(-1.0))
     windup = np.concatenate([inner.windup, np.zeros(filter.c.size)])
-    return replace(
-        controller, name=f"{controller.name} with dynamics", feedback=replace(inner, law=law, windup=windup)
-    )
+    return replace(controller, name=f"{controller.name} with dynamics", feedback=replace(inner, law=law, windup=windup))
 
 
 def _ridge(matrix: Complex, target: Complex) -> Array:

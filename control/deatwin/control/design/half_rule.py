@@ -87,9 +87,11 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
             f"(poles in z: {poles or 'none'}): a PI controller is right (lambda_tuning)"
         )
     return SecondOrderDelay(
-        gain=linear.static_gain * share, first_lag=float(max(first, second)), second_lag=float(min(first, second)),
+        gain=linear.static_gain * share,
+        first_lag=float(max(first, second)),
+        second_lag=float(min(first, second)),
         delay=float(delay),
-    )  # fmt: skip
+    )
 
 
 def _times(roots: Complex, h: float) -> Array:

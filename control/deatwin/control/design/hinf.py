@@ -164,9 +164,7 @@ def hinf(
     _require_slycot()
     states, h = States.of(linear), linear.sample_time
     plant = _to_w(states.balanced())
-    bounds = MixedSensitivity(
-        bandwidth_Hz=bandwidth_Hz, max_sensitivity=max_sensitivity, effort=effort, sample_time=h
-    )  # fmt: skip
+    bounds = MixedSensitivity(bandwidth_Hz=bandwidth_Hz, max_sensitivity=max_sensitivity, effort=effort, sample_time=h)
     found = _synthesis(plant, bounds)
     if found is None:
         raise ControlError(_why_not(plant, bounds))
@@ -174,11 +172,16 @@ def hinf(
     if not loop_margins(linear, law).stable[0]:
         raise ControlError("the H-infinity controller lost stability to rounding: choose another bandwidth")
     return LinearController(
-        name="H-infinity", sample_time=h, operating_input=linear.operating_input,
-        operating_output=linear.rest_output, command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]), closed_loop_time=float(1.0 / (2 * np.pi * bandwidth_Hz)),
-        law=law, windup=_follower(law),
-    )  # fmt: skip
+        name="H-infinity",
+        sample_time=h,
+        operating_input=linear.operating_input,
+        operating_output=linear.rest_output,
+        command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]),
+        closed_loop_time=float(1.0 / (2 * np.pi * bandwidth_Hz)),
+        law=law,
+        windup=_follower(law),
+    )
 
 
 def _require_slycot() -> None:
@@ -204,7 +207,7 @@ def _from_w(system: StateSpace) -> Law:
     through = float((d + c @ inverse @ b)[0, 0])
     return Law.of_error(
         (identity + a) @ inverse, np.sqrt(2.0) * (inverse @ b)[:, 0], np.sqrt(2.0) * (c @ inverse)[0], through
-    )  # fmt: skip
+    )
 
 
 def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None:

@@ -128,9 +128,11 @@ def _curve(
         raise ControlError(f"the range of the command is {low:g} to {high:g}: it must rise")
     inputs = np.linspace(low, high, count)
     return StaticCurve(
-        inputs=inputs, outputs=np.array([output(float(u)) for u in inputs]), input_unit=input_unit,
+        inputs=inputs,
+        outputs=np.array([output(float(u)) for u in inputs]),
+        input_unit=input_unit,
         output_unit=output_unit,
-    )  # fmt: skip
+    )
 
 
 @taking(linear=linear_model, curve=instance(StaticCurve), design=function, command_limits=pair)
@@ -185,10 +187,16 @@ def with_inverse(
     law = Law.of_error(found.law.a, -found.law.b[:, READING], found.law.c, -float(found.law.d[READING]))
     feedback = replace(found, law=law.feedforward(1.0))
     return InverseController(
-        name=f"{found.name} behind the inverse", sample_time=found.sample_time, operating_input=point,
-        operating_output=linear.rest_output, command_min=low, command_max=high,
-        closed_loop_time=found.closed_loop_time, feedback=feedback, curve=curve,
-    )  # fmt: skip
+        name=f"{found.name} behind the inverse",
+        sample_time=found.sample_time,
+        operating_input=point,
+        operating_output=linear.rest_output,
+        command_min=low,
+        command_max=high,
+        closed_loop_time=found.closed_loop_time,
+        feedback=feedback,
+        curve=curve,
+    )
 
 
 def _behind(linear: LinearModel, curve: StaticCurve, slope: float) -> LinearModel:
@@ -196,7 +204,11 @@ def _behind(linear: LinearModel, curve: StaticCurve, slope: float) -> LinearMode
     scale = np.ones(len(linear.covariance))
     scale[: linear.numerator.size] = 1.0 / slope
     return replace(
-        linear, numerator=linear.numerator / slope, covariance=linear.covariance * np.outer(scale, scale),
-        operating_input=float(curve.output(linear.operating_input)), input_name="demand",
-        input_unit=linear.output_unit, realisation=linear.realisation and linear.realisation.scaled(1.0 / slope),
-    )  # fmt: skip
+        linear,
+        numerator=linear.numerator / slope,
+        covariance=linear.covariance * np.outer(scale, scale),
+        operating_input=float(curve.output(linear.operating_input)),
+        input_name="demand",
+        input_unit=linear.output_unit,
+        realisation=linear.realisation and linear.realisation.scaled(1.0 / slope),
+    )

@@ -88,9 +88,7 @@ def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
     reached = linear.step_response(count) / linear.static_gain
     early, late = (_first_time(reached, share) * linear.sample_time for share in (_EARLY, _LATE))
     time_constant = 1.5 * (late - early)
-    return FirstOrderDelay(
-        gain=linear.static_gain, time_constant=time_constant, delay=max(late - time_constant, 0.0)
-    )
+    return FirstOrderDelay(gain=linear.static_gain, time_constant=time_constant, delay=max(late - time_constant, 0.0))
 
 
 def _first_time(values: np.ndarray, level: float) -> float:
@@ -216,9 +214,11 @@ def lambda_tuning_pid(
     integral_time = min(plant.first_lag, 4.0 * horizon)
     series = plant.first_lag / (gain * horizon)
     gains = PidGains(
-        proportional=series * (1.0 + plant.second_lag / integral_time), integral=series / integral_time,
-        derivative=series * plant.second_lag, filter_time=filter_time,
-    )  # fmt: skip
+        proportional=series * (1.0 + plant.second_lag / integral_time),
+        integral=series / integral_time,
+        derivative=series * plant.second_lag,
+        filter_time=filter_time,
+    )
     return pid(linear, gains, command_limits, wanted)
 
 

@@ -86,9 +86,7 @@ class Robustness:
         return np.asarray(root.min(axis=1))
 
 
-@taking(
-    linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number
-)
+@taking(linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number)
 def loop_shaping(
     linear: LinearModel,
     *,
@@ -141,9 +139,7 @@ def loop_shaping(
     return _shaped(linear, gains, bounds, command_limits, crossover_Hz)
 
 
-@taking(
-    linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number
-)
+@taking(linear=linear_model, command_limits=pair, crossover_Hz=number, phase_margin_deg=number, max_sensitivity=number)
 def loop_shaping_pid(
     linear: LinearModel,
     *,
@@ -194,9 +190,11 @@ def loop_shaping_pid(
             return PidGains(proportional=0.0, integral=integral)
         derivative_time = 0.5 * time
         return PidGains(
-            proportional=2.0 * time * integral, integral=integral, derivative=time**2 * integral,
+            proportional=2.0 * time * integral,
+            integral=integral,
+            derivative=time**2 * integral,
             filter_time=max(derivative_time / _FILTER, h),
-        )  # fmt: skip
+        )
 
     bounds = Robustness(max_sensitivity=max_sensitivity, phase_margin_deg=phase_margin_deg)
     return _shaped(linear, gains, bounds, command_limits, crossover_Hz)

@@ -84,9 +84,7 @@ class LqgGains:
         return integrating(law), applied  # exactly, for what rounding left of it
 
 
-@taking(
-    linear=linear_model, command_limits=pair, closed_loop_time=number, noise=number, drift=number, band_Hz=positive
-)
+@taking(linear=linear_model, command_limits=pair, closed_loop_time=number, noise=number, drift=number, band_Hz=positive)
 def lqg(
     linear: LinearModel,
     *,
@@ -150,10 +148,16 @@ def lqg(
             "close together that its transfer function loses its digits; sample more slowly, or ask for a shorter time"
         )
     return LinearController(
-        name="LQG", sample_time=h, operating_input=linear.operating_input, operating_output=linear.rest_output,
-        command_min=float(command_limits[0]), command_max=float(command_limits[1]), closed_loop_time=float(wanted),
-        law=law, windup=windup,
-    )  # fmt: skip
+        name="LQG",
+        sample_time=h,
+        operating_input=linear.operating_input,
+        operating_output=linear.rest_output,
+        command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]),
+        closed_loop_time=float(wanted),
+        law=law,
+        windup=windup,
+    )
 
 
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
@@ -181,9 +185,10 @@ def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: floa
     if linear.realisation is not None:  # of a plant's many states most answer alike: the response keeps eight digits
         states = states.balanced()
     return LqgGains(
-        states=states, regulator=_regulator(states, closed_loop_time / linear.sample_time, linear.sample_time),
+        states=states,
+        regulator=_regulator(states, closed_loop_time / linear.sample_time, linear.sample_time),
         observer=_observer(states, drift_by_noise),
-    )  # fmt: skip
+    )
 
 
 def _in_steps(states: States) -> tuple[Array, Array]:

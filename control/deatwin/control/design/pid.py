@@ -120,10 +120,7 @@ class PidGains:
         p = self.filter_time / (self.filter_time + sample_time)
         g = self.derivative / (self.filter_time + sample_time)
         return Law(
-            a=np.diag([1.0, p]),
-            b=np.vstack([pi.b, [0.0, 1.0 - p]]),
-            c=np.array([1.0, g]),
-            d=pi.d - np.array([0.0, g]),
+            a=np.diag([1.0, p]), b=np.vstack([pi.b, [0.0, 1.0 - p]]), c=np.array([1.0, g]), d=pi.d - np.array([0.0, g])
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
@@ -177,8 +174,13 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
             "ask for a longer one, or choose another design"
         )
     return LinearController(
-        name=gains.name, sample_time=h, operating_input=linear.operating_input,
-        operating_output=linear.rest_output, command_min=float(command_limits[0]),
-        command_max=float(command_limits[1]), closed_loop_time=float(closed_loop_time),
-        law=law, windup=gains.windup(h),
-    )  # fmt: skip
+        name=gains.name,
+        sample_time=h,
+        operating_input=linear.operating_input,
+        operating_output=linear.rest_output,
+        command_min=float(command_limits[0]),
+        command_max=float(command_limits[1]),
+        closed_loop_time=float(closed_loop_time),
+        law=law,
+        windup=gains.windup(h),
+    )

@@ -61,7 +61,8 @@ def scheduled(
         if change != 0.0:
             raise ControlError(
                 f"the static gain changes its sign between {before.operating_input:g} and {after.operating_input:g} "
-                f"{after.input_unit}".rstrip() + ": no controller serves both; choose a range on one side"
+                f"{after.input_unit}".rstrip()
+                + ": no controller serves both; choose a range on one side"
             )
     if len({c.law.c.size for c in found}) > 1:
         kinds = ", ".join(f"{c.name} at {c.operating_input:g}" for c in found)
@@ -69,13 +70,17 @@ def scheduled(
     centre = _centre(found, operating_input)
     names = sorted({c.name for c in found}, key=len)
     return ScheduledController(
-        name=f"scheduled {names[-1]}", sample_time=centre.sample_time, operating_input=centre.operating_input,
-        operating_output=centre.operating_output, command_min=float(command_limits[0]),
+        name=f"scheduled {names[-1]}",
+        sample_time=centre.sample_time,
+        operating_input=centre.operating_input,
+        operating_output=centre.operating_output,
+        command_min=float(command_limits[0]),
         command_max=float(command_limits[1]),
         closed_loop_time=max(c.closed_loop_time for c in found),
-        points=np.array([c.operating_input for c in found]), laws=tuple(c.law for c in found),
+        points=np.array([c.operating_input for c in found]),
+        laws=tuple(c.law for c in found),
         windup=np.array([c.windup for c in found]),
-    )  # fmt: skip
+    )
 
 
 def _designed(model: LinearModel, design: Design, command_limits: Limits) -> LinearController:

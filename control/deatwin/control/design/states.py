@@ -98,9 +98,7 @@ class States:
 
         a, b, c = self.a, self.b, self.c
         for _ in range(2):  # the second time mends what the companion matrix lost
-            reached, seen = (
-                _root(solve_discrete_lyapunov(m, np.outer(v, v))) for m, v in ((a, b), (a.T, c))
-            )  # fmt: skip
+            reached, seen = (_root(solve_discrete_lyapunov(m, np.outer(v, v))) for m, v in ((a, b), (a.T, c)))
             left, sizes, right = np.linalg.svd(seen.T @ reached)
             kept = sizes > _HARDLY * sizes[0]
             into = reached @ right[kept].T / np.sqrt(sizes[kept])

@@ -61,9 +61,13 @@ def controller_source(
     outputs = (Signal(name="command", unit=input_unit, start=controller.operating_input),)
     body = "".join(filled(part, **fields, tables=written) for part in (templates.HEAD, *parts))
     return SampledSource(
-        name=name, text=_head(controller, inputs[0], outputs[0]) + body, sample_time=controller.sample_time,
-        inputs=inputs, outputs=outputs, description=f"{controller.name} controller ({controller.kind})",
-    )  # fmt: skip
+        name=name,
+        text=_head(controller, inputs[0], outputs[0]) + body,
+        sample_time=controller.sample_time,
+        inputs=inputs,
+        outputs=outputs,
+        description=f"{controller.name} controller ({controller.kind})",
+    )
 
 
 def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str, ...], Mapping[str, ArrayLike]]:
@@ -90,9 +94,10 @@ def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str
 def _inner(controller: LinearController) -> dict[str, object]:
     """Where the law's own command is centred and limited; behind an inverse that is an output."""
     return {
-        "centre": float(controller.operating_input), "low": float(controller.command_min),
+        "centre": float(controller.operating_input),
+        "low": float(controller.command_min),
         "high": float(controller.command_max),
-    }  # fmt: skip
+    }
 
 
 def _law_tables(controller: LinearController) -> dict[str, ArrayLike]:
@@ -115,10 +120,12 @@ def _schedule_tables(controller: ScheduledController) -> dict[str, ArrayLike]:
 
 def _head(controller: Controller, asked: Signal, command: Signal) -> str:
     unit = f" {command.unit}" if command.unit else ""
-    return comment([
-        f"{controller.name} controller ({controller.kind}), a sample of {controller.sample_time:g} s a call.",
-        f"u[0]: {asked}; u[1]: reading, likewise; y[0]: {command}.",
-        f"The command stays between {controller.command_min:g} and {controller.command_max:g}{unit}; the loop is to be "
-        f"closed where the actuator rests at {controller.operating_input:g}{unit}.",
-        "Do not compile with -ffast-math, which takes away the test for readings that are not finite.",
-    ])  # fmt: skip
+    return comment(
+        [
+            f"{controller.name} controller ({controller.kind}), a sample of {controller.sample_time:g} s a call.",
+            f"u[0]: {asked}; u[1]: reading, likewise; y[0]: {command}.",
+            f"The command stays between {controller.command_min:g} and {controller.command_max:g}{unit}; the loop is to be "
+            f"closed where the actuator rests at {controller.operating_input:g}{unit}.",
+            "Do not compile with -ffast-math, which takes away the test for readings that are not finite.",
+        ]
+    )

@@ -73,11 +73,17 @@ def from_control(
         poles = np.roots(denominator)
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
-        numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)), sample_time=sample_time,
-        operating_input=operating_input, operating_output=operating_output,
-        input_name=system.input_labels[0], output_name=system.output_labels[0],
-        input_unit=input_unit, output_unit=output_unit,
-    )  # fmt: skip
+        numerator=numerator,
+        denominator=denominator,
+        covariance=np.zeros((size, size)),
+        sample_time=sample_time,
+        operating_input=operating_input,
+        operating_output=operating_output,
+        input_name=system.input_labels[0],
+        output_name=system.output_labels[0],
+        input_unit=input_unit,
+        output_unit=output_unit,
+    )
     return linear.judged(bool((np.abs(poles) < 1.0).all()))
 
 

@@ -155,9 +155,14 @@ class NarxSystem:
         import control
 
         return control.nlsys(
-            self.update, self.output, name=name, dt=self.model.sample_time, inputs=list(self.model.input_names),
-            outputs=list(self.model.output_names), states=self.labels,
-        )  # fmt: skip
+            self.update,
+            self.output,
+            name=name,
+            dt=self.model.sample_time,
+            inputs=list(self.model.input_names),
+            outputs=list(self.model.output_names),
+            states=self.labels,
+        )
 
     def past(self, inputs: Array, outputs: Array) -> Array:
         """The state after some rows.

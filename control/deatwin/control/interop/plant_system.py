@@ -178,9 +178,14 @@ class PlantSystem:
 
         rig = self._plant.rig
         return control.nlsys(
-            self.update, self.output, name=name, dt=rig.sample_time, states=self.labels,
-            inputs=[rig.input_name], outputs=[rig.output_name],
-        )  # fmt: skip
+            self.update,
+            self.output,
+            name=name,
+            dt=rig.sample_time,
+            states=self.labels,
+            inputs=[rig.input_name],
+            outputs=[rig.output_name],
+        )
 
     def _after(self, t: float, x: Array, u: Array) -> After:
         """What a sample leads to; output and update of one sample solve it once."""

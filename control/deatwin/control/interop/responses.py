@@ -108,10 +108,13 @@ class Frd:
                 "covariance": (("point", "part", "other_part"), self.covariance, squared(self.unit)),
                 "omega": ("point", self.omega, "rad/s"),
             },
-            {"frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"), "part": ("part", list(PARTS)),
-             "other_part": ("other_part", list(PARTS))},
+            {
+                "frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"),
+                "part": ("part", list(PARTS)),
+                "other_part": ("other_part", list(PARTS)),
+            },
             {"name": str(self.system.name)},
-        )  # fmt: skip
+        )
 
 
 @taking(input_name=instance(str), output_name=instance(str), name=instance(str))
@@ -188,15 +191,11 @@ def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response")
     return _frd(given, values, parts @ linear.covariance @ parts.swapaxes(1, 2), signals, unit, name)
 
 
-def _frd(
-    omega: Array, values: Complex, covariance: Array, signals: tuple[str, str], unit: str, name: str
-) -> Frd:
+def _frd(omega: Array, values: Complex, covariance: Array, signals: tuple[str, str], unit: str, name: str) -> Frd:
     import control
 
     order = np.argsort(omega, kind="stable")
     if not np.all(omega >= 0.0):  # also of what is no number
         raise ModelError("the responses of python-control are over frequencies from 0 on; give those only")
-    system = control.frd(
-        values[order], omega[order], None, inputs=[signals[0]], outputs=[signals[1]], name=name
-    )
+    system = control.frd(values[order], omega[order], None, inputs=[signals[0]], outputs=[signals[1]], name=name)
     return Frd(system=system, covariance=covariance[order], unit=unit)

@@ -157,9 +157,14 @@ def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSy
         return x[count:]
 
     return control.nlsys(
-        update, output, name=name, dt=system.dt, inputs=system.input_labels, outputs=system.output_labels,
+        update,
+        output,
+        name=name,
+        dt=system.dt,
+        inputs=system.input_labels,
+        outputs=system.output_labels,
         states=[*system.state_labels, *(f"last_{label}" for label in system.output_labels)],
-    )  # fmt: skip
+    )
 
 
 def _unknown(source: object) -> ControlError:

@@ -64,9 +64,7 @@ class Banded:
         # An order statistic of what is finite: NaN is sorted to the end.
         ordered = np.sort(np.where(known, samples, np.inf), axis=1)
         last = np.maximum(known.sum(axis=1, keepdims=True) - 1, 0)
-        ends = [
-            np.take_along_axis(ordered, np.rint(level * last).astype(np.intp), axis=1)[:, 0] for level in LEVEL
-        ]
+        ends = [np.take_along_axis(ordered, np.rint(level * last).astype(np.intp), axis=1)[:, 0] for level in LEVEL]
         low, high = (np.where(np.isfinite(end), end, np.nan) for end in ends)
         return cls(value=own, low=low, high=high)
 
@@ -164,8 +162,15 @@ class FamilyBands:
         """Static gain with its band over operating inputs or times."""
         factor, unit = _gain_unit(self.family)
         gain = self.static_gain
-        ax.fill_between(along, factor * gain.low, factor * gain.high, color="C0", alpha=0.25, linewidth=0,
-                        label="95 % of the samples" if self.family.n_samples > 1 else None)  # fmt: skip
+        ax.fill_between(
+            along,
+            factor * gain.low,
+            factor * gain.high,
+            color="C0",
+            alpha=0.25,
+            linewidth=0,
+            label="95 % of the samples" if self.family.n_samples > 1 else None,
+        )
         ax.plot(along, factor * gain.value, "o-", color="C0", markersize=3, linewidth=1.2, label="model")
         lost = ~self.stable & self.family.exists[:, 0]
         if lost.any():
@@ -183,9 +188,7 @@ class FamilyBands:
                 for values in (time_constant.low, time_constant.value, time_constant.high)
             )
             ax.fill_between(along, low, high, color=colour, alpha=0.25, linewidth=0)
-            ax.plot(
-                along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k)
-            )
+            ax.plot(along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k))
         ax.set_yscale("log")
         ax.axhline(self.family.sample_time, color="0.6", linestyle=":", linewidth=1.0, label="sampling interval")
         ax.set_ylabel("time constant (s)")

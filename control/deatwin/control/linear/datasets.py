@@ -50,10 +50,16 @@ def family_dataset(bands: FamilyBands, dimension: str, coords: Variables) -> Any
     return dataset(
         variables,
         coords,
-        {"sample_time": family.sample_time, "n_samples": family.n_samples - 1, "level": 0.95,
-         "input_name": family.input_name, "output_name": family.output_name, "input_unit": family.input_unit,
-         "output_unit": family.output_unit},
-    )  # fmt: skip
+        {
+            "sample_time": family.sample_time,
+            "n_samples": family.n_samples - 1,
+            "level": 0.95,
+            "input_name": family.input_name,
+            "output_name": family.output_name,
+            "input_unit": family.input_unit,
+            "output_unit": family.output_unit,
+        },
+    )
 
 
 def linear_dataset(model: LinearModel) -> Any:
@@ -78,11 +84,19 @@ def linear_dataset(model: LinearModel) -> Any:
             "covariance": (pair, model.covariance),
         },
         {name: (name, names) for name in pair},
-        {"sample_time": model.sample_time, "operating_input": model.operating_input,
-         "operating_output": model.operating_output, "status": model.status.name, "advice": model.status.value,
-         "detail": model.detail, "input_name": model.input_name, "output_name": model.output_name,
-         "input_unit": model.input_unit, "output_unit": model.output_unit},
-    )  # fmt: skip
+        {
+            "sample_time": model.sample_time,
+            "operating_input": model.operating_input,
+            "operating_output": model.operating_output,
+            "status": model.status.name,
+            "advice": model.status.value,
+            "detail": model.detail,
+            "input_name": model.input_name,
+            "output_name": model.output_name,
+            "input_unit": model.input_unit,
+            "output_unit": model.output_unit,
+        },
+    )
 
 
 def gain_unit(signals: LinearFamily | LinearModel) -> str:

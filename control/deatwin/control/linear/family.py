@@ -81,9 +81,13 @@ class LinearFamily:
 
     def __post_init__(self) -> None:
         require_fields(
-            self, operating_inputs=numbers, operating_outputs=numbers, numerators=numbers, denominators=numbers,
+            self,
+            operating_inputs=numbers,
+            operating_outputs=numbers,
+            numerators=numbers,
+            denominators=numbers,
             sample_time=positive,
-        )  # fmt: skip
+        )
         shape = np.shape(self.exists)
         for name in ("operating_inputs", "operating_outputs", "numerators", "denominators"):
             object.__setattr__(self, name, _read_only(getattr(self, name), np.float64))
@@ -94,8 +98,10 @@ class LinearFamily:
         if self.realisations:
             fits += [[len(row) for row in self.realisations] == [shape[1]] * shape[0]]
         if len(shape) != 2 or 0 in shape or not all(fits) or self.operating_inputs.shape != shape[:1]:
-            raise ModelError("a family of linear models needs arrays over the same operating points and samples, "
-                             "at least one of each")  # fmt: skip
+            raise ModelError(
+                "a family of linear models needs arrays over the same operating points and samples, "
+                "at least one of each"
+            )
 
     @classmethod
     def of(cls, models: Sequence[Sequence[LinearModel]]) -> LinearFamily:
@@ -130,12 +136,16 @@ class LinearFamily:
             denominators=np.array(
                 [[np.pad(m.denominator, (0, n_a - m.denominator.size)) for m in row] for row in models]
             ),
-            exists=exists, stable=exists & (statuses != LinearStatus.UNSTABLE),
+            exists=exists,
+            stable=exists & (statuses != LinearStatus.UNSTABLE),
             has_gain=exists & (statuses != LinearStatus.NO_GAIN) & (statuses != LinearStatus.INACCURATE),
             sample_time=first.sample_time,
-            input_name=first.input_name, output_name=first.output_name,
-            input_unit=first.input_unit, output_unit=first.output_unit, realisations=_realisations(models),
-        )  # fmt: skip
+            input_name=first.input_name,
+            output_name=first.output_name,
+            input_unit=first.input_unit,
+            output_unit=first.output_unit,
+            realisations=_realisations(models),
+        )
 
     @property
     def n_points(self) -> int:
@@ -222,10 +232,13 @@ class LinearFamily:
         numerator, denominator = self.numerators[point, sample], self.denominators[point, sample]
         size = numerator.size + denominator.size - 1
         model = LinearModel(
-            numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
+            numerator=numerator,
+            denominator=denominator,
+            covariance=np.zeros((size, size)),
             operating_output=float(self.operating_outputs[point, sample]),
-            realisation=self.realisations[point][sample] if self.realisations else None, **signals,
-        )  # fmt: skip
+            realisation=self.realisations[point][sample] if self.realisations else None,
+            **signals,
+        )
         least_gain = 0.0 if self.has_gain[point, sample] else np.inf
         return model.judged(bool(self.stable[point, sample]), least_gain)
 
@@ -257,9 +270,7 @@ def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
 
 
 @taking(model=instance(NarxModel))
-def linearise_many(
-    model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None
-) -> LinearFamily:
+def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None) -> LinearFamily:
     """Linearise a model of one input and one output over operating points, at many parameters at once.
 
     The equilibrium of each sample is that on the branch of the model's own, to which it is followed in small steps of
@@ -297,11 +308,19 @@ def linearise_many(
     outputs, numerators, denominators, exists = (np.array(values) for values in zip(*found, strict=True))
     stable = exists & stable_polynomials(denominators)
     return LinearFamily(
-        operating_inputs=points, operating_outputs=outputs, numerators=numerators, denominators=denominators,
-        exists=exists, stable=stable, has_gain=exists & (numerators.sum(axis=2) != 0.0), sample_time=model.sample_time,
-        input_name=model.input_names[0], output_name=model.output_names[0],
-        input_unit=model.input_units[0], output_unit=model.output_units[0],
-    )  # fmt: skip
+        operating_inputs=points,
+        operating_outputs=outputs,
+        numerators=numerators,
+        denominators=denominators,
+        exists=exists,
+        stable=stable,
+        has_gain=exists & (numerators.sum(axis=2) != 0.0),
+        sample_time=model.sample_time,
+        input_name=model.input_names[0],
+        output_name=model.output_names[0],
+        input_unit=model.input_units[0],
+        output_unit=model.output_units[0],
+    )
 
 
 def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array, Array, Array, Booleans]:

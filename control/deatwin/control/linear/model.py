@@ -32,12 +32,8 @@ class LinearStatus(Enum):
     """Whether a controller can be designed on a linear model; the value is the advice."""
 
     OK = "the operating point is stable and the static gain has a certain sign"
-    NO_EQUILIBRIUM = (
-        "the model does not settle at this input: choose another operating input or identify again"
-    )
-    UNSTABLE = (
-        "the operating point of the model is unstable: choose another operating input or identify again"
-    )
+    NO_EQUILIBRIUM = "the model does not settle at this input: choose another operating input or identify again"
+    UNSTABLE = "the operating point of the model is unstable: choose another operating input or identify again"
     NO_GAIN = (
         "the static gain cannot be told from zero, so that no integral action can be chosen: "
         "record with a larger input about this operating point"
@@ -117,10 +113,19 @@ class LinearModel:
 
     def __post_init__(self) -> None:
         require_fields(
-            self, numerator=numbers, denominator=numbers, covariance=numbers, sample_time=positive,
-            operating_input=number, status=instance(LinearStatus), detail=_text, input_name=_text, output_name=_text,
-            input_unit=_text, output_unit=_text,
-        )  # fmt: skip
+            self,
+            numerator=numbers,
+            denominator=numbers,
+            covariance=numbers,
+            sample_time=positive,
+            operating_input=number,
+            status=instance(LinearStatus),
+            detail=_text,
+            input_name=_text,
+            output_name=_text,
+            input_unit=_text,
+            output_unit=_text,
+        )
         if self.operating_output is not None:
             number(self.operating_output, "operating_output")
         if self.status.ok:
@@ -160,9 +165,14 @@ class LinearModel:
             Of no dynamics and no gain, without an operating output.
         """
         return cls(
-            numerator=np.zeros(1), denominator=np.ones(1), covariance=np.zeros((1, 1)), operating_output=None,
-            status=LinearStatus.NO_EQUILIBRIUM, detail=detail, **signals,
-        )  # fmt: skip
+            numerator=np.zeros(1),
+            denominator=np.ones(1),
+            covariance=np.zeros((1, 1)),
+            operating_output=None,
+            status=LinearStatus.NO_EQUILIBRIUM,
+            detail=detail,
+            **signals,
+        )
 
     def judged(self, is_stable: bool, least_gain: float = 0.0) -> Self:
         """This model with the status that its stability and its static gain give it.
@@ -255,9 +265,7 @@ class LinearModel:
         """Standard deviation of the static gain, output unit by input unit."""
         if self.realisation is not None:
             return 0.0
-        slopes = np.concatenate(
-            [np.ones(self.numerator.size), np.full(self.denominator.size - 1, -self.static_gain)]
-        )
+        slopes = np.concatenate([np.ones(self.numerator.size), np.full(self.denominator.size - 1, -self.static_gain)])
         slopes /= self.denominator.sum()
         return float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
 
@@ -329,9 +337,7 @@ class LinearModel:
             return self
         covariance = np.pad(self.covariance, ((1, 0), (1, 0)))
         late = None if self.realisation is None else self.realisation.delayed()
-        return replace(
-            self, numerator=np.concatenate([[0.0], self.numerator]), covariance=covariance, realisation=late
-        )
+        return replace(self, numerator=np.concatenate([[0.0], self.numerator]), covariance=covariance, realisation=late)
 
     def system(self) -> TransferFunction:
         """The transfer function as a discrete system of python-control.

@@ -99,14 +99,20 @@ def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output:
     denominator[part.output_lags] = -part.a
     slopes[n_b + part.output_lags - 1] = -part.a_theta
     return LinearModel(
-        numerator=numerator, denominator=denominator, covariance=transformed(slopes, model.theta_cov),
-        operating_output=output, **_signals(model, operating_input),
-    )  # fmt: skip
+        numerator=numerator,
+        denominator=denominator,
+        covariance=transformed(slopes, model.theta_cov),
+        operating_output=output,
+        **_signals(model, operating_input),
+    )
 
 
 def _signals(model: NarxModel, operating_input: float) -> dict[str, Any]:
     return {
-        "sample_time": model.sample_time, "operating_input": operating_input,
-        "input_name": model.input_names[0], "output_name": model.output_names[0],
-        "input_unit": model.input_units[0], "output_unit": model.output_units[0],
-    }  # fmt: skip
+        "sample_time": model.sample_time,
+        "operating_input": operating_input,
+        "input_name": model.input_names[0],
+        "output_name": model.output_names[0],
+        "input_unit": model.input_units[0],
+        "output_unit": model.output_units[0],
+    }

@@ -200,9 +200,14 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
         numerator, seen = np.concatenate([[0.0], numerator]), least.delayed()
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
-        numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)),
-        operating_output=small.reading, detail=_lost(seen, numerator, denominator, plant), realisation=seen, **signals,
-    )  # fmt: skip
+        numerator=numerator,
+        denominator=denominator,
+        covariance=np.zeros((size, size)),
+        operating_output=small.reading,
+        detail=_lost(seen, numerator, denominator, plant),
+        realisation=seen,
+        **signals,
+    )
     grows = np.abs(whole.modes).max(initial=0.0) > 1.0 + _GROWS
     # States count in their typical sizes, so that much less than one of these by unit of the command is rounding too.
     moved = max(float(np.linalg.norm(whole.b)), 1.0)
@@ -233,7 +238,10 @@ def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant)
 def _signals(plant: Plant, operating_input: float) -> dict[str, Any]:
     rig = plant.rig
     return {
-        "sample_time": rig.sample_time, "operating_input": operating_input,
-        "input_name": rig.input_name, "output_name": rig.output_name,
-        "input_unit": rig.input_unit, "output_unit": rig.output_unit,
-    }  # fmt: skip
+        "sample_time": rig.sample_time,
+        "operating_input": operating_input,
+        "input_name": rig.input_name,
+        "output_name": rig.output_name,
+        "input_unit": rig.input_unit,
+        "output_unit": rig.output_unit,
+    }

@@ -105,9 +105,7 @@ class Realisation:
 
     def delayed(self) -> Realisation:
         """The same system with its input one sample later."""
-        return Realisation(
-            a=self.a, b=np.pad(self.b, ((0, 0), (1, 0))), c=self.c, d=np.concatenate([[0.0], self.d])
-        )  # fmt: skip
+        return Realisation(a=self.a, b=np.pad(self.b, ((0, 0), (1, 0))), c=self.c, d=np.concatenate([[0.0], self.d]))
 
     def scaled(self, factor: float) -> Realisation:
         """The same system with its output times a factor, which may have a unit."""

@@ -143,7 +143,5 @@ def _of_calibrated(
 
 
 @gain_schedule.register
-def _of_plant(
-    source: Plant, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
-) -> GainSchedule:
+def _of_plant(source: Plant, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200) -> GainSchedule:
     return GainSchedule(family=linearise_plants((source,), operating_inputs))

@@ -164,9 +164,14 @@ def _emptied(family: LinearFamily) -> LinearFamily:
     denominators = np.zeros_like(family.denominators)
     denominators[:, :, 0] = 1.0
     return replace(
-        family, operating_outputs=np.full(nowhere.shape, np.nan), numerators=np.zeros_like(family.numerators),
-        denominators=denominators, exists=nowhere, stable=nowhere, has_gain=nowhere,
-    )  # fmt: skip
+        family,
+        operating_outputs=np.full(nowhere.shape, np.nan),
+        numerators=np.zeros_like(family.numerators),
+        denominators=denominators,
+        exists=nowhere,
+        stable=nowhere,
+        has_gain=nowhere,
+    )
 
 
 def _joined(families: list[LinearFamily]) -> LinearFamily:

@@ -208,9 +208,14 @@ class ClosedLoop:
         return dataset(
             self.variables("time"),
             {"time": ("time", self.timepts, "s")},
-            {"status": self.status.name, "advice": self.status.value, "command_min": low, "command_max": high,
-             "rms_error": self.rms_error},
-        )  # fmt: skip
+            {
+                "status": self.status.name,
+                "advice": self.status.value,
+                "command_min": low,
+                "command_max": high,
+                "rms_error": self.rms_error,
+            },
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which `from_dict` makes the same run."""
@@ -246,13 +251,20 @@ class ClosedLoop:
             if values.size and not np.abs(values).max() <= _LARGEST:
                 raise ControlError(f"{name} of a run holds a value beyond {_LARGEST:g}; it is damaged")
         return cls(
-            status=RunStatus[data["status"].upper()], command_limits=(float(low), float(high)),
-            input_unit=str(data["input_unit"]), output_unit=str(data["output_unit"]), **series,
-        )  # fmt: skip
+            status=RunStatus[data["status"].upper()],
+            command_limits=(float(low), float(high)),
+            input_unit=str(data["input_unit"]),
+            output_unit=str(data["output_unit"]),
+            **series,
+        )
 
 
 @taking(
-    plant=instance(Plant), controller=instance(Controller), reference=row, rng=generator, settle=not_negative,
+    plant=instance(Plant),
+    controller=instance(Controller),
+    reference=row,
+    rng=generator,
+    settle=not_negative,
     progress=function,
 )
 def closed_loop(
@@ -315,11 +327,16 @@ def closed_loop(
             progress(count / wanted.size)
     output, measured_all, commands = series[:, :count]
     return ClosedLoop(
-        status=stepper.status, timepts=rig.sample_time * np.arange(count, dtype=np.float64),
-        reference=wanted[:count], output=output, measured=measured_all, command=commands,
+        status=stepper.status,
+        timepts=rig.sample_time * np.arange(count, dtype=np.float64),
+        reference=wanted[:count],
+        output=output,
+        measured=measured_all,
+        command=commands,
         command_limits=(controller.command_min, controller.command_max),
-        input_unit=rig.input_unit, output_unit=rig.output_unit,
-    )  # fmt: skip
+        input_unit=rig.input_unit,
+        output_unit=rig.output_unit,
+    )
 
 
 def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> float:
@@ -364,9 +381,11 @@ def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
     """
     timeline = approach(plant, command, count)
     stepper = plant.simulator.stepper(
-        plant.free_values, rest_command=plant.rig.start.rest_command, start=timeline.start,
+        plant.free_values,
+        rest_command=plant.rig.start.rest_command,
+        start=timeline.start,
         sample_time=timeline.sample_time,
-    )  # fmt: skip
+    )
     for value in timeline.commands:
         if not stepper.advance(float(value)).ok:
             break

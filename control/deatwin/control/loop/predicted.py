@@ -141,12 +141,18 @@ class PredictedLoop:
         """The draws as closed loops, for the measures of each."""
         return tuple(
             ClosedLoop(
-                status=RunStatus.DONE, timepts=self.timepts, reference=self.reference, output=output, measured=output,
-                command=command, command_limits=self.command_limits, input_unit=self.input_unit,
+                status=RunStatus.DONE,
+                timepts=self.timepts,
+                reference=self.reference,
+                output=output,
+                measured=output,
+                command=command,
+                command_limits=self.command_limits,
+                input_unit=self.input_unit,
                 output_unit=self.output_unit,
             )
             for output, command in zip(self.outputs, self.commands, strict=True)
-        )  # fmt: skip
+        )
 
     def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
         """Median and 95 % interval of a measure over the draws.
@@ -192,8 +198,15 @@ class PredictedLoop:
 
 
 @taking(
-    model=instance(NarxModel), controller=instance(Controller), reference=row, reading=instance(ReadingTime),
-    residual=instance(Residual), noise=not_negative, rng=generator, draws=whole(1), progress=function,
+    model=instance(NarxModel),
+    controller=instance(Controller),
+    reference=row,
+    reading=instance(ReadingTime),
+    residual=instance(Residual),
+    noise=not_negative,
+    rng=generator,
+    draws=whole(1),
+    progress=function,
 )
 def predict_loop(
     model: NarxModel,
@@ -247,9 +260,7 @@ def predict_loop(
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output
-    terms = _Terms(
-        model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted)
-    )
+    terms = _Terms(model, draw(model, rng, draws), reading, rest, controller.operating_input, _far(model, rest, wanted))
     for _ in range(_SETTLE):
         terms.advance(np.full(draws, controller.operating_input))
     n = wanted.size
@@ -265,11 +276,16 @@ def predict_loop(
             progress((k + 1) / n)
     sound = np.all(np.isfinite(outputs), axis=0) & ~terms.diverged
     return PredictedLoop(
-        timepts=model.sample_time * np.arange(n, dtype=np.float64), reference=wanted,
-        outputs=outputs.T[sound], commands=commands.T[sound], diverged=float(1.0 - sound.mean()),
+        timepts=model.sample_time * np.arange(n, dtype=np.float64),
+        reference=wanted,
+        outputs=outputs.T[sound],
+        commands=commands.T[sound],
+        diverged=float(1.0 - sound.mean()),
         command_limits=(controller.command_min, controller.command_max),
-        input_unit=model.input_units[0], output_unit=model.output_units[0], trained=_trained(model),
-    )  # fmt: skip
+        input_unit=model.input_units[0],
+        output_unit=model.output_units[0],
+        trained=_trained(model),
+    )
 
 
 def _trained(model: NarxModel) -> tuple[float, float] | None:

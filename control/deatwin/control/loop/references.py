@@ -58,9 +58,7 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
 
 
 @taking(centre=finite, amplitude=finite, frequency_Hz=positive, sample_time=positive, periods=whole(1))
-def sine_reference(
-    centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int
-) -> Array:
+def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int) -> Array:
     """A sine about an operating point.
 
     Parameters
@@ -100,9 +98,8 @@ def _frequencies(value: Any, name: str) -> None:
     centre=finite, amplitude=finite, frequencies_Hz=_frequencies, sample_time=positive, count=whole(1), rng=generator
 )
 def tone_reference(
-    centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int,
-    rng: np.random.Generator,
-) -> Array:  # fmt: skip
+    centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int, rng: np.random.Generator
+) -> Array:
     """Tones of one size with random phases, that begin gently at the centre.
 
     Parameters

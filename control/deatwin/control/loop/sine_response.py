@@ -114,9 +114,7 @@ def _complex(value: Any, name: str) -> None:
         raise ControlError(f"{name} must be an array of complex numbers")
 
 
-@taking(
-    plant=instance(Plant), operating_input=finite, amplitudes=_increasing, omega=_increasing, progress=function
-)
+@taking(plant=instance(Plant), operating_input=finite, amplitudes=_increasing, omega=_increasing, progress=function)
 def sine_response(
     plant: Plant, operating_input: float, amplitudes: ArrayLike, omega: ArrayLike, *, progress: Progress | None = None
 ) -> SineResponse | None:
@@ -155,10 +153,12 @@ def sine_response(
     _increasing(rates, "omega", below=np.pi / h)
     sines = [_Sine.of(float(rate), h) for rate in rates]
     ends = np.cumsum([0, *(sine.count for sine in sines)]) / sum(sine.count for sine in sines)
-    values = np.array([
-        _of_frequency(plant, operating_input, sizes, sine, part(progress, float(first), float(last)))
-        for sine, (first, last) in zip(sines, pairwise(ends), strict=True)
-    ]).T  # fmt: skip
+    values = np.array(
+        [
+            _of_frequency(plant, operating_input, sizes, sine, part(progress, float(first), float(last)))
+            for sine, (first, last) in zip(sines, pairwise(ends), strict=True)
+        ]
+    ).T
     lived = int(np.argmax([*~np.all(np.isfinite(values), axis=1), True]))
     if lived < 2:
         return None

@@ -177,11 +177,7 @@ class _Loop:
 
 @taking(linear=linear_model, feedback_numerator=coefficients, feedback_denominator=coefficients, level=number)
 def band_margins(
-    linear: LinearModel,
-    feedback_numerator: ArrayLike,
-    feedback_denominator: ArrayLike,
-    *,
-    level: float = 0.95,
+    linear: LinearModel, feedback_numerator: ArrayLike, feedback_denominator: ArrayLike, *, level: float = 0.95
 ) -> MarginBand:
     """Propagate the covariance of a linear model to the margins and the locus of its loop.
 
@@ -261,14 +257,22 @@ def _gradient(angle: Array, linear: LinearModel, feedback: tuple[Array, Array]) 
 def _response(linear: LinearModel, feedback: tuple[Array, Array], angle: Array) -> FrequencyResponse:
     output = np.nan if linear.operating_output is None else linear.operating_output
     point = Equilibrium(
-        operating_input=np.array([linear.operating_input]), outputs=np.array([output]), stable=np.array([True]),
+        operating_input=np.array([linear.operating_input]),
+        outputs=np.array([output]),
+        stable=np.array([True]),
         chosen=0,
-    )  # fmt: skip
+    )
     return FrequencyResponse(
-        symbol="L", order=0, values=_loop(linear, feedback, angle).value, omega=angle / linear.sample_time,
-        point=point, status=FrequencyStatus.OK, unit="", theta_cov=linear.covariance,
+        symbol="L",
+        order=0,
+        values=_loop(linear, feedback, angle).value,
+        omega=angle / linear.sample_time,
+        point=point,
+        status=FrequencyStatus.OK,
+        unit="",
+        theta_cov=linear.covariance,
         differentiate=Pointwise(partial(_gradient, linear=linear, feedback=feedback), angle),
-    )  # fmt: skip
+    )
 
 
 def _real_angles(angle: Array) -> Array:

@@ -52,9 +52,7 @@ class Places:
     angle: Array
 
     def __add__(self, other: Places) -> Places:
-        return Places(
-            loops=np.concatenate([self.loops, other.loops]), angle=np.concatenate([self.angle, other.angle])
-        )
+        return Places(loops=np.concatenate([self.loops, other.loops]), angle=np.concatenate([self.angle, other.angle]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,9 +147,11 @@ def _search(top: Array, bottom: Array) -> Search:
         return _crossings(above, below, grid, cells[name], cells[f"{name} dips"], measure)
 
     return Search(
-        gain=crossings("gain", _level), real=crossings("real", _height),
-        modulus=nearest("modulus", below), disk=nearest("disk", minus),
-    )  # fmt: skip
+        gain=crossings("gain", _level),
+        real=crossings("real", _height),
+        modulus=nearest("modulus", below),
+        disk=nearest("disk", minus),
+    )
 
 
 def _grid(size: int) -> Array:
@@ -177,11 +177,14 @@ def _scan(grid: Array, plus: Array, minus: Array) -> dict[str, Cells]:
         with np.errstate(over="ignore"):
             from_one, from_disk = a2 / np.maximum(d2, _TINY), a2 / np.maximum(b2, _TINY)
         cells = {
-            "gain": _changes(level), "gain dips": _dips(level),
-            "real": _changes(height[:, 1:-1], 1), "real dips": _dips(height),
-            "modulus": _valleys(from_one), "disk": _valleys(from_disk),
+            "gain": _changes(level),
+            "gain dips": _dips(level),
+            "real": _changes(height[:, 1:-1], 1),
+            "real dips": _dips(height),
+            "modulus": _valleys(from_one),
+            "disk": _valleys(from_disk),
             "deep": _inner_valleys(a2),
-        }  # fmt: skip
+        }
         for name, (loops, points) in cells.items():
             found.setdefault(name, []).append((loops + start, points))
     return {name: _joined(pieces) for name, pieces in found.items()}

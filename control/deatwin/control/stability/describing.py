@@ -353,12 +353,7 @@ def _harmonic(map: Callable[[Array], Array], size: float) -> float:
 
 @taking(run=function, amplitude=finite, omega=finite, samples=whole(8), periods=whole(1))
 def describing_function_of_run(
-    run: Callable[[Array, float], Array],
-    amplitude: float,
-    omega: float,
-    *,
-    samples: int = 4096,
-    periods: int = 4,
+    run: Callable[[Array, float], Array], amplitude: float, omega: float, *, samples: int = 4096, periods: int = 4
 ) -> complex:
     """Describing function of something with memory, by running it on a sine until it repeats.
 

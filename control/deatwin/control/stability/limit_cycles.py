@@ -112,9 +112,13 @@ class LimitCycles(Sequence[LimitCycle]):
         for cycle, at in zip(self.cycles, meets, strict=True):
             name = "stable" if cycle.stable else "unstable"
             axes.plot(
-                at.real, at.imag, "o", color="C3", markerfacecolor="C3" if cycle.stable else "white",
+                at.real,
+                at.imag,
+                "o",
+                color="C3",
+                markerfacecolor="C3" if cycle.stable else "white",
                 label=f"{name}, {cycle.frequency_Hz:.3g} Hz, amplitude {cycle.amplitude:.3g}",
-            )  # fmt: skip
+            )
         axes.plot(-1.0, 0.0, "+", color="k", markersize=10, label="-1")
         # An integrator leaves the page: what matters is about -1 and the cycles.
         reach = 1.6 * max(1.0, float(np.abs(meets).max(initial=0.0)))
@@ -138,8 +142,12 @@ class LimitCycles(Sequence[LimitCycle]):
 
 
 @taking(
-    loop_numerator=coefficients, loop_denominator=coefficients, sample_time=positive, describing_function=function,
-    amplitudes=numbers, omegas=numbers,
+    loop_numerator=coefficients,
+    loop_denominator=coefficients,
+    sample_time=positive,
+    describing_function=function,
+    amplitudes=numbers,
+    omegas=numbers,
 )
 def limit_cycles(
     loop_numerator: ArrayLike,
@@ -201,9 +209,12 @@ def limit_cycles(
     cycles = tuple(sorted(found, key=lambda cycle: (cycle.amplitude, cycle.frequency_Hz)))
     middle = 2 * np.pi * cycles[0].frequency_Hz if cycles else float(np.sqrt(rates[0] * rates[-1]))
     return LimitCycles(
-        cycles=cycles, omega=rates, loop=loop(rates), amplitudes=sizes,
+        cycles=cycles,
+        omega=rates,
+        loop=loop(rates),
+        amplitudes=sizes,
         describing=np.array(describing_function(sizes, np.full(sizes.size, middle)), dtype=np.complex128),
-    )  # fmt: skip
+    )
 
 
 def _axis(values: ArrayLike, name: str, limit: float) -> Array:
@@ -239,10 +250,12 @@ def _refined(
     for _ in range(_STEPS):
         value, slopes, determinant = _tangent(logarithm, at, low, high)
         with np.errstate(all="ignore"):
-            step = np.stack([
-                -(value.real * slopes[1].imag - value.imag * slopes[1].real) / determinant,
-                -(slopes[0].real * value.imag - slopes[0].imag * value.real) / determinant,
-            ])  # fmt: skip
+            step = np.stack(
+                [
+                    -(value.real * slopes[1].imag - value.imag * slopes[1].real) / determinant,
+                    -(slopes[0].real * value.imag - slopes[0].imag * value.real) / determinant,
+                ]
+            )
         step = np.where(np.isfinite(step), step, 0.5 * (low + high) - at)
         new = np.clip(at + step, low, high)
         step, at = new - at, new

@@ -113,10 +113,13 @@ def _margins(plant: Realisation, law: Law, sample_time: float) -> Margins:
     disk = _least(lambda a: np.abs(1 + loop(a)) / np.maximum(np.abs(1 - loop(a)), np.finfo(float).tiny), angle)
     modulus = min(_least(lambda a: np.abs(1 + loop(a)), angle), float(np.abs(1 + at_ends).min(initial=np.inf)))
     return _one(
-        gain=np.maximum(size, 1 / size).min(initial=np.inf), phase_deg=np.degrees(np.abs(turned)).min(initial=np.inf),
+        gain=np.maximum(size, 1 / size).min(initial=np.inf),
+        phase_deg=np.degrees(np.abs(turned)).min(initial=np.inf),
         delay=(np.mod(turned, 2 * np.pi) / gains * sample_time).min(initial=np.inf),
-        crossover=gains.max(initial=0.0) / sample_time, disk=2 * disk, modulus=modulus,
-    )  # fmt: skip
+        crossover=gains.max(initial=0.0) / sample_time,
+        disk=2 * disk,
+        modulus=modulus,
+    )
 
 
 def _unstable(loop: Loop, plant: Realisation, law: Law, sample_time: float) -> Margins:

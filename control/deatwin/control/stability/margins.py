@@ -59,9 +59,7 @@ class Margins:
     @property
     def disk_gain(self) -> Array:
         """Factor by which the gain may grow or shrink within the disk, shape (...): infinite from a disk of 2 on."""
-        return np.divide(
-            2.0 + self.disk, 2.0 - self.disk, out=np.full(self.disk.shape, np.inf), where=self.disk < 2.0
-        )
+        return np.divide(2.0 + self.disk, 2.0 - self.disk, out=np.full(self.disk.shape, np.inf), where=self.disk < 2.0)
 
     @property
     def disk_phase_deg(self) -> Array:
@@ -120,10 +118,14 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
     for margin in (gain, phase, delay, disk, modulus):
         margin[~stable] = 0.0
     return Margins(
-        gain=gain.reshape(lead), phase_deg=phase.reshape(lead), delay=delay.reshape(lead),
-        crossover=crossover.reshape(lead), disk=disk.reshape(lead), modulus=modulus.reshape(lead),
+        gain=gain.reshape(lead),
+        phase_deg=phase.reshape(lead),
+        delay=delay.reshape(lead),
+        crossover=crossover.reshape(lead),
+        disk=disk.reshape(lead),
+        modulus=modulus.reshape(lead),
         stable=stable.reshape(lead),
-    )  # fmt: skip
+    )
 
 
 def _with_ends(places: Places, count: int) -> Places:

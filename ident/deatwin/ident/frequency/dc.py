@@ -13,14 +13,7 @@ from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
-from deatwin.ident.frequency.linear import (
-    feedback,
-    levels,
-    motion,
-    operating_input_of,
-    poles_of,
-    require_finite,
-)
+from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of, require_finite
 from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
@@ -95,10 +88,7 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     poles = [poles_of(*feedback(model, levels(model, target, float(output)))) for output in roots]
     stable = np.array([bool(np.all(np.abs(p) < 1.0)) for p in poles])
     return Equilibrium(
-        operating_input=np.array(target),
-        outputs=roots,
-        stable=stable,
-        chosen=_nearest_to_data(model, target, roots),
+        operating_input=np.array(target), outputs=roots, stable=stable, chosen=_nearest_to_data(model, target, roots)
     )
 
 
@@ -299,9 +289,7 @@ def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, 
             rest = power - kept
             weight = comb(power, kept) * level**rest
             change = comb(power, kept) * rest * level ** (rest - 1) if is_output and rest else 0.0
-            grown += [
-                (factors + (variable,) * kept, w * weight, w * change + d * weight) for factors, w, d in parts
-            ]
+            grown += [(factors + (variable,) * kept, w * weight, w * change + d * weight) for factors, w, d in parts]
         parts = grown
     for factors, weight, change in parts:
         yield Term.product(factors), weight, change

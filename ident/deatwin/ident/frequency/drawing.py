@@ -144,11 +144,11 @@ def _shade(response: FrequencyResponse, drawn: NDArray[np.bool_], axes: Axes, co
         return
     axes.fill_between(
         response.frequency_Hz, low, band.high, where=drawn, color=colour, alpha=0.25, linewidth=0, label="95 % band"
-    )  # fmt: skip
+    )
     if doubtful.any():
         axes.fill_between(
             response.frequency_Hz, low, band.high, where=doubtful, label="linear law fails", **_hatched(colour)
-        )  # fmt: skip
+        )
 
 
 def _hatched(colour: Any) -> dict[str, Any]:

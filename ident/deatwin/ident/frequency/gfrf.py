@@ -39,12 +39,7 @@ HIGHEST_ORDER = 8
 
 
 def gfrf(
-    model: NarxModel,
-    order: int,
-    omega: ArrayLike,
-    *,
-    operating_input: ArrayLike | None = None,
-    form: str = "symmetric",
+    model: NarxModel, order: int, omega: ArrayLike, *, operating_input: ArrayLike | None = None, form: str = "symmetric"
 ) -> FrequencyResponse:
     """Compute the generalised frequency response H_n of a model about an operating point.
 

@@ -111,10 +111,12 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     outputs = [j for j, v in enumerate(variables) if v.kind == "y"]
     moves, first = motion(model, values), _slopes(model, values)
     # A slope depends on a parameter directly, and through the equilibrium by its own slope along the output.
-    along = np.array([
-        sum(float(_derivative(exponents, values, (j, i)) @ model.theta) for i in outputs)
-        for j in range(len(variables))
-    ])  # fmt: skip
+    along = np.array(
+        [
+            sum(float(_derivative(exponents, values, (j, i)) @ model.theta) for i in outputs)
+            for j in range(len(variables))
+        ]
+    )
     by_theta = first + np.outer(along, moves)
     slopes = first @ model.theta
     lags = np.array([v.lag for v in variables], dtype=np.int64)
@@ -200,9 +202,7 @@ def require_finite(coefficients: Array) -> None:
         If one is not finite.
     """
     if not np.all(np.isfinite(coefficients)):
-        raise ModelError(
-            "the model's coefficients overflow at this operating input; choose one near the training data"
-        )
+        raise ModelError("the model's coefficients overflow at this operating input; choose one near the training data")
 
 
 def motion(model: NarxModel, values: Array) -> Array:

@@ -244,9 +244,7 @@ def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> t
     return outputs + origin, follows
 
 
-def _extremum_between(
-    coefficients: Array, powers: NDArray[np.int64], first: Array, last: Array
-) -> NDArray[np.bool_]:
+def _extremum_between(coefficients: Array, powers: NDArray[np.int64], first: Array, last: Array) -> NDArray[np.bool_]:
     """Return whether y - f(y) has an extremum between two outputs."""
     if powers.size < 3:  # it is linear
         return np.zeros(first.size, dtype=np.bool_)

@@ -35,9 +35,18 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 
 __all__ = [
-    "Floor", "Latent", "Linear", "Opened", "Opening", "filter_likelihood", "latent", "linearise", "open_place",
-    "places", "smoothed",
-]  # fmt: skip
+    "Floor",
+    "Latent",
+    "Linear",
+    "Opened",
+    "Opening",
+    "filter_likelihood",
+    "latent",
+    "linearise",
+    "open_place",
+    "places",
+    "smoothed",
+]
 
 Array = NDArray[np.float64]
 
@@ -113,9 +122,13 @@ class Latent:
 
 
 def filter_likelihood(
-    linears: Sequence[Linear], floor: Floor, opening: Opening | None = None, *, amplitude: float = 0.0,
+    linears: Sequence[Linear],
+    floor: Floor,
+    opening: Opening | None = None,
+    *,
+    amplitude: float = 0.0,
     memory: float = 1.0,
-) -> Opened:  # fmt: skip
+) -> Opened:
     """How likely the readings are with one place opened.
 
     Parameters
@@ -148,9 +161,7 @@ def filter_likelihood(
         # Of a mean of some readings the innovation was scaled by the root of their number.
         terms.append(np.where(linear.counted, square + 0.5 * np.log(np.maximum(linear.counts, 1)), 0.0))
     values = np.concatenate(terms)
-    return Opened(
-        opening=opening, amplitude=amplitude, memory=memory, log_likelihood=float(values.sum()), terms=values
-    )
+    return Opened(opening=opening, amplitude=amplitude, memory=memory, log_likelihood=float(values.sum()), terms=values)
 
 
 def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None) -> Opened:
@@ -199,12 +210,17 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None)
 
     start = np.array([np.log(first.amplitude) - np.log(first.memory) / 2, np.log(first.memory)])
     found = minimize(
-        value, start, method="Nelder-Mead", bounds=[(None, None), (np.log(interval / 10), np.log(30 * duration))],
+        value,
+        start,
+        method="Nelder-Mead",
+        bounds=[(None, None), (np.log(interval / 10), np.log(30 * duration))],
         options={
-            "initial_simplex": start + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -1.0]]), "maxfev": REFINEMENTS,
-            "fatol": 0.05, "xatol": 0.05,
+            "initial_simplex": start + np.array([[0.0, 0.0], [0.5, 0.0], [0.0, -1.0]]),
+            "maxfev": REFINEMENTS,
+            "fatol": 0.05,
+            "xatol": 0.05,
         },
-    )  # fmt: skip
+    )
     amplitude, memory = process(found.x)
     refined = filter_likelihood(joined, floor, opening, amplitude=amplitude, memory=memory)
     return max((best, first, refined), key=lambda o: o.log_likelihood)
@@ -332,9 +348,13 @@ def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: 
     start[:error, :error] = spread @ spread.T
     weight = np.sqrt(linear.counts)
     model = StateSpace(
-        rows=rows * weight[:, None], noise_variance=np.array(floor.noise**2), start=np.zeros(m), start_cov=start,
-        transition=transition[:-1], process_cov=process,
-    )  # fmt: skip
+        rows=rows * weight[:, None],
+        noise_variance=np.array(floor.noise**2),
+        start=np.zeros(m),
+        start_cov=start,
+        transition=transition[:-1],
+        process_cov=process,
+    )
     return kalman_filter(model, linear.residual * weight)
 
 

@@ -146,16 +146,22 @@ class Linear:
         last = np.minimum(size * np.arange(1, len(step) + 1), self.residual.size) - 1
         middle = np.add.reduceat(np.ones(self.residual.size), size * np.arange(len(step)))
         return replace(
-            self, timepts=self.timepts[last],
+            self,
+            timepts=self.timepts[last],
             residual=np.where(number > 0, (counts * errors).sum(axis=1) / share, np.nan),
-            transition=inside[:, :, :n_x], by_parameter=inside[:, :, n_x : n_x + n_p],
-            entering=inside[:, :, n_x + n_p :], rows=total[:, :n_x], rows_by_parameter=total[:, n_x : n_x + n_p],
-            rows_entering=total[:, n_x + n_p :], counts=number, interval=size * self.interval,
+            transition=inside[:, :, :n_x],
+            by_parameter=inside[:, :, n_x : n_x + n_p],
+            entering=inside[:, :, n_x + n_p :],
+            rows=total[:, :n_x],
+            rows_by_parameter=total[:, n_x : n_x + n_p],
+            rows_entering=total[:, n_x + n_p :],
+            counts=number,
+            interval=size * self.interval,
             states={
                 name: np.add.reduceat(values, size * np.arange(len(step))) / middle
                 for name, values in self.states.items()
             },
-        )  # fmt: skip
+        )
 
     def parameter_response(self) -> Array:
         """The readings' derivative by parameters that were other from the beginning, shape (n, n_p)."""
@@ -236,9 +242,13 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
     n = int(at.max()) + 1
     run = plant.simulator.run(
-        timeline.commands[:n], start=timeline.start, sample_time=timeline.sample_time,
-        rest_command=rig.start.rest_command, values=plant.free_values, channels=timeline.channels,
-    )  # fmt: skip
+        timeline.commands[:n],
+        start=timeline.start,
+        sample_time=timeline.sample_time,
+        rest_command=rig.start.rest_command,
+        values=plant.free_values,
+        channels=timeline.channels,
+    )
     if not run.status.ok:
         plant.simulate(part.experiment).require()  # which says why
     equations = step.equations
@@ -255,20 +265,26 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     columns = _Columns.of(plant, equations, openings)
     slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[name] for name in plant.parameters.free)])
     by_parameter = slopes[:, :, columns.free] + slopes[:, :, columns.held] @ rest.d_p[:, columns.free]
-    rows_by_parameter = (
-        reading_slopes[:, columns.free] + reading_slopes[:, columns.held] @ rest.d_p[:, columns.free]
-    )
+    rows_by_parameter = reading_slopes[:, columns.free] + reading_slopes[:, columns.held] @ rest.d_p[:, columns.free]
     entering, rows_entering = columns.entering(slopes, reading_slopes)
     signals = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
     unknowns = dict(zip((*equations.states, *equations.coordinates), np.vstack([x.T, z.T]), strict=True))
     return Linear(
-        plant=plant, openings=openings, timepts=timeline.start + timeline.sample_time * np.arange(1.0, n + 1),
-        residual=residual, transition=slopes[:, :, columns.start], by_parameter=by_parameter * slope,
-        rows=reading_slopes[:, columns.start], rows_by_parameter=rows_by_parameter * slope,
-        start_by_parameter=rest.x_p[:, columns.free] * slope, entering=entering, rows_entering=rows_entering,
+        plant=plant,
+        openings=openings,
+        timepts=timeline.start + timeline.sample_time * np.arange(1.0, n + 1),
+        residual=residual,
+        transition=slopes[:, :, columns.start],
+        by_parameter=by_parameter * slope,
+        rows=reading_slopes[:, columns.start],
+        rows_by_parameter=rows_by_parameter * slope,
+        start_by_parameter=rest.x_p[:, columns.free] * slope,
+        entering=entering,
+        rows_entering=rows_entering,
         states={**signals, **unknowns, rig.input_name: timeline.commands[:n], rig.output_name: run.outputs[1:]},
-        counts=np.isfinite(residual).astype(float), interval=timeline.sample_time,
-    )  # fmt: skip
+        counts=np.isfinite(residual).astype(float),
+        interval=timeline.sample_time,
+    )
 
 
 def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
@@ -292,11 +308,13 @@ def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
     kept = [k for k in range(lengths.size) if lengths[k] > 0 and not (alike[k, :k] > ALIKE).any()]
     return tuple(
         replace(
-            linear, openings=tuple(linear.openings[k] for k in kept), entering=linear.entering[:, :, kept],
+            linear,
+            openings=tuple(linear.openings[k] for k in kept),
+            entering=linear.entering[:, :, kept],
             rows_entering=linear.rows_entering[:, kept],
         )
         for linear in linears
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

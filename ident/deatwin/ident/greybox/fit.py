@@ -178,10 +178,17 @@ class Calibration:
                 "jacobian": (("sample", "parameter"), self.jacobian, unit),
             },
             {name: (name, np.array(self.names, dtype=str)) for name in pair},
-            {"status": self.status.name, "advice": self.status.value, "at_bound": list(self.at_bound),
-             "evaluations": self.evaluations, "starts": self.starts, "agreed": self.agreed,
-             "rms": self.rms, "effects": list(self.plant.effect_names)},
-        )  # fmt: skip
+            {
+                "status": self.status.name,
+                "advice": self.status.value,
+                "at_bound": list(self.at_bound),
+                "evaluations": self.evaluations,
+                "starts": self.starts,
+                "agreed": self.agreed,
+                "rms": self.rms,
+                "effects": list(self.plant.effect_names),
+            },
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -245,10 +252,13 @@ class Problem:
             timeline = plant.timeline(part.experiment)
             counted = part.counted(timeline)
             run = plant.simulator.run_with_sensitivities(
-                timeline.commands[: counted.max() + 1], start=timeline.start, sample_time=timeline.sample_time,
-                rest_command=plant.rig.start.rest_command, values=plant.free_values,
+                timeline.commands[: counted.max() + 1],
+                start=timeline.start,
+                sample_time=timeline.sample_time,
+                rest_command=plant.rig.start.rest_command,
+                values=plant.free_values,
                 channels=timeline.channels,
-            )  # fmt: skip
+            )
             if not run.status.ok or run.sensitivities is None:
                 return None
             residuals.append(part.measured - run.outputs[counted + 1])
@@ -398,6 +408,12 @@ def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _impossible(problem: Problem) -> Calibration:
     n = len(problem.names)
     return Calibration(
-        plant=problem.plant, names=problem.names, covariance=np.full((n, n), np.nan), residuals=np.empty(0),
-        jacobian=np.empty((0, n)), status=FitStatus.IMPOSSIBLE, at_bound=(), evaluations=1,
-    )  # fmt: skip
+        plant=problem.plant,
+        names=problem.names,
+        covariance=np.full((n, n), np.nan),
+        residuals=np.empty(0),
+        jacobian=np.empty((0, n)),
+        status=FitStatus.IMPOSSIBLE,
+        at_bound=(),
+        evaluations=1,
+    )

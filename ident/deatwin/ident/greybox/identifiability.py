@@ -77,9 +77,14 @@ class Profile:
                 "high": ((), self.high, unit, "upper end of the 95 % interval"),
             },
             {"value": ("value", self.values, unit, "value that was tried")},
-            {"parameter": self.parameter.name, "bounded_below": self.bounded[0], "bounded_above": self.bounded[1],
-             "level": LEVEL, "limit": LIMIT},
-        )  # fmt: skip
+            {
+                "parameter": self.parameter.name,
+                "bounded_below": self.bounded[0],
+                "bounded_above": self.bounded[1],
+                "level": LEVEL,
+                "limit": LIMIT,
+            },
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the deviance over the parameter, with the limit of the interval.
@@ -144,9 +149,13 @@ def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profi
     values = np.array(sorted(points))
     ends = sorted(sides, key=lambda side: side.end)
     return Profile(
-        parameter=parameter, values=values, deviances=np.array([points[v] for v in values]), low=ends[0].end,
-        high=ends[1].end, bounded=(ends[0].bounded, ends[1].bounded),
-    )  # fmt: skip
+        parameter=parameter,
+        values=values,
+        deviances=np.array([points[v] for v in values]),
+        low=ends[0].end,
+        high=ends[1].end,
+        bounded=(ends[0].bounded, ends[1].bounded),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -53,11 +53,7 @@ class Minimum:
 
 
 def minimise(
-    problem: Problem,
-    *,
-    evaluations: int = EVALUATIONS,
-    tolerance: float = TOLERANCE,
-    hopeless: float = np.inf,
+    problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE, hopeless: float = np.inf
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result.
 
@@ -88,30 +84,46 @@ def minimise(
         return None
     if not start.size:
         return Minimum(
-            coordinates=problem.start(), residuals=first[0], jacobian=first[1],
-            status=FitStatus.SETTLED, evaluations=cost.evaluations,
-        )  # fmt: skip
+            coordinates=problem.start(),
+            residuals=first[0],
+            jacobian=first[1],
+            status=FitStatus.SETTLED,
+            evaluations=cost.evaluations,
+        )
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
     try:
         solution = least_squares(
-            cost.residuals, np.clip(start, lower + margin, upper - margin), jac=cost.jacobian,
-            bounds=(lower, upper), x_scale="jac", method="trf", ftol=tolerance, xtol=1e-6, gtol=1e-12,
+            cost.residuals,
+            np.clip(start, lower + margin, upper - margin),
+            jac=cost.jacobian,
+            bounds=(lower, upper),
+            x_scale="jac",
+            method="trf",
+            ftol=tolerance,
+            xtol=1e-6,
+            gtol=1e-12,
             max_nfev=evaluations,
-        )  # fmt: skip
+        )
     except _NowhereToGo:
         return None
     except _GivenUp as end:
         return Minimum(
-            coordinates=cost.whole(end.x), residuals=end.residuals, jacobian=end.jacobian,
-            status=FitStatus.GIVEN_UP, evaluations=cost.evaluations,
-        )  # fmt: skip
+            coordinates=cost.whole(end.x),
+            residuals=end.residuals,
+            jacobian=end.jacobian,
+            status=FitStatus.GIVEN_UP,
+            evaluations=cost.evaluations,
+        )
     found = cost(solution.x)
     if found is None:
         return None
     return Minimum(
-        coordinates=cost.whole(solution.x), residuals=found[0], jacobian=found[1],
-        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED, evaluations=cost.evaluations,
-    )  # fmt: skip
+        coordinates=cost.whole(solution.x),
+        residuals=found[0],
+        jacobian=found[1],
+        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED,
+        evaluations=cost.evaluations,
+    )
 
 
 class _NowhereToGo(Exception):

@@ -119,11 +119,13 @@ def conclude(findings: Findings) -> Diagnosis:
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
     unit, size = findings.unit
     model = CalibratedPlant(
-        plant=with_model_error(findings.final.plant, findings.bench.stated_error), noise=base.noise,
+        plant=with_model_error(findings.final.plant, findings.bench.stated_error),
+        noise=base.noise,
         model_error=_left(findings),
-        names=findings.final.names, covariance=findings.final.covariance,
+        names=findings.final.names,
+        covariance=findings.final.covariance,
         provenance={"verdict": findings.verdict.value},
-    )  # fmt: skip
+    )
     causes = _causes(findings) if findings.named else ()
     rivals = findings.naming.rivals if findings.named else ()
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
@@ -257,10 +259,13 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
         weight = sum(p for names, p in naming.probabilities.items() if effect.name in names)
         causes.append(
             Cause(
-                effect=effect.name, family=effect.family.value, probability=(1.0 - MARGIN) * min(1.0, weight),
-                share_explained=shares[effect.name], parameters=parameters,
+                effect=effect.name,
+                family=effect.family.value,
+                probability=(1.0 - MARGIN) * min(1.0, weight),
+                share_explained=shares[effect.name],
+                parameters=parameters,
             )
-        )  # fmt: skip
+        )
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
 
 
@@ -305,7 +310,9 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         unseen=tuple(part.masks for part in findings.bench.unseen),
         candidates=tuple(
             CandidateSummary(
-                effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms,
+                effects=c.effects,
+                fitted=c.calibration.rms,
+                unseen=c.unseen_test.rms,
                 d2=_distance_to(c, findings.naming),
             )
             for c in findings.naming.candidates
@@ -313,15 +320,22 @@ def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
         noise=base.noise,
         model_error=calibration.plant.rig.model_error,
         base_model=CalibratedPlant(
-            plant=calibration.plant, noise=base.noise, model_error=_base_error(findings),
-            names=calibration.names, covariance=calibration.covariance,
+            plant=calibration.plant,
+            noise=base.noise,
+            model_error=_base_error(findings),
+            names=calibration.names,
+            covariance=calibration.covariance,
         ),
-        at_bound=calibration.at_bound, noise_source=findings.detection.sensor.source.value, checked=findings.checked,
-        detection=findings.detection, location=findings.location, discovery=findings.discovery,
+        at_bound=calibration.at_bound,
+        noise_source=findings.detection.sensor.source.value,
+        checked=findings.checked,
+        detection=findings.detection,
+        location=findings.location,
+        discovery=findings.discovery,
         advice=findings.advice,
         verification=findings.verification if findings.named else None,
         rivals=_rivals(findings) if findings.named else {},
-    )  # fmt: skip
+    )
 
 
 def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
@@ -338,9 +352,12 @@ def _rivals(findings: Findings) -> dict[str, CalibratedPlant]:
     noise, stated = findings.base.noise, findings.bench.stated_error
     return {
         "+".join(rival.effects) or "none": CalibratedPlant(
-            plant=with_model_error(rival.calibration.plant, stated), noise=noise, model_error=rival.unseen_test.size,
-            names=rival.calibration.names, covariance=rival.calibration.covariance,
+            plant=with_model_error(rival.calibration.plant, stated),
+            noise=noise,
+            model_error=rival.unseen_test.size,
+            names=rival.calibration.names,
+            covariance=rival.calibration.covariance,
             provenance={"verdict": findings.verdict.value, "rival_of": "+".join(findings.answer.effects)},
         )
         for rival in findings.naming.rivals
-    }  # fmt: skip
+    }

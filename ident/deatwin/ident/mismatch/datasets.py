@@ -43,13 +43,19 @@ def dataset_of(diagnosis: Diagnosis) -> Any:
         {**_tables(diagnosis, amplitude), **evidence},
         coords,
         {
-            "verdict": diagnosis.verdict.value, "advice": diagnosis.verdict.advice, "sentence": diagnosis.sentence,
-            "output_name": diagnosis.output["name"], "output_unit": amplitude, "noise": diagnosis.noise,
-            "model_error": diagnosis.model_error, "set": list(diagnosis.names), "warnings": list(diagnosis.warnings),
+            "verdict": diagnosis.verdict.value,
+            "advice": diagnosis.verdict.advice,
+            "sentence": diagnosis.sentence,
+            "output_name": diagnosis.output["name"],
+            "output_unit": amplitude,
+            "noise": diagnosis.noise,
+            "model_error": diagnosis.model_error,
+            "set": list(diagnosis.names),
+            "warnings": list(diagnosis.warnings),
             **detected,
         },
         diagnosis.to_dict(),
-    )  # fmt: skip
+    )
 
 
 def samples(experiments: Any) -> Variables:
@@ -83,18 +89,29 @@ def _tables(diagnosis: Diagnosis, amplitude: str) -> Variables:
     ]
     added = [
         {"name": f"{c.effect}.{name}", "value": p.value, "low": p.low, "high": p.high, "unit": p.unit}
-        for c in diagnosis.causes for name, p in c.parameters.items()
-    ]  # fmt: skip
+        for c in diagnosis.causes
+        for name, p in c.parameters.items()
+    ]
     fitted = [
-        {"name": name, "value": p.value, "low": p.low, "high": p.high, "unit": p.unit, "nominal": p.nominal,
-         "at_bound": p.at_bound, "undetermined": p.undetermined}
+        {
+            "name": name,
+            "value": p.value,
+            "low": p.low,
+            "high": p.high,
+            "unit": p.unit,
+            "nominal": p.nominal,
+            "at_bound": p.at_bound,
+            "undetermined": p.undetermined,
+        }
         for name, p in diagnosis.parameters.items()
-    ]  # fmt: skip
+    ]
     smallest = diagnosis.detect.get("smallest_detectable") or {}
     tables: dict[str, Any] = {
-        **columns("cause", causes), **columns("cause_parameter", added), **columns("parameter", fitted),
+        **columns("cause", causes),
+        **columns("cause_parameter", added),
+        **columns("parameter", fitted),
         **columns("detectable", [{"effect": name, "size": size} for name, size in smallest.items()]),
-    }  # fmt: skip
+    }
     return tables | dict(places(diagnosis.locate, amplitude))
 
 

@@ -112,10 +112,13 @@ def diagnose(
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "building in effects")
         found = explanations(
-            bench, base.chosen, known, base.rivals,
+            bench,
+            base.chosen,
+            known,
+            base.rivals,
             finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
             fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
-        )  # fmt: skip
+        )
     naming, verification, stands = first_that_stands(
         found, bench, for_verification, started=lambda text: tell(0.8, text)
     )
@@ -138,11 +141,20 @@ def diagnose(
     whole = verification.whole if answer is naming.best else detection.taken_up
     diagnosis = conclude(
         Findings(
-            bench=bench, checked=checked, base=base, detection=detection, location=location, naming=naming,
-            verification=verification, advice=advice, discovery=discovery, verdict=verdict, answer=answer,
+            bench=bench,
+            checked=checked,
+            base=base,
+            detection=detection,
+            location=location,
+            naming=naming,
+            verification=verification,
+            advice=advice,
+            discovery=discovery,
+            verdict=verdict,
+            answer=answer,
             final=refit(last, bench.everything) if whole is None else whole,
         )
-    )  # fmt: skip
+    )
     tell(1.0, "done")
     return diagnosis
 
@@ -194,9 +206,7 @@ def _in_a_form_that_lacks_nothing(
     return base, seen
 
 
-def _verdict(
-    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool
-) -> Verdict:
+def _verdict(bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
     if detection.taken_up is not None:

@@ -275,17 +275,30 @@ class Diagnosis:
         """
         try:
             causes = tuple(_cause_from_dict(cause) for cause in data["causes"])
-            same = ("output", "noise", "model_error", "detect", "locate", "sentence", "fit", "next_experiment",
-                    "free_form")  # fmt: skip
+            same = (
+                "output",
+                "noise",
+                "model_error",
+                "detect",
+                "locate",
+                "sentence",
+                "fit",
+                "next_experiment",
+                "free_form",
+            )
             return cls(
-                verdict=Verdict(data["verdict"]), causes=causes, names=tuple(data["set"]),
+                verdict=Verdict(data["verdict"]),
+                causes=causes,
+                names=tuple(data["set"]),
                 rivals=tuple(tuple(effects) for effects in data.get("rivals", ())),
-                indistinguishable=tuple(data["indistinguishable"]), warnings=tuple(data["warnings"]),
-                verification=data.get("verification"), faults=tuple(data.get("faults", ())),
+                indistinguishable=tuple(data["indistinguishable"]),
+                warnings=tuple(data["warnings"]),
+                verification=data.get("verification"),
+                faults=tuple(data.get("faults", ())),
                 parameters={name: FittedParameter(**p) for name, p in data.get("parameters", {}).items()},
                 forms=tuple(data.get("forms", ())),
                 **{name: data[name] for name in same},
-            )  # fmt: skip
+            )
         except (KeyError, TypeError, ValueError) as error:
             raise ModelError(f"malformed diagnosis: {error!r}") from None
 
@@ -326,9 +339,7 @@ def _cause_to_dict(cause: Cause) -> dict[str, Any]:
         "family": cause.family,
         "probability": cause.probability,
         "share_explained": cause.share_explained,
-        "parameters": {
-            name: {**asdict(p), "shown": p.shown} for name, p in cause.parameters.items()
-        },
+        "parameters": {name: {**asdict(p), "shown": p.shown} for name, p in cause.parameters.items()},
     }
 
 

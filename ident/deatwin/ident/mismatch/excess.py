@@ -97,6 +97,8 @@ def excess_over_floor(residuals: np.ndarray, noise: float, model_error: float) -
     """
     floor = noise**2 + practical_size(noise, model_error) ** 2
     return Excess(
-        rms=float(np.sqrt(np.mean(residuals**2))), noise=noise, model_error=model_error,
+        rms=float(np.sqrt(np.mean(residuals**2))),
+        noise=noise,
+        model_error=model_error,
         p_value=exceeds(block_losses(residuals), floor),
-    )  # fmt: skip
+    )

@@ -75,16 +75,19 @@ def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
     return effects
 
 
-def _bench(
-    plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None
-) -> Bench:
+def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None) -> Bench:
     fitted, unseen, everything = split(checked, onset)
     rig = plant.rig.for_motion(_motion(checked))
     return Bench(
-        nominal=plant.with_rig(rig), stated_error=plant.rig.model_error, expected_error=rig.model_error,
-        effects=tuple(e for e in effects if plant.accepts(e)), fitted=fitted, unseen=unseen,
-        everything=everything, jobs=jobs,
-    )  # fmt: skip
+        nominal=plant.with_rig(rig),
+        stated_error=plant.rig.model_error,
+        expected_error=rig.model_error,
+        effects=tuple(e for e in effects if plant.accepts(e)),
+        fitted=fitted,
+        unseen=unseen,
+        everything=everything,
+        jobs=jobs,
+    )
 
 
 def _same_parts(one: Bench, other: Bench) -> bool:

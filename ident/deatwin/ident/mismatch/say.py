@@ -128,10 +128,14 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
 def _unknown(diagnosis: Diagnosis) -> str:
     refuted = "; the recordings refuted the explanation that fitted best" if _refuted(diagnosis) else ""
     form = diagnosis.free_form
-    shape = "" if form is None else (
-        "; a free-form term, which is a description and not physics, lowers the error on unseen data from "
-        f"{_rounded(form['before'])} to {_amplitude(form['after'], diagnosis)}"
-    )  # fmt: skip
+    shape = (
+        ""
+        if form is None
+        else (
+            "; a free-form term, which is a description and not physics, lowers the error on unseen data from "
+            f"{_rounded(form['before'])} to {_amplitude(form['after'], diagnosis)}"
+        )
+    )
     return (
         "Something is missing that no effect of the catalogue explains: the calibrated plant leaves "
         f"{_left(diagnosis)}, with {_noise(diagnosis)}{refuted}{shape}."

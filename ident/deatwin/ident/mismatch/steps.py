@@ -96,9 +96,13 @@ def base_step(bench: Bench, base: Base) -> Step:
         "rivals": list(forms_tried(bench, base)[1:]),
     }
     model = CalibratedPlant(
-        plant=with_model_error(fit.plant, bench.stated_error), noise=base.noise, model_error=chosen.unseen_test.size,
-        names=fit.names, covariance=fit.covariance, provenance={"step": "base"},
-    )  # fmt: skip
+        plant=with_model_error(fit.plant, bench.stated_error),
+        noise=base.noise,
+        model_error=chosen.unseen_test.size,
+        names=fit.names,
+        covariance=fit.covariance,
+        provenance={"step": "base"},
+    )
     return Step(name="base", result=result, model=model)
 
 

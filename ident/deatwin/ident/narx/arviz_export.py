@@ -64,10 +64,12 @@ def to_arviz(
         coords["time_s"] = recording.timepts[model.table.max_lag :]
         dims["y"] = ["output", "time_s"]
     shaped = {
-        group: {name: values if group == "observed_data" else values.reshape(n_chains, n_draws, *values.shape[1:])
-                for name, values in variables.items()}
+        group: {
+            name: values if group == "observed_data" else values.reshape(n_chains, n_draws, *values.shape[1:])
+            for name, values in variables.items()
+        }
         for group, variables in groups.items()
-    }  # fmt: skip
+    }
     if int(arviz.__version__.split(".")[0]) >= 1:
         return arviz.from_dict(shaped, coords=coords, dims=dims)
     return arviz.from_dict(**shaped, coords=coords, dims=dims)

@@ -73,10 +73,7 @@ class Statistics:
             Their positions.
         """
         return Statistics(
-            gram=self.gram[np.ix_(keep, keep)],
-            moment=self.moment[keep],
-            power=self.power,
-            n_samples=self.n_samples,
+            gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep], power=self.power, n_samples=self.n_samples
         )
 
     @property

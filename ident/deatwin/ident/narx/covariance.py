@@ -23,9 +23,7 @@ _INDEFINITE = 2**-26
 eps kappa; what lost more than half of its digits to cancellation is better formed from roots (`transformed`)."""
 
 
-def covariance_of(
-    values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance"
-) -> Array:
+def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
     """Return a covariance of parameters, symmetric to the last bit and read-only.
 
     Correlations are judged, so that the units of the parameters do not matter.
@@ -65,8 +63,7 @@ def _deviations(given: Array, names: Sequence[object], complaint: str) -> Array:
     least = int(np.argmin(variances))
     if variances[least] < 0:
         raise ModelError(
-            f"{complaint}: the variance of {names[least]} is {variances[least]:.3g}; "
-            "it must not be negative"
+            f"{complaint}: the variance of {names[least]} is {variances[least]:.3g}; it must not be negative"
         )
     certain = variances == 0
     beside = np.where(certain[:, None] | certain, np.abs(given), 0.0)

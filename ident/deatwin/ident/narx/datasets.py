@@ -39,10 +39,15 @@ def model_dataset(model: NarxModel) -> Any:
             "noise_variance": ("output", np.atleast_1d(model.noise_variance), *(units if len(units) == 1 else ())),
         },
         {**{name: (name, names) for name in pair}, "output": ("output", list(model.output_names))},
-        {"sample_time": model.sample_time, "theta_dof": model.theta_dof, "input_units": list(model.input_units),
-         "input_names": list(model.input_names), "output_units": list(model.output_units)},
+        {
+            "sample_time": model.sample_time,
+            "theta_dof": model.theta_dof,
+            "input_units": list(model.input_units),
+            "input_names": list(model.input_names),
+            "output_units": list(model.output_units),
+        },
         to_document(model),
-    )  # fmt: skip
+    )
 
 
 def validation_dataset(validation: Validation) -> Any:
@@ -63,8 +68,11 @@ def validation_dataset(validation: Validation) -> Any:
     values = np.full((len(validation.tests), lags.size), np.nan)
     for row, test in zip(values, validation.tests, strict=True):
         row[np.searchsorted(lags, test.lags)] = test.values
-    fits = {f"{run}_{name}": ("output", getattr(getattr(validation, run), name))
-            for run in ("one_step", "free_run") for name in ("mean_square", "nrmse", "percent")}  # fmt: skip
+    fits = {
+        f"{run}_{name}": ("output", getattr(getattr(validation, run), name))
+        for run in ("one_step", "free_run")
+        for name in ("mean_square", "nrmse", "percent")
+    }
     return dataset(
         {
             **fits,
@@ -74,11 +82,17 @@ def validation_dataset(validation: Validation) -> Any:
             "whiteness_p_value": ("whiteness", [found.p_value for found in validation.whiteness]),
         },
         {
-            "output": ("output", list(validation.output_names)), "unit": ("output", list(validation.output_units)),
+            "output": ("output", list(validation.output_names)),
+            "unit": ("output", list(validation.output_units)),
             "test": ("test", np.array([validation._label(test) for test in validation.tests], dtype=str)),
             "lag": ("lag", lags),
         },
-        {"n_samples": validation.n_samples, "level": validation.level, "exact": validation.exact,
-         "status": validation.status.name, "advice": validation.status.value,
-         "diverged_at_s": [time for _, time in validation.diverged]},
-    )  # fmt: skip
+        {
+            "n_samples": validation.n_samples,
+            "level": validation.level,
+            "exact": validation.exact,
+            "status": validation.status.name,
+            "advice": validation.status.value,
+            "diverged_at_s": [time for _, time in validation.diverged],
+        },
+    )

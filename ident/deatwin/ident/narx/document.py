@@ -30,9 +30,7 @@ def to_document(model: NarxModel) -> dict[str, Any]:
 
     def signals(side: str, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
         ranges = {
-            key: [None] * len(names)
-            if model.operating is None
-            else getattr(model.operating, f"{side}_{key}").tolist()
+            key: [None] * len(names) if model.operating is None else getattr(model.operating, f"{side}_{key}").tolist()
             for key in ("min", "max", "centre")
         }
         origins = getattr(model, f"{side}_origin")
@@ -88,9 +86,7 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         "noise_variance": read_only(noise) if isinstance(noise, list) else float(noise),
         "equations": tuple(int(item.get("output", 0)) for item in document["terms"]),
         "sample_time": float(document["sample_time_s"]),
-        "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()})
-        if known
-        else None,
+        "operating": OperatingRange(**{key: read_only(values) for key, values in ranges.items()}) if known else None,
         "provenance": {str(key): str(value) for key, value in document["provenance"].items()},
         **names,
         **{

@@ -18,13 +18,7 @@ from scipy.linalg import solve_triangular
 
 from deatwin.plant.errors import ModelError
 
-__all__ = [
-    "Centred",
-    "Estimate",
-    "Estimator",
-    "LeastSquares",
-    "least_squares",
-]
+__all__ = ["Centred", "Estimate", "Estimator", "LeastSquares", "least_squares"]
 
 Array = NDArray[np.float64]
 
@@ -182,6 +176,4 @@ class Centred:
         full_cov[0, 0] += variance / (self.target.size * self.level**2)
         full = np.concatenate([[(self.mean - self.means @ theta) / self.level], theta])
         order = np.insert(np.arange(1, full.size), self.constant, 0)
-        return Estimate(
-            theta=full[order], theta_cov=full_cov[np.ix_(order, order)], noise_variance=variance
-        )
+        return Estimate(theta=full[order], theta_cov=full_cov[np.ix_(order, order)], noise_variance=variance)

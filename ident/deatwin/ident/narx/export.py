@@ -74,11 +74,7 @@ $sums
 
 
 def narx_source(
-    model: NarxModel,
-    *,
-    name: str = "narx",
-    rest_input: ArrayLike | None = None,
-    rest_output: ArrayLike | None = None,
+    model: NarxModel, *, name: str = "narx", rest_input: ArrayLike | None = None, rest_output: ArrayLike | None = None
 ) -> SampledSource:
     """The C source of a model: what `NarxModel.simulate` computes, a sample a call.
 
@@ -112,23 +108,35 @@ def narx_source(
     inputs, outputs = (
         tuple(Signal(name=n, unit=unit, start=float(v)) for n, unit, v in zip(names, units, rest, strict=True))
         for names, units, rest in (
-            (model.input_names, model.input_units, rest_u), (model.output_names, model.output_units, rest_y)
+            (model.input_names, model.input_units, rest_u),
+            (model.output_names, model.output_units, rest_y),
         )
-    )  # fmt: skip
+    )
     tables = [(f"{name}_theta", quiet.theta), (f"{name}_rest_u", rest_u), (f"{name}_rest_y", rest_y)]
     if model.output_origin.any():
         tables.append((f"{name}_origin_y", model.output_origin))
     text = _head(quiet, inputs, outputs) + filled(
-        _SOURCE, n=name, N=name.upper(), inputs=len(inputs), outputs=len(outputs),
+        _SOURCE,
+        n=name,
+        N=name.upper(),
+        inputs=len(inputs),
+        outputs=len(outputs),
         distance=f"(next[i] - {name}_origin_y[i])" if model.output_origin.any() else "next[i]",
-        y_lags=_depth(quiet, "y"), u_lags=_depth(quiet, "u"), sample_time=float(model.sample_time),
-        limit=model.divergence_limit(model.output_origin[:, None]), sums="\n".join(_sums(quiet, name)),
+        y_lags=_depth(quiet, "y"),
+        u_lags=_depth(quiet, "u"),
+        sample_time=float(model.sample_time),
+        limit=model.divergence_limit(model.output_origin[:, None]),
+        sums="\n".join(_sums(quiet, name)),
         tables="\n".join(table(f"{name}_real {key}", values) for key, values in tables),
-    )  # fmt: skip
+    )
     return SampledSource(
-        name=name, text=text, sample_time=model.sample_time, inputs=inputs, outputs=outputs,
+        name=name,
+        text=text,
+        sample_time=model.sample_time,
+        inputs=inputs,
+        outputs=outputs,
         description=f"NARX model of {len(quiet.terms)} terms from {_listed(inputs)} to {_listed(outputs)}",
-    )  # fmt: skip
+    )
 
 
 def _rest(values: ArrayLike | None, origin: np.ndarray, what: str) -> np.ndarray:
@@ -144,18 +152,24 @@ def _listed(signals: tuple[Signal, ...]) -> str:
 
 def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]) -> str:
     trained = model.operating
-    ranges = [] if trained is None else [
-        f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
-        for signal, low, high in zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
-    ]  # fmt: skip
+    ranges = (
+        []
+        if trained is None
+        else [
+            f"Trained on {signal} from {number(low)} to {number(high)}; beyond it extrapolates."
+            for signal, low, high in zip(inputs, trained.input_min.tolist(), trained.input_max.tolist(), strict=True)
+        ]
+    )
     names = model.input_names, model.output_names
-    return comment([
-        f"NARX model, a sample of {model.sample_time:g} s a call.",
-        *(written(model.terms, model.theta, model.equations, *names) + origins(model)).splitlines(),
-        *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
-        *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
-        *ranges,
-    ])  # fmt: skip
+    return comment(
+        [
+            f"NARX model, a sample of {model.sample_time:g} s a call.",
+            *(written(model.terms, model.theta, model.equations, *names) + origins(model)).splitlines(),
+            *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
+            *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),
+            *ranges,
+        ]
+    )
 
 
 def _depth(model: NarxModel, kind: str) -> int:

@@ -109,6 +109,4 @@ class Fixed(NarxIdentifier):
         self.estimate_ = self.estimator(rows, target)
         progress(1.0, f"{len(rows)} parameters")
         found = self.estimate_
-        return data.model(
-            found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof
-        )
+        return data.model(found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof)

@@ -106,10 +106,7 @@ def forward_selection(
         left -= explained * direction
         leverage += direction**2
         yield SelectionStep(
-            candidate=best,
-            err=explained**2 / power,
-            residual=float(left @ left),
-            press=_press(left, leverage),
+            candidate=best, err=explained**2 / power, residual=float(left @ left), press=_press(left, leverage)
         )
         along = rows @ direction
         norms -= along**2

@@ -29,12 +29,7 @@ _BLOCK = 256  # as in the kernel
 
 
 def free_run(
-    table: TermTable,
-    theta: Array,
-    inputs: Array,
-    outputs: Array,
-    limit: float,
-    equations: Sequence[int] | None = None,
+    table: TermTable, theta: Array, inputs: Array, outputs: Array, limit: float, equations: Sequence[int] | None = None
 ) -> tuple[Array, int | None]:
     """Run a model free: only the inputs and the first outputs are used, and the noise is zero.
 
@@ -74,11 +69,7 @@ def free_run(
 
 
 def innovations(
-    table: TermTable,
-    theta: Array,
-    inputs: Array,
-    outputs: Array,
-    equations: Sequence[int] | None = None,
+    table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
     """Return e(k) = y(k) - sum_m theta_m term_m(k), the terms being functions of measured signals and past e.
 
@@ -180,9 +171,7 @@ class March:
         def marches(v: Variable) -> bool:
             return v.kind == marched and alone in (None, v.index)
 
-        parts = tuple(
-            tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if not marches(v)) for term in terms
-        )
+        parts = tuple(tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if not marches(v)) for term in terms)
         products = [
             tuple((v.index if alone is None else 0, v.lag) for v in term.expanded if marches(v)) for term in terms
         ]
@@ -226,10 +215,16 @@ class March:
         else:
             places, coefficients = self._work(chosen.size)
             reached = kernel.deatwin_run(
-                ctypes.byref(self._tables), chosen.size, chosen.ctypes.data, theta.ctypes.data,
-                None if base is None else base.ctypes.data, limit, x.ctypes.data,
-                places.ctypes.data, coefficients.ctypes.data,
-            )  # fmt: skip
+                ctypes.byref(self._tables),
+                chosen.size,
+                chosen.ctypes.data,
+                theta.ctypes.data,
+                None if base is None else base.ctypes.data,
+                limit,
+                x.ctypes.data,
+                places.ctypes.data,
+                coefficients.ctypes.data,
+            )
         if reached == x.shape[1]:
             return x, None
         x[:, reached:] = x[:, [reached - 1]] if reached else 0.0
@@ -267,10 +262,19 @@ class March:
         run = self.start[0].copy()
         places, coefficients = self._work(chosen.shape[1])
         kernel.deatwin_errors(
-            ctypes.byref(self._tables), *chosen.shape, chosen.ctypes.data, theta.ctypes.data,
-            sections, stops.ctypes.data, self.start.ctypes.data, limit, sums.ctypes.data,
-            run.ctypes.data, places.ctypes.data, coefficients.ctypes.data,
-        )  # fmt: skip
+            ctypes.byref(self._tables),
+            *chosen.shape,
+            chosen.ctypes.data,
+            theta.ctypes.data,
+            sections,
+            stops.ctypes.data,
+            self.start.ctypes.data,
+            limit,
+            sums.ctypes.data,
+            run.ctypes.data,
+            places.ctypes.data,
+            coefficients.ctypes.data,
+        )
         return sums
 
     def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
@@ -313,13 +317,7 @@ class March:
     def _tables(self) -> _Terms:
         """The terms as the kernel reads them."""
         n = self.start.shape[1]
-        arrays = (
-            self.known,
-            *_flat(self.parts, n),
-            self.monomial,
-            self.equations,
-            *_flat(self.monomials, n),
-        )
+        arrays = (self.known, *_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n))
         tables = _Terms(*(array.ctypes.data for array in arrays), self.start.shape[0], self.first, n)
         tables.keep = arrays
         return tables
@@ -341,11 +339,20 @@ class _Terms(ctypes.Structure):
 
     keep: tuple[NDArray[np.generic], ...]
     _fields_ = [
-        *((name, ctypes.c_void_p) for name in (
-            "known", "known_start", "known_offset", "monomial", "equation", "marched_start", "marched_offset"
-        )),
+        *(
+            (name, ctypes.c_void_p)
+            for name in (
+                "known",
+                "known_start",
+                "known_offset",
+                "monomial",
+                "equation",
+                "marched_start",
+                "marched_offset",
+            )
+        ),
         *((name, ctypes.c_int64) for name in ("n_outputs", "first", "n")),
-    ]  # fmt: skip
+    ]
 
 
 @lru_cache(maxsize=4)
@@ -365,6 +372,16 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
     kernel.deatwin_run.argtypes = (pointer, integer, *model, pointer, number, pointer, *work)
     kernel.deatwin_errors.restype = None
     kernel.deatwin_errors.argtypes = (
-        pointer, integer, integer, *model, integer, pointer, pointer, number, pointer, pointer, *work
-    )  # fmt: skip
+        pointer,
+        integer,
+        integer,
+        *model,
+        integer,
+        pointer,
+        pointer,
+        number,
+        pointer,
+        pointer,
+        *work,
+    )
     return kernel

@@ -145,9 +145,7 @@ class Frols(NarxIdentifier):
         self.terms_, self.err_ = self.path_[:count], self.path_err_[:count]
         kept = data.only(path[:count])
         found = self.estimator(*kept.matrix())
-        return kept.model(
-            found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof
-        )
+        return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof)
 
     def _select(self, rows: Array, target: Array, progress: Progress) -> list[SelectionStep]:
         """Choose terms one by one; an interrupt keeps those that are chosen already."""

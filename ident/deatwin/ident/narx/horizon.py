@@ -39,9 +39,7 @@ def require_steps(steps: int, first: int, n_samples: int) -> None:
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps = {steps!r}; it must be an integer of at least 1")
     if steps > n_samples - first:
-        raise ModelError(
-            f"steps = {steps}; the recording of {n_samples} samples allows at most {n_samples - first}"
-        )
+        raise ModelError(f"steps = {steps}; the recording of {n_samples} samples allows at most {n_samples - first}")
 
 
 def steps_ahead(

@@ -208,9 +208,7 @@ class Lasso(NarxIdentifier):
             yield [constant, *support]
 
 
-def lasso_path(
-    rows: Array, target: Array, *, centred: bool, max_knots: int
-) -> tuple[NDArray[np.intp], Array, Array]:
+def lasso_path(rows: Array, target: Array, *, centred: bool, max_knots: int) -> tuple[NDArray[np.intp], Array, Array]:
     """Follow the LASSO's path on standardised regressors.
 
     Parameters
@@ -258,9 +256,7 @@ def lasso_path(
     with warnings.catch_warnings():
         # A path that ends early for collinear regressors is shorter, not wrong: its structures are refitted and judged.
         warnings.simplefilter("ignore", ConvergenceWarning)
-        penalties, _, coefficients = lars_path_gram(
-            moment, gram, n_samples=n, max_iter=max_knots, method="lasso"
-        )
+        penalties, _, coefficients = lars_path_gram(moment, gram, n_samples=n, max_iter=max_knots, method="lasso")
     return taking_part, penalties, coefficients
 
 

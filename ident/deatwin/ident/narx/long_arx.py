@@ -257,10 +257,9 @@ def _first(longest: int) -> int:
 def _inputs(signals: Signals, which: int, lags: range) -> Array:
     """An input at some lags, shape (n, n_lags)."""
     first = _first(max(lags))
-    return np.concatenate([
-        np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags])
-        for inputs, _ in signals
-    ])  # fmt: skip
+    return np.concatenate(
+        [np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags]) for inputs, _ in signals]
+    )
 
 
 def _outputs(signals: Signals, longest: int) -> tuple[Array, Array]:

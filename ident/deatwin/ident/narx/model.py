@@ -181,9 +181,7 @@ class NarxModel:
             If there is not one model for each output.
         """
         first = models[0]
-        if any(set(model.equations) != {row} for row, model in enumerate(models)) or (
-            len(models) != first.n_outputs
-        ):
+        if any(set(model.equations) != {row} for row, model in enumerate(models)) or (len(models) != first.n_outputs):
             raise ModelError("joined takes one model for each output, in the order of the outputs")
         noise = np.array([np.atleast_1d(model.noise_variance)[row] for row, model in enumerate(models)])
         return replace(
@@ -303,9 +301,13 @@ class NarxModel:
     def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
         """Predict more than one step ahead."""
         found, failed = steps_ahead(
-            self.table, self.theta, *self.about_origin(recording.inputs, recording.outputs), steps,
-            self.divergence_limit(recording.outputs), self.equations,
-        )  # fmt: skip
+            self.table,
+            self.theta,
+            *self.about_origin(recording.inputs, recording.outputs),
+            steps,
+            self.divergence_limit(recording.outputs),
+            self.equations,
+        )
         first = self.table.max_lag + steps - 1
         outputs = np.concatenate([recording.outputs[:, :first], found + self.output_origin[:, None]], axis=1)
         if not failed.any():
@@ -342,9 +344,12 @@ class NarxModel:
         drive = self._drive(recording, initial)
         start = drive.first - self.table.max_lag
         run, failed = free_run(
-            self.table, self.theta, *self.about_origin(drive.inputs[:, start:], drive.outputs[:, start:]),
-            self.divergence_limit(drive.outputs), self.equations,
-        )  # fmt: skip
+            self.table,
+            self.theta,
+            *self.about_origin(drive.inputs[:, start:], drive.outputs[:, start:]),
+            self.divergence_limit(drive.outputs),
+            self.equations,
+        )
         outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
         outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
         if failed is None:
@@ -363,9 +368,14 @@ class NarxModel:
         if initial is None:
             initial = np.repeat(self.output_origin[:, None], first, axis=1)
         return Drive.of(
-            given, initial, input_names=self.input_names, n_outputs=self.n_outputs, sample_time=self.sample_time,
-            first=first, fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
-        )  # fmt: skip
+            given,
+            initial,
+            input_names=self.input_names,
+            n_outputs=self.n_outputs,
+            sample_time=self.sample_time,
+            first=first,
+            fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
+        )
 
     def to_xarray(self) -> Any:
         """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.model_dataset`."""
@@ -402,9 +412,12 @@ class NarxModel:
     def _check(self, recording: Recording, n_outputs: int | None) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
         require_suits(
-            recording, sample_time=self.sample_time, n_inputs=len(self.input_names), n_outputs=n_outputs,
+            recording,
+            sample_time=self.sample_time,
+            n_inputs=len(self.input_names),
+            n_outputs=n_outputs,
             fewest=self.table.max_lag + 1,
-        )  # fmt: skip
+        )
         return self.table.max_lag
 
     def _response(

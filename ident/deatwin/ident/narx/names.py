@@ -44,9 +44,7 @@ class SignalNames:
         """A factor of a term; its groups are name, or kind and channel, then lag and power."""
         longest_first = sorted((name for name in self._signals if name), key=len, reverse=True)
         name = "|".join(map(re.escape, longest_first)) or "(?!)"
-        return re.compile(
-            rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*"
-        )
+        return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
     def signal(self, name: str) -> tuple[str, int]:
         """Return kind and channel of a name.

@@ -58,9 +58,13 @@ class Neighbours:
             Which.
         """
         return Neighbours(
-            candidate=self.candidate[kept], chosen=self.chosen[kept], theta=self.theta[kept],
-            squares=self.squares[kept], f_ratio=self.f_ratio[kept], freedom=self.freedom,
-        )  # fmt: skip
+            candidate=self.candidate[kept],
+            chosen=self.chosen[kept],
+            theta=self.theta[kept],
+            squares=self.squares[kept],
+            f_ratio=self.f_ratio[kept],
+            freedom=self.freedom,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

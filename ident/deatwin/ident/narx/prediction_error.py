@@ -125,8 +125,10 @@ def prediction_error_fit(
     root = (np.linalg.pinv(r) / norms[:, None])[wanted]
     return NoiseFit(
         estimate=Estimate(theta=point.theta[wanted], theta_cov=variance * (root @ root.T), noise_variance=variance),
-        noise=errors.spread(point.errors), changes=tuple(changes), status=status,
-    )  # fmt: skip
+        noise=errors.spread(point.errors),
+        changes=tuple(changes),
+        status=status,
+    )
 
 
 def noise_rows(data: Regression, table: TermTable, noise: Sequence[Array]) -> Array:

@@ -106,9 +106,14 @@ class PredictiveBand:
         """
         axes = axes_or_new(ax)
         axes.fill_between(
-            self.timepts, self.lower[output], self.upper[output],
-            color="C1", alpha=0.35, linewidth=0, label=f"{100 * self.level:g} % band",
-        )  # fmt: skip
+            self.timepts,
+            self.lower[output],
+            self.upper[output],
+            color="C1",
+            alpha=0.35,
+            linewidth=0,
+            label=f"{100 * self.level:g} % band",
+        )
         axes.plot(self.timepts, self.outputs[output], color="C1", label="model")
         axes.plot(self.timepts, self.measured[output], color="C0", linewidth=0.8, label="measured")
         unit = self.units[output]
@@ -124,9 +129,15 @@ class PredictiveBand:
         return dataset(
             {name: (dims, getattr(self, field), unit) for name, field in names.items()},
             {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
-            {"first": self.first, "level": self.level, "draws": self.draws, "diverged": self.diverged,
-             "status": self.status.name, "advice": self.status.value},
-        )  # fmt: skip
+            {
+                "first": self.first,
+                "level": self.level,
+                "draws": self.draws,
+                "diverged": self.diverged,
+                "status": self.status.name,
+                "advice": self.status.value,
+            },
+        )
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
@@ -227,10 +238,7 @@ def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_dr
     runs = []
     for theta, variance in zip(draws.theta, draws.noise_variance, strict=True):
         noise = np.sqrt(variance)[:, None] * rng.standard_normal(recording.outputs.shape)
-        march = March.of(
-            model.terms, {"u": inputs, "e": noise}, "y", outputs,
-            first=first, equations=model.equations,
-        )  # fmt: skip
+        march = March.of(model.terms, {"u": inputs, "e": noise}, "y", outputs, first=first, equations=model.equations)
         run, failed = march.run(theta, limit=limit, base=noise)
         if failed is None:
             runs.append(run + model.output_origin[:, None])

@@ -11,13 +11,7 @@ from deatwin.ident.kalman import Filtered, StateSpace, adjoint, kalman_filter, k
 from deatwin.ident.narx.identifier import FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import Array
-from deatwin.ident.narx.recursive import (
-    Structure,
-    VaryingParameters,
-    regressor_sizes,
-    sample_times,
-    trajectory_of,
-)
+from deatwin.ident.narx.recursive import Structure, VaryingParameters, regressor_sizes, sample_times, trajectory_of
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError, nearest
@@ -119,9 +113,16 @@ class ThetaSmoother(VaryingParameters):
         smoothed = kalman_smoother(filtered)
         for name, result in (("filtered_", filtered), ("trajectory_", smoothed)):
             trajectory = trajectory_of(
-                data, self, times=sample_times(data), theta=result.states.T, theta_cov=result.covariances, sizes=sizes,
-                noise_variance=noise, drift_variance=noise * ratios, log_likelihood=filtered.log_likelihood,
-            )  # fmt: skip
+                data,
+                self,
+                times=sample_times(data),
+                theta=result.states.T,
+                theta_cov=result.covariances,
+                sizes=sizes,
+                noise_variance=noise,
+                drift_variance=noise * ratios,
+                log_likelihood=filtered.log_likelihood,
+            )
             setattr(self, name, trajectory)
         return self.trajectory_.model
 
@@ -192,17 +193,23 @@ class _Walk:
             raise ModelError(f"the {m} terms depend on each other in the {n} samples of these recordings; take fewer")
         root = np.linalg.solve(r, np.eye(m))
         return cls(
-            phi=phi, target=target, intervals=intervals, start=root @ (q.T @ target),
+            phi=phi,
+            target=target,
+            intervals=intervals,
+            start=root @ (q.T @ target),
             start_cov=n / _PRIOR_SAMPLES * (root @ root.T),
-        )  # fmt: skip
+        )
 
     def filtered(self, ratios: Array, noise_variance: float = 1.0) -> Filtered:
         """Filter with given variances of the drift, relative to that of the noise."""
         model = StateSpace(
-            rows=self.phi, noise_variance=np.array([noise_variance]), start=self.start,
-            start_cov=noise_variance * self.start_cov, process_cov=np.diag(noise_variance * ratios),
+            rows=self.phi,
+            noise_variance=np.array([noise_variance]),
+            start=self.start,
+            start_cov=noise_variance * self.start_cov,
+            process_cov=np.diag(noise_variance * ratios),
             intervals=self.intervals,
-        )  # fmt: skip
+        )
         return kalman_filter(model, self.target)
 
     def likelihood(self, ratios: Array) -> tuple[float, Array]:

@@ -147,19 +147,27 @@ class Rls(VaryingParameters):
         # In the coordinates z, theta + root z, the start is standard normal: no recursion is better conditioned.
         filtered = kalman_filter(
             StateSpace(
-                rows=phi[count:] @ root, noise_variance=np.ones(1), start=np.zeros(m),
-                start_cov=np.eye(m) / self.forgetting, fading=self.forgetting,
+                rows=phi[count:] @ root,
+                noise_variance=np.ones(1),
+                start=np.zeros(m),
+                start_cov=np.eye(m) / self.forgetting,
+                fading=self.forgetting,
             ),
             target[count:] - phi[count:] @ theta,
-        )  # fmt: skip
+        )
         states = np.concatenate([np.zeros((1, m)), filtered.states])
         roots = root @ np.concatenate([np.eye(m)[None], filtered.roots])
         progress(1.0, f"{m} parameters along {len(phi)} samples")
         noise = (squares + filtered.variance_factor * filtered.n_measured) / (len(phi) - m)
         self.trajectory_ = trajectory_of(
-            data, self, times=sample_times(data)[count - 1 :], theta=theta[:, None] + root @ states.T,
-            theta_cov=noise * (roots @ roots.swapaxes(1, 2)), sizes=sizes, noise_variance=noise,
-        )  # fmt: skip
+            data,
+            self,
+            times=sample_times(data)[count - 1 :],
+            theta=theta[:, None] + root @ states.T,
+            theta_cov=noise * (roots @ roots.swapaxes(1, 2)),
+            sizes=sizes,
+            noise_variance=noise,
+        )
         return self.trajectory_.model
 
 

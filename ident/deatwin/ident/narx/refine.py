@@ -86,9 +86,15 @@ def refine(
     search = _Search(model, chosen, max_steps, progress)
     with suppress(KeyboardInterrupt):
         least_squares(
-            search.errors, model.theta, search.jacobian, x_scale="jac", ftol=tolerance, xtol=1e-12, gtol=1e-15,
+            search.errors,
+            model.theta,
+            search.jacobian,
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=1e-12,
+            gtol=1e-15,
             max_nfev=max_steps,
-        )  # fmt: skip
+        )
     return _refined(model, search.best, chosen)
 
 
@@ -197,9 +203,12 @@ def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> Narx
         kept = np.delete(np.arange(model.theta.size), out)
         theta = model.theta - cov[:, out] / cov[out, out] * model.theta[out]  # the best with that parameter at zero
         smaller = replace(
-            model, terms=tuple(model.terms[i] for i in kept), theta=theta[kept], equations=(),
+            model,
+            terms=tuple(model.terms[i] for i in kept),
+            theta=theta[kept],
+            equations=(),
             theta_cov=np.zeros((kept.size, kept.size)),
-        )  # fmt: skip
+        )
         with suppress(ModelError):
             return refine(smaller, recordings)
     return None
@@ -226,9 +235,12 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
 def _with_term(model: NarxModel, term: Term) -> NarxModel:
     size = len(model.terms) + 1
     return replace(
-        model, terms=(*model.terms, term), theta=np.append(model.theta, 0.0), theta_cov=np.zeros((size, size)),
+        model,
+        terms=(*model.terms, term),
+        theta=np.append(model.theta, 0.0),
+        theta_cov=np.zeros((size, size)),
         equations=(),
-    )  # fmt: skip
+    )
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:

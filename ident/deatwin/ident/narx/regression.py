@@ -93,8 +93,11 @@ class Regression:
         terms = generate_terms(
             channel_lags(output_lags, "y", n_outputs, chosen[0].output_names) or 0,
             channel_lags(input_lags, "u", n_inputs, chosen[0].input_names) or 0,
-            degree, n_inputs=n_inputs, n_outputs=n_outputs, rule=rule,
-        )  # fmt: skip
+            degree,
+            n_inputs=n_inputs,
+            n_outputs=n_outputs,
+            rule=rule,
+        )
         return cls.on(chosen, TermTable(without_repeated_powers(terms, chosen)), output=output)
 
     @classmethod
@@ -252,13 +255,7 @@ class Regression:
         return gram, moment, power
 
     def model(
-        self,
-        theta: Array,
-        theta_cov: Array,
-        noise_variance: float,
-        *,
-        identifier: Any,
-        theta_dof: float = math.inf,
+        self, theta: Array, theta_cov: Array, noise_variance: float, *, identifier: Any, theta_dof: float = math.inf
     ) -> NarxModel:
         """Return the model of all terms of this regression, in physical units.
 

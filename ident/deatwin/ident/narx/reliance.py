@@ -163,9 +163,7 @@ def _gain_error(runs: Sequence[Array], recordings: Sequence[Recording]) -> tuple
         return None, None
     errors = [recording.outputs[0] - run for recording, run in zip(recordings, runs, strict=True)]
     slope = sum(float(swing @ error) for swing, error in zip(swings, errors, strict=True)) / power
-    products = [
-        swing * (error - error.mean() - slope * swing) for swing, error in zip(swings, errors, strict=True)
-    ]
+    products = [swing * (error - error.mean() - slope * swing) for swing, error in zip(swings, errors, strict=True)]
     variance = sum(_variance_of_sum(product) for product in products) / power**2
     return slope, _TWO_SIDED * math.sqrt(variance)
 

@@ -36,14 +36,16 @@ Integers = NDArray[np.int64]
 Series = Sequence[Array]
 """One stretch of a signal for each recording, shape (n_r,) each."""
 
-TESTS: Mapping[str, str] = MappingProxyType({
-    "ee": r"\phi_{ee}(\tau)",
-    "ue": r"\phi_{ue}(\tau)",
-    "e(eu)": r"\phi_{e(eu)}(\tau)",
-    "(u2)'e": r"\phi_{(u^2)'e}(\tau)",
-    "(u2)'e2": r"\phi_{(u^2)'e^2}(\tau)",
-    "ee'": r"\phi_{ee'}(\tau)",
-})
+TESTS: Mapping[str, str] = MappingProxyType(
+    {
+        "ee": r"\phi_{ee}(\tau)",
+        "ue": r"\phi_{ue}(\tau)",
+        "e(eu)": r"\phi_{e(eu)}(\tau)",
+        "(u2)'e": r"\phi_{(u^2)'e}(\tau)",
+        "(u2)'e2": r"\phi_{(u^2)'e^2}(\tau)",
+        "ee'": r"\phi_{ee'}(\tau)",
+    }
+)
 """Name of each test and how it is written; the last is between the residuals of two outputs."""
 
 _ROUNDING = 1e-20  # relative power of the square of a two-level input, less its mean
@@ -265,10 +267,13 @@ def whiteness_of(residuals: Sequence[Array], output: int, *, max_lag: int) -> Wh
     statistic = float(np.sum(_standardised(values, e, lags) ** 2)) * (n + 2) / n
     low, high = binom.interval(0.95, max_lag, 0.05)
     return Whiteness(
-        output=output, statistic=statistic, dof=max_lag, p_value=float(chi2.sf(statistic, max_lag)),
+        output=output,
+        statistic=statistic,
+        dof=max_lag,
+        p_value=float(chi2.sf(statistic, max_lag)),
         share_outside=float(np.mean(np.abs(values) > _QUANTILE / np.sqrt(n))),
         usual_outside=(float(low) / max_lag, float(high) / max_lag),
-    )  # fmt: skip
+    )
 
 
 def _tested(
@@ -281,9 +286,15 @@ def _tested(
         spread = _bartlett(a, b, shifts.size, int(shifts[-1]))
     scores = _normal_scores(_standardised(values, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))
     return CorrelationTest(
-        name=name, output=output, other=other, lags=lags, values=values, n_samples=sum(x.size for x in b),
-        p_value=_p_value(scores, spread / spread[0]), level=level,
-    )  # fmt: skip
+        name=name,
+        output=output,
+        other=other,
+        lags=lags,
+        values=values,
+        n_samples=sum(x.size for x in b),
+        p_value=_p_value(scores, spread / spread[0]),
+        level=level,
+    )
 
 
 def _standardised(values: Array, series: Series, lags: Integers) -> Array:

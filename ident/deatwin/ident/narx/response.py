@@ -114,9 +114,13 @@ class NarxResponse:
         return dataset(
             {"computed": (dims, self.outputs, unit), "measured": (dims, self.measured, unit)},
             {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
-            {"first": self.first, "status": self.status.name, "advice": self.status.value,
-             "failed_at_s": self.failed_at_s},
-        )  # fmt: skip
+            {
+                "first": self.first,
+                "status": self.status.name,
+                "advice": self.status.value,
+                "failed_at_s": self.failed_at_s,
+            },
+        )
 
 
 def _one(units: tuple[str, ...]) -> str:

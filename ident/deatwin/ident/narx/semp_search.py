@@ -78,11 +78,15 @@ class SempSearch:
         signals = [data.scaled(record) for record in data.recordings]
         self.marches = [
             March.of(
-                data.table.terms, {"u": inputs, "y": outputs}, "y", outputs[[data.output]],
-                first=data.first, alone=data.output,
+                data.table.terms,
+                {"u": inputs, "y": outputs},
+                "y",
+                outputs[[data.output]],
+                first=data.first,
+                alone=data.output,
             )
             for inputs, outputs in signals
-        ]  # fmt: skip
+        ]
         wanted = min(_SECTIONS, max(2, data.n_samples // 10))
         lengths = np.array([outputs.shape[1] - data.first for _, outputs in signals])
         self.sections = np.maximum(1, np.rint(wanted * lengths / lengths.sum())).astype(int)
@@ -208,8 +212,7 @@ class SempSearch:
         """Run models free; return their errors, shape (n_models, n_sections)."""
         runs = zip(self.marches, self.sections.tolist(), strict=True)
         return np.concatenate(
-            [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs],
-            axis=1,
+            [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs], axis=1
         )
 
     def _as_good(self, errors: Array) -> Booleans:

@@ -62,10 +62,12 @@ def shown_units(model: NarxModel) -> ShownUnits:
     )
     inputs = _sizes(trained.input_min - model.input_origin, trained.input_max - model.input_origin, model.input_units)
     sizes = {"y": outputs, "e": outputs, "u": inputs}
-    factors = np.array([
-        float(np.prod([sizes[v.kind][v.index][0] ** power for v, power in term.factors])) / outputs[row][0]
-        for term, row in zip(model.terms, model.equations, strict=True)
-    ])  # fmt: skip
+    factors = np.array(
+        [
+            float(np.prod([sizes[v.kind][v.index][0] ** power for v, power in term.factors])) / outputs[row][0]
+            for term, row in zip(model.terms, model.equations, strict=True)
+        ]
+    )
     if _exponents(model.theta * factors) >= exponents:
         return plain
     symbols = symbols_of(model.input_names, model.output_names)

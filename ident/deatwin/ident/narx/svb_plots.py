@@ -46,9 +46,14 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
     axes.plot(steps, bounds, marker=".")
     count = len(path[best].terms)
     axes.plot(
-        steps[best], bounds[best], "o", color="C3", markersize=9, fillstyle="none",
+        steps[best],
+        bounds[best],
+        "o",
+        color="C3",
+        markersize=9,
+        fillstyle="none",
         label=f"largest: step {steps[best]}, {count} term{'s' if count > 1 else ''}",
-    )  # fmt: skip
+    )
     axes.set_xlabel("pruning step")
     axes.set_ylabel("lower bound (nats)")
     axes.legend()

@@ -83,9 +83,7 @@ class BenchmarkSystem:
     @cached_property
     def model(self) -> NarxModel:
         """The system itself, noise terms included."""
-        return NarxModel.from_terms(
-            self.equation, sample_time=self.sample_time, noise_variance=self.noise_std**2
-        )
+        return NarxModel.from_terms(self.equation, sample_time=self.sample_time, noise_variance=self.noise_std**2)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
@@ -129,14 +127,16 @@ class BenchmarkSystem:
         for redraws in range(_MOST_REDRAWS):
             inputs = self.draw_input(rng, n)
             noise = self.noise_std * rng.standard_normal(n)
-            run = self._driven.simulate(
-                Recording.from_arrays([inputs, noise], np.zeros(n), self.sample_time)
-            )
+            run = self._driven.simulate(Recording.from_arrays([inputs, noise], np.zeros(n), self.sample_time))
             if run.status.ok:
                 recording = Recording.from_arrays(
-                    inputs, run.outputs, self.sample_time,
-                    input_names=("u",), output_names=("y",), provenance={"system": self.name},
-                )  # fmt: skip
+                    inputs,
+                    run.outputs,
+                    self.sample_time,
+                    input_names=("u",),
+                    output_names=("y",),
+                    provenance={"system": self.name},
+                )
                 return Draw(recording=recording, redraws=redraws)
         raise ModelError(f"{_MOST_REDRAWS} runs of {self.name} diverged one after the other: there is none to record")
 
@@ -147,9 +147,7 @@ class BenchmarkSystem:
     @cached_property
     def _driven(self) -> NarxModel:
         """The system with its noise as a second input: one free run serves with and without noise."""
-        as_input = {
-            text.replace("u(", "u1(").replace("e(", "u2("): value for text, value in self.equation.items()
-        }
+        as_input = {text.replace("u(", "u1(").replace("e(", "u2("): value for text, value in self.equation.items()}
         return NarxModel.from_terms(as_input | {"u2(k)": 1.0}, sample_time=self.sample_time)
 
 
@@ -167,57 +165,83 @@ def _noisy_sine(rng: np.random.Generator, n: int) -> Array:
 
 
 _BOOK = "W. R. Lacerda Junior, Nonlinear System Identification (SysIdentPy), chapter 4, and arXiv:2109.09917"
-_MAO_BILLINGS = {
-    "y(k-2)": -0.5, "y(k-1)u(k-1)": 0.7, "u(k-2)^2": 0.6, "y(k-1)^3": 0.2, "y(k-2)u(k-2)^2": -0.7
-}  # fmt: skip
+_MAO_BILLINGS = {"y(k-2)": -0.5, "y(k-1)u(k-1)": 0.7, "u(k-2)^2": 0.6, "y(k-1)^3": 0.2, "y(k-2)u(k-2)^2": -0.7}
 _BALDACCHINO = {"y(k-1)u(k-1)": 0.7, "y(k-2)": -0.5, "u(k-2)^2": 0.6, "y(k-2)u(k-2)^2": -0.7}
 
-SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType({
-    system.name: system
-    for system in (
-        BenchmarkSystem(
-            name="S1", equation={"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81},
-            draw_input=_uniform(2.0), noise_std=0.01, source=_BOOK,
-        ),
-        BenchmarkSystem(
-            name="S2", equation={"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
-            draw_input=_normal(0.3), noise_std=0.01, source=_BOOK,
-        ),
-        BenchmarkSystem(
-            name="S3", equation=_MAO_BILLINGS, draw_input=_uniform(1.0), noise_std=0.01,
-            source=f"{_BOOK}; the system of E1",
-        ),
-        BenchmarkSystem(
-            name="S4", equation=_BALDACCHINO, draw_input=_uniform(1.0), noise_std=0.04,
-            source=f"{_BOOK}, there after Baldacchino et al. (2013)",
-        ),
-        BenchmarkSystem(
-            name="S5", equation=_BALDACCHINO | {"e(k-1)": 0.2, "u(k-1)e(k-2)": -0.3},
-            draw_input=_uniform(1.0), noise_std=0.02, source=f"{_BOOK}; S4 with coloured noise",
-        ),
-        BenchmarkSystem(
-            name="S6", equation={"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2},
-            draw_input=_normal(0.25), noise_std=0.02,
-            source=f"{_BOOK}; its equation 57 has u(k-2) where its table 12 has u(k-1), which is taken here",
-        ),
-        BenchmarkSystem(
-            name="E0", equation={"y(k-1)": 0.3, "u(k-1)": 0.1, "y(k-1)y(k-2)": 0.4},
-            draw_input=_uniform(5.0), noise_std=0.1,
-            source="W. R. Jacobs, Identification and Frequency Response Analysis with Application to Soft Smart "
-            "Actuators (thesis, Sheffield), section 6.4.2; its input is not known: uniform in ±5 is chosen, so that "
-            "500 samples tell the product of outputs from nothing (|t| about 10; in ±1 it would be 1.4)",
-        ),
-        BenchmarkSystem(
-            name="E1", equation=_MAO_BILLINGS, draw_input=_uniform(1.0), noise_std=0.004**0.5,
-            n_samples=1000, degree=4,
-            source="W. R. Jacobs, thesis as E0, section 6.5.1; locally stable only",
-        ),
-        BenchmarkSystem(
-            name="WK", equation={"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-2)": 0.1, "u(k-1)u(k-2)": 0.4},
-            draw_input=_noisy_sine, noise_std=0.2, sample_time=0.05,
-            source="R. N. Watanabe, Nonlinear-System-Identification-and-Frequency-Analysis, examples/example.py, with "
-            "u and y exchanged; the input is one sine and a little noise, so that many candidates are nearly collinear",
-        ),
-    )
-})  # fmt: skip
+SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType(
+    {
+        system.name: system
+        for system in (
+            BenchmarkSystem(
+                name="S1",
+                equation={"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81},
+                draw_input=_uniform(2.0),
+                noise_std=0.01,
+                source=_BOOK,
+            ),
+            BenchmarkSystem(
+                name="S2",
+                equation={"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
+                draw_input=_normal(0.3),
+                noise_std=0.01,
+                source=_BOOK,
+            ),
+            BenchmarkSystem(
+                name="S3",
+                equation=_MAO_BILLINGS,
+                draw_input=_uniform(1.0),
+                noise_std=0.01,
+                source=f"{_BOOK}; the system of E1",
+            ),
+            BenchmarkSystem(
+                name="S4",
+                equation=_BALDACCHINO,
+                draw_input=_uniform(1.0),
+                noise_std=0.04,
+                source=f"{_BOOK}, there after Baldacchino et al. (2013)",
+            ),
+            BenchmarkSystem(
+                name="S5",
+                equation=_BALDACCHINO | {"e(k-1)": 0.2, "u(k-1)e(k-2)": -0.3},
+                draw_input=_uniform(1.0),
+                noise_std=0.02,
+                source=f"{_BOOK}; S4 with coloured noise",
+            ),
+            BenchmarkSystem(
+                name="S6",
+                equation={"y(k-2)": 0.75, "u(k-1)": 0.25, "y(k-2)u(k-1)": -0.2},
+                draw_input=_normal(0.25),
+                noise_std=0.02,
+                source=f"{_BOOK}; its equation 57 has u(k-2) where its table 12 has u(k-1), which is taken here",
+            ),
+            BenchmarkSystem(
+                name="E0",
+                equation={"y(k-1)": 0.3, "u(k-1)": 0.1, "y(k-1)y(k-2)": 0.4},
+                draw_input=_uniform(5.0),
+                noise_std=0.1,
+                source="W. R. Jacobs, Identification and Frequency Response Analysis with Application to Soft Smart "
+                "Actuators (thesis, Sheffield), section 6.4.2; its input is not known: uniform in ±5 is chosen, so that "
+                "500 samples tell the product of outputs from nothing (|t| about 10; in ±1 it would be 1.4)",
+            ),
+            BenchmarkSystem(
+                name="E1",
+                equation=_MAO_BILLINGS,
+                draw_input=_uniform(1.0),
+                noise_std=0.004**0.5,
+                n_samples=1000,
+                degree=4,
+                source="W. R. Jacobs, thesis as E0, section 6.5.1; locally stable only",
+            ),
+            BenchmarkSystem(
+                name="WK",
+                equation={"y(k-1)": 0.5, "y(k-2)": -0.3, "u(k-2)": 0.1, "u(k-1)u(k-2)": 0.4},
+                draw_input=_noisy_sine,
+                noise_std=0.2,
+                sample_time=0.05,
+                source="R. N. Watanabe, Nonlinear-System-Identification-and-Frequency-Analysis, examples/example.py, with "
+                "u and y exchanged; the input is one sine and a little noise, so that many candidates are nearly collinear",
+            ),
+        )
+    }
+)
 """By name."""

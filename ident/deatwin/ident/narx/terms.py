@@ -135,9 +135,7 @@ class Term:
             variable = Variable(kind, channel, int(lag or 0))
             if kind != "u" and variable.lag < 1:
                 held = "output" if kind == "y" else "noise"
-                raise ModelError(
-                    f"term {text!r} holds the {held} at the present sample; its lag must be at least 1"
-                )
+                raise ModelError(f"term {text!r} holds the {held} at the present sample; its lag must be at least 1")
             variables += [variable] * int(power or 1)
             position = match.end()
         if not variables:
@@ -226,9 +224,7 @@ def generate_terms(
             f"at most {MOST_TERMS} can be handled: take fewer lags or a lower degree"
         )
     products = (
-        Term.product(chosen)
-        for n in range(degree + 1)
-        for chosen in combinations_with_replacement(variables, n)
+        Term.product(chosen) for n in range(degree + 1) for chosen in combinations_with_replacement(variables, n)
     )
     terms = tuple(term for term in products if rule is None or rule(term))
     if not terms:
@@ -292,9 +288,7 @@ class TermTable:
         TermTable
             As many terms, in the same order; what was made of that kind only has become the constant.
         """
-        return TermTable(
-            tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms)
-        )
+        return TermTable(tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms))
 
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
@@ -310,9 +304,7 @@ class TermTable:
             seen.setdefault(factors, position)
         return tuple(plan)
 
-    def rows(
-        self, inputs: Array, outputs: Array, start: int, stop: int, noise: Array | None = None
-    ) -> Array:
+    def rows(self, inputs: Array, outputs: Array, start: int, stop: int, noise: Array | None = None) -> Array:
         """Evaluate all terms over a stretch of samples.
 
         Parameters

@@ -157,9 +157,7 @@ class ThetaTrajectory:
         if step < 1:
             raise ModelError(f"step = {step}; it must be at least 1")
         kept = np.arange(self.timepts.size)[::-step][::-1]
-        return replace(
-            self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept]
-        )
+        return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
         """Predict each sample from the measured past until some steps before, with the parameters of each time.
@@ -250,15 +248,18 @@ class ThetaTrajectory:
             File to write.
         """
         lower = np.tril_indices(len(self.terms))
-        write_document(path, {
-            "schema": SCHEMA,
-            "model": to_document(self.model),
-            "time_s": self.timepts.tolist(),
-            "theta": self.theta.tolist(),
-            "theta_cov_lower": self.theta_cov[:, lower[0], lower[1]].tolist(),
-            "drift_variance": self.drift_variance.tolist(),
-            "log_likelihood": self.log_likelihood,
-        })  # fmt: skip
+        write_document(
+            path,
+            {
+                "schema": SCHEMA,
+                "model": to_document(self.model),
+                "time_s": self.timepts.tolist(),
+                "theta": self.theta.tolist(),
+                "theta_cov_lower": self.theta_cov[:, lower[0], lower[1]].tolist(),
+                "drift_variance": self.drift_variance.tolist(),
+                "log_likelihood": self.log_likelihood,
+            },
+        )
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -314,8 +315,9 @@ class ThetaTrajectory:
         slack = 0.5 * self.model.sample_time
         if times.size == 0 or times.min() < self.timepts[0] - slack or times.max() > self.timepts[-1] + slack:
             asked = f"{times.min():g} s to {times.max():g} s" if times.size else "no time at all"
-            raise ModelError(f"asked for {asked}; the parameters are known from {self.timepts[0]:g} s to "
-                             f"{self.timepts[-1]:g} s")  # fmt: skip
+            raise ModelError(
+                f"asked for {asked}; the parameters are known from {self.timepts[0]:g} s to {self.timepts[-1]:g} s"
+            )
         after = np.clip(np.searchsorted(self.timepts, times), 1, max(self.timepts.size - 1, 1))
         if self.timepts.size == 1:
             return np.zeros(times.size, dtype=np.intp)

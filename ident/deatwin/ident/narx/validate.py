@@ -230,9 +230,11 @@ class Validation:
         if self.unstable is not None:
             pole = self.unstable.pole
             unstable = {
-                "pole": [pole.real, pole.imag], "sample_time_s": self.unstable.sample_time,
-                "steps": self.unstable.steps, "ahead": fit(self.unstable.ahead),
-            }  # fmt: skip
+                "pole": [pole.real, pole.imag],
+                "sample_time_s": self.unstable.sample_time,
+                "steps": self.unstable.steps,
+                "ahead": fit(self.unstable.ahead),
+            }
         return {
             "schema": SCHEMA,
             "status": self.status.name.lower(),
@@ -250,19 +252,29 @@ class Validation:
             "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
             "tests": [
                 {
-                    "name": t.name, "output": t.output, "other": t.other, "lags": t.lags.tolist(),
-                    "values": t.values.tolist(), "n_samples": t.n_samples, "p_value": t.p_value, "level": t.level,
+                    "name": t.name,
+                    "output": t.output,
+                    "other": t.other,
+                    "lags": t.lags.tolist(),
+                    "values": t.values.tolist(),
+                    "n_samples": t.n_samples,
+                    "p_value": t.p_value,
+                    "level": t.level,
                 }
                 for t in self.tests
             ],
             "whiteness": [
                 {
-                    "output": w.output, "statistic": w.statistic, "dof": w.dof, "p_value": w.p_value,
-                    "share_outside": w.share_outside, "usual_outside": list(w.usual_outside),
+                    "output": w.output,
+                    "statistic": w.statistic,
+                    "dof": w.dof,
+                    "p_value": w.p_value,
+                    "share_outside": w.share_outside,
+                    "usual_outside": list(w.usual_outside),
                 }
                 for w in self.whiteness
             ],
-        }  # fmt: skip
+        }
 
     def save(self, path: str | Path) -> None:
         """Write the validation as JSON ("deatwin/validation/1").
@@ -356,9 +368,11 @@ def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     unstable = None
     if (told := document["unstable"]) is not None:
         unstable = Unstable(
-            pole=complex(*told["pole"]), sample_time=float(told["sample_time_s"]), steps=int(told["steps"]),
+            pole=complex(*told["pole"]),
+            sample_time=float(told["sample_time_s"]),
+            steps=int(told["steps"]),
             ahead=fit(told["ahead"]),
-        )  # fmt: skip
+        )
     return {
         "unstable": unstable,
         "one_step": fit(document["one_step"]),

@@ -30,9 +30,7 @@ def require_terms(model: NarxModel) -> None:
     """
     n = len(model.terms)
     if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
-        raise ModelError(
-            f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}"
-        )
+        raise ModelError(f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}")
     if n == 0 or len(set(zip(model.equations, model.terms, strict=True))) != n:
         raise ModelError(
             "a NARX model needs at least one term, and each only once; "
@@ -44,9 +42,7 @@ def require_terms(model: NarxModel) -> None:
         ("e", "outputs", model.output_names),
     ):
         if model.table.channels(kind) > len(names):
-            raise ModelError(
-                f"the terms use {model.table.channels(kind)} {signals}, but {len(names)} are named"
-            )
+            raise ModelError(f"the terms use {model.table.channels(kind)} {signals}, but {len(names)} are named")
 
 
 def require_values(model: NarxModel) -> None:

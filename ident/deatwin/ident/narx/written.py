@@ -109,9 +109,7 @@ def written(
     right: list[list[str]] = [[] for _ in output_names]
     for term, value, row in zip(terms, theta, equations, strict=True):
         right[row].append(f"{value:.6g} {term.written(symbols)}")
-    lines = (
-        f"{symbols['y', row]}(k) = {' + '.join(sums)} + {symbols['e', row]}(k)" for row, sums in enumerate(right)
-    )
+    lines = (f"{symbols['y', row]}(k) = {' + '.join(sums)} + {symbols['e', row]}(k)" for row, sums in enumerate(right))
     return "\n".join(lines).replace("+ -", "- ")
 
 

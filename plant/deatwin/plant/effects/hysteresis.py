@@ -63,9 +63,7 @@ class Hysteresis(Effect):
     def describe(self) -> tuple[Parameter, ...]:
         return (
             Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
-            Parameter(
-                name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC
-            ),
+            Parameter(name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC),
             Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
         )
 
@@ -74,6 +72,7 @@ class Hysteresis(Effect):
         velocity, beta, slow = build.signal("velocity"), self.own("beta", build), 1e-8
         speed, strain = smooth_magnitude(velocity, slow), smooth_magnitude(memory, 1e-4)
         forward = speed * smooth_sign(velocity, slow)  # the velocity, as smooth at rest as the speed
-        build.rate(memory, velocity - beta * speed * memory - (1 - beta) * forward * strain,
-                   mass=self.own("distance", build))
+        build.rate(
+            memory, velocity - beta * speed * memory - (1 - beta) * forward * strain, mass=self.own("distance", build)
+        )
         return signal - self.own("force", build) * memory

@@ -23,9 +23,14 @@ MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
 """Of the diaphragm, SI: a usual displacement, the force that makes it, the period of its ringing, command and volts."""
 DERIVED: Mapping[str, str] = {"kg": "N s2/m", "Pa": "N/m2", "Hz": "1/s"}
 SIGNALS: Mapping[str, str] = {
-    "displacement": "m", "velocity": "m/s", "force": "N", "reading": "m", "command": "V", "amplifier_voltage": "V",
+    "displacement": "m",
+    "velocity": "m/s",
+    "force": "N",
+    "reading": "m",
+    "command": "V",
+    "amplifier_voltage": "V",
     "sample_time": "s",
-}  # fmt: skip
+}
 """Signals between which a change of units is known, with their units in the diaphragm."""
 
 
@@ -94,9 +99,7 @@ class Sizes:
         if effect.signal not in SIGNALS or isinstance(effect, _Similar):
             return effect
         kind = _kind(type(effect), self)
-        return kind(**{
-            p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()
-        })  # fmt: skip
+        return kind(**{p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()})
 
     def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
         """What a value in a unit of the diaphragm is multiplied by on this plant, and its unit there."""
@@ -200,9 +203,12 @@ class _View:
 def _kind(original: type[Effect], sizes: Sizes) -> type[Effect]:
     # The name tells the sizes: plants whose equations differ must differ in the names of their effects' types.
     own = {
-        "sizes": sizes, "original": original, "wording": original.wording.replace("ball", sizes.body),
-        "__qualname__": f"{original.__qualname__} of {sizes}", "__module__": original.__module__,
-    }  # fmt: skip
+        "sizes": sizes,
+        "original": original,
+        "wording": original.wording.replace("ball", sizes.body),
+        "__qualname__": f"{original.__qualname__} of {sizes}",
+        "__module__": original.__module__,
+    }
     return type(original.__name__, (_Similar, original), own)
 
 

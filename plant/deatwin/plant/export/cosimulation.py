@@ -72,9 +72,12 @@ def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
     token = ElementTree.fromstring(description).get("instantiationToken", "")
     start = [0.0, *(signal.start for signal in (*source.inputs, *source.outputs))]
     names = _NAMES.format(
-        token=token, name=source.name, upper=source.name.upper(), start=table("double model_start", start),
+        token=token,
+        name=source.name,
+        upper=source.name.upper(),
+        start=table("double model_start", start),
         clock="#define MODEL_CLOCK" if source.has_clock else "",
-    )  # fmt: skip
+    )
     interface = files(__package__).joinpath("cosimulation.c").read_text(encoding="utf-8")
     contents = {
         "modelDescription.xml": description,

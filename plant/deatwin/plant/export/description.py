@@ -14,9 +14,15 @@ from deatwin.plant.export.sampled import SampledSource, Signal, number
 __all__ = ["Description", "sampled_description"]
 
 _BASE_UNITS = {
-    "m": {"m": 1}, "s": {"s": 1}, "N": {"kg": 1, "m": 1, "s": -2}, "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "A": {"A": 1}, "K": {"K": 1}, "Pa": {"kg": 1, "m": -1, "s": -2}, "1": {},
-}  # fmt: skip
+    "m": {"m": 1},
+    "s": {"s": 1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "A": {"A": 1},
+    "K": {"K": 1},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "1": {},
+}
 """Exponents of SI's base units; another unit is named only."""
 _TOLERANCE = 1e-8
 """Relative, that importing tools are advised to take."""
@@ -93,15 +99,27 @@ def sampled_description(source: SampledSource) -> bytes:
     bytes
     """
     step = number(source.sample_time)
-    root = ET.Element("fmiModelDescription", {
-        "fmiVersion": "3.0", "modelName": source.name, "description": source.description,
-        "instantiationToken": sha256(source.text.encode()).hexdigest()[:32], "variableNamingConvention": "flat",
-        "generationTool": f"deatwin {version('deatwin')}",
-        "generationDateAndTime": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-    })  # fmt: skip
-    ET.SubElement(root, "CoSimulation", {
-        "modelIdentifier": source.name, "canHandleVariableCommunicationStepSize": "true", "fixedInternalStepSize": step,
-    })  # fmt: skip
+    root = ET.Element(
+        "fmiModelDescription",
+        {
+            "fmiVersion": "3.0",
+            "modelName": source.name,
+            "description": source.description,
+            "instantiationToken": sha256(source.text.encode()).hexdigest()[:32],
+            "variableNamingConvention": "flat",
+            "generationTool": f"deatwin {version('deatwin')}",
+            "generationDateAndTime": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        },
+    )
+    ET.SubElement(
+        root,
+        "CoSimulation",
+        {
+            "modelIdentifier": source.name,
+            "canHandleVariableCommunicationStepSize": "true",
+            "fixedInternalStepSize": step,
+        },
+    )
     units = [s.unit for s in (*source.inputs, *source.outputs) if s.unit]
     _insert(root, 1, _units(units), _experiment(source.sample_time))
     variables, structure = ET.SubElement(root, "ModelVariables"), ET.SubElement(root, "ModelStructure")
@@ -110,9 +128,11 @@ def sampled_description(source: SampledSource) -> bytes:
         given = reference <= len(source.inputs)
         kind = {"causality": "input", "start": number(signal.start)} if given else {"causality": "output"}
         unit = {"unit": signal.unit} if signal.unit else {}
-        ET.SubElement(variables, "Float64", {
-            "name": signal.name, "valueReference": str(reference), "variability": "discrete", **kind, **unit,
-        })  # fmt: skip
+        ET.SubElement(
+            variables,
+            "Float64",
+            {"name": signal.name, "valueReference": str(reference), "variability": "discrete", **kind, **unit},
+        )
         if not given:
             ET.SubElement(structure, "Output", {"valueReference": str(reference), "dependencies": ""})
     for output in list(structure):
@@ -130,9 +150,9 @@ def _units(names: Iterable[str]) -> ET.Element | None:
 
 
 def _experiment(sample_time: float) -> ET.Element:
-    return ET.Element("DefaultExperiment", {
-        "startTime": "0.0", "tolerance": number(_TOLERANCE), "stepSize": number(sample_time)
-    })  # fmt: skip
+    return ET.Element(
+        "DefaultExperiment", {"startTime": "0.0", "tolerance": number(_TOLERANCE), "stepSize": number(sample_time)}
+    )
 
 
 def _insert(root: ET.Element, position: int, *elements: ET.Element | None) -> None:

@@ -86,9 +86,14 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
         wrapper = f"sources/{name}_wrap.c"
         contents[wrapper] = _refreshed(contents[wrapper].decode()).encode()
         described = Description(
-            name=name, plain=contents["modelDescription.xml"], inputs=inputs, outputs=outputs,
-            start=parts.start, sample_time=plant.rig.sample_time, text=f"{describe(plant)}; {_UNITS}",
-        )  # fmt: skip
+            name=name,
+            plain=contents["modelDescription.xml"],
+            inputs=inputs,
+            outputs=outputs,
+            start=parts.start,
+            sample_time=plant.rig.sample_time,
+            text=f"{describe(plant)}; {_UNITS}",
+        )
         contents["modelDescription.xml"] = described.tidied()
     return write_fmu(path, compiled(contents, name))
 
@@ -128,9 +133,7 @@ def _refreshed(wrapper: str) -> str:
     return wrapper
 
 
-def _builder(
-    parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]
-) -> ca.DaeBuilder:
+def _builder(parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tuple[Signal, ...]) -> ca.DaeBuilder:
     builder = ca.DaeBuilder(name)
     time = builder.add("time", "independent")
     states: list[Any] = [

@@ -128,18 +128,25 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
     rest = rest_of(plant)
     inputs, outputs = plant_signals(plant, rest)
     description = describe(plant)
-    head = comment([
-        f"{description}, sample by sample.",
-        f"One call is one sample of {plant.rig.sample_time:g} s, over which the inputs are held.",
-        *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
-        *(f"y[{k}]: {signal}, at the end of the sample" for k, signal in enumerate(outputs)),
-    ])  # fmt: skip
+    head = comment(
+        [
+            f"{description}, sample by sample.",
+            f"One call is one sample of {plant.rig.sample_time:g} s, over which the inputs are held.",
+            *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
+            *(f"y[{k}]: {signal}, at the end of the sample" for k, signal in enumerate(outputs)),
+        ]
+    )
     step = _sample_function(plant, name)
     text = head + _casadi_code(step) + _shim(plant, rest, step, name, inputs, outputs)
     return SampledSource(
-        name=name, text=text, sample_time=plant.rig.sample_time, inputs=inputs, outputs=outputs,
-        description=description, has_clock=True,
-    )  # fmt: skip
+        name=name,
+        text=text,
+        sample_time=plant.rig.sample_time,
+        inputs=inputs,
+        outputs=outputs,
+        description=description,
+        has_clock=True,
+    )
 
 
 def describe(plant: Plant) -> str:
@@ -223,9 +230,7 @@ def _casadi_code(step: ca.Function) -> str:
     return code
 
 
-def _shim(
-    plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals
-) -> str:
+def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals) -> str:
     """What calls the step: state, start and clock."""
     equations = plant.equations
     channels, k = [], 1
@@ -235,18 +240,35 @@ def _shim(
         channels.append(f"    inputs[{position}] = {clock if channel in KNOWN else f'u[{k}]'};")
         k += channel not in KNOWN
     values: dict[str, ArrayLike] = {
-        "x": rest.x, "z": rest.z, "d": rest.d, "p": plant.free_values, "c": equations.constants,
+        "x": rest.x,
+        "z": rest.z,
+        "d": rest.d,
+        "p": plant.free_values,
+        "c": equations.constants,
         "y": [signal.start for signal in outputs],
-    }  # fmt: skip
+    }
     fields = {
-        "n": name, "N": name.upper(), "inputs": len(inputs), "outputs": len(outputs), "x": max(rest.x.size, 1),
-        "z": max(rest.z.size, 1), "past": max(equations.history, 1), "history": equations.history,
-        "n_u": equations.held_inputs(0.0).size, "sample_time": float(plant.rig.sample_time),
-        "rest_command": float(plant.rig.start.rest_command), "settled": SETTLED,
-        "states": ", ".join(equations.states) or "none", "coordinates": ", ".join(equations.coordinates) or "none",
-        "tries": 1 + len(SHORTER_STEPS), "numbers": ", ".join(map(str, (1, *SHORTER_STEPS))),
-        "sz_arg": step.sz_arg(), "sz_res": step.sz_res(), "sz_iw": max(step.sz_iw(), 1),
-        "sz_w": max(step.sz_w(), 1), "channels": "\n".join(channels),
-    }  # fmt: skip
+        "n": name,
+        "N": name.upper(),
+        "inputs": len(inputs),
+        "outputs": len(outputs),
+        "x": max(rest.x.size, 1),
+        "z": max(rest.z.size, 1),
+        "past": max(equations.history, 1),
+        "history": equations.history,
+        "n_u": equations.held_inputs(0.0).size,
+        "sample_time": float(plant.rig.sample_time),
+        "rest_command": float(plant.rig.start.rest_command),
+        "settled": SETTLED,
+        "states": ", ".join(equations.states) or "none",
+        "coordinates": ", ".join(equations.coordinates) or "none",
+        "tries": 1 + len(SHORTER_STEPS),
+        "numbers": ", ".join(map(str, (1, *SHORTER_STEPS))),
+        "sz_arg": step.sz_arg(),
+        "sz_res": step.sz_res(),
+        "sz_iw": max(step.sz_iw(), 1),
+        "sz_w": max(step.sz_w(), 1),
+        "channels": "\n".join(channels),
+    }
     tables = "\n".join(table(f"double {name}_{key}", value) for key, value in values.items())
     return f"{filled(_STATE, **fields)}\n{tables}\n{filled(_BODY, **fields)}"

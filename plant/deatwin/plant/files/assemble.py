@@ -113,13 +113,17 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
         logger.warning(
             '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
             "states another unit, --dt another sample time",
-            table.path, "" if table.scales.get(times) else " in s",
-        )  # fmt: skip
+            table.path,
+            "" if table.scales.get(times) else " in s",
+        )
     if not unit and (scale := table.scales.get(times)) and not scale.dates:
         logger.warning(
             '%s: the column "%s" holds %s, as their size says; its clock starts at %s',
-            table.path, table.shown(times), scale.said, scale.began.isoformat(),
-        )  # fmt: skip
+            table.path,
+            table.shown(times),
+            scale.said,
+            scale.began.isoformat(),
+        )
 
 
 def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
@@ -171,9 +175,7 @@ def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
         raise DataError(f"{table.path}: dt is {dt} s; the sample time must be positive")
     stated = table.timing(used)
     if stated and dt is not None and not stated.agrees(dt):
-        raise DataError(
-            f"{table.path}: its sample time is {stated.sample_time:g} s, but dt is {dt:g} s; leave dt out"
-        )
+        raise DataError(f"{table.path}: its sample time is {stated.sample_time:g} s, but dt is {dt:g} s; leave dt out")
     return stated or (Timing(sample_time=dt) if dt is not None else None)
 
 
@@ -233,9 +235,14 @@ class _Source:
 
 
 def _recordings(
-    source: _Source, told: Floats | None, stated: Timing | None, *, allow_gaps: bool, resample: float | None,
+    source: _Source,
+    told: Floats | None,
+    stated: Timing | None,
+    *,
+    allow_gaps: bool,
+    resample: float | None,
     reading: ReadingTime,
-) -> tuple[Recording, ...]:  # fmt: skip
+) -> tuple[Recording, ...]:
     """Return the recordings of the rows at the times that a file tells, or on the clock that is stated."""
     table, samples = source.table, len(next(iter(source.numbers.values())))
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
@@ -250,12 +257,14 @@ def _recordings(
         )
     return tuple(
         source.recording(
-            piece.clock, step, dict.fromkeys(source.roles, piece.take),
+            piece.clock,
+            step,
+            dict.fromkeys(source.roles, piece.take),
             source.origin(piece.first, piece.last)
             | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {}),
         )
         for piece in pieces
-    )  # fmt: skip
+    )
 
 
 def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
@@ -276,9 +285,10 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
 def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
     """Return what is to be said of uneven times in a column that no unit tells to be times; else an empty text."""
     named = [
-        k for k, name in enumerate(table.names)
+        k
+        for k, name in enumerate(table.names)
         if k not in used and _LIKE_TIMES.search(name) and UNITS[table.units[k]].si in ("", "s")
-    ]  # fmt: skip
+    ]
     for column in named if times is None else []:
         try:
             found = table.si([column])[0]

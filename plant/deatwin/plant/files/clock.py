@@ -135,8 +135,7 @@ def even_pieces(
     if (steps <= 0.0).any():
         sample = int(np.argmax(steps <= 0.0))
         raise DataError(
-            f"{where(sample + 1)}: times do not increase: "
-            f"{timepts[sample + 1]:.9g} s follows {timepts[sample]:.9g} s"
+            f"{where(sample + 1)}: times do not increase: {timepts[sample + 1]:.9g} s follows {timepts[sample]:.9g} s"
         )
     usual = float(np.median(steps))
     tolerance = _SLACK * max(_JITTER * usual, min(_rounding(timepts, steps, usual), _ROUNDING * usual))
@@ -154,9 +153,7 @@ def even_pieces(
     return sample_time, list(_pieces(timepts, edges, short, sample_time, tolerance))
 
 
-def _pieces(
-    timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float
-) -> Iterator[Piece]:
+def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
     """Yield the pieces between edges; one that holds a short step is to be interpolated.
 
     A piece that lies on the clock of the first one as well as its times tell begins on that clock.
@@ -245,9 +242,7 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     )
 
 
-def _odd_step(
-    timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str]
-) -> DataError:
+def _odd_step(timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str]) -> DataError:
     """Return the error that names the first row that comes too late or too early after the one before."""
     sample = int(np.argmax(odd)) + 1
     step = timepts[sample] - timepts[sample - 1]

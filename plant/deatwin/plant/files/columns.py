@@ -82,11 +82,7 @@ def _headed(table: Table, wanted: str | None) -> list[int]:
 
 
 def _twice(
-    table: Table,
-    column: int,
-    roles: tuple[str, str],
-    asked: Mapping[str, str | None],
-    units: Mapping[str, str | None],
+    table: Table, column: int, roles: tuple[str, str], asked: Mapping[str, str | None], units: Mapping[str, str | None]
 ) -> DataError:
     """Return the error of a column that has two roles, with another one for a role that was not asked for."""
     said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]

@@ -12,24 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvtext import (
-    BLANKS,
-    decode,
-    find_layout,
-    is_comment,
-    is_number,
-    names_and_units,
-    split_cells,
-)
+from deatwin.plant.files.csvtext import BLANKS, decode, find_layout, is_comment, is_number, names_and_units, split_cells
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.units import Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 __all__ = [
-    "DESCRIPTION", "EXACT", "CsvTable", "decimal_relation", "power_of_ten", "read_bytes", "read_table", "reader",
+    "DESCRIPTION",
+    "EXACT",
+    "CsvTable",
+    "decimal_relation",
+    "power_of_ten",
+    "read_bytes",
+    "read_table",
+    "reader",
     "table_of",
-]  # fmt: skip
+]
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats

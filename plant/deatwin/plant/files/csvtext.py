@@ -14,8 +14,16 @@ from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import clipped
 
 __all__ = [
-    "BLANKS", "Layout", "decode", "find_layout", "is_comment", "is_date", "is_number", "names_and_units", "split_cells",
-]  # fmt: skip
+    "BLANKS",
+    "Layout",
+    "decode",
+    "find_layout",
+    "is_comment",
+    "is_date",
+    "is_number",
+    "names_and_units",
+    "split_cells",
+]
 
 _WANTED = "time_s,command_V,displacement_mm"
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}

@@ -222,9 +222,17 @@ def read_recording(
         As `read_recordings`.
     """
     return read_recordings(
-        path, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
-        resample=resample, reading=reading, input_unit=input_unit, output_unit=output_unit, rig=rig,
-    )[0]  # fmt: skip
+        path,
+        input_column=input_column,
+        output_column=output_column,
+        time_column=time_column,
+        dt=dt,
+        resample=resample,
+        reading=reading,
+        input_unit=input_unit,
+        output_unit=output_unit,
+        rig=rig,
+    )[0]
 
 
 def read_experiment(
@@ -264,11 +272,19 @@ def read_experiment(
         recording
         for path in paths
         for recording in read_recordings(
-            path, input_column=input_column, output_column=output_column, time_column=time_column,
-            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, input_unit=input_unit,
-            output_unit=output_unit, rig=rig,
+            path,
+            input_column=input_column,
+            output_column=output_column,
+            time_column=time_column,
+            allow_gaps=allow_gaps,
+            dt=dt,
+            resample=resample,
+            reading=reading,
+            input_unit=input_unit,
+            output_unit=output_unit,
+            rig=rig,
         )
-    ]  # fmt: skip
+    ]
     return Experiment(recordings=on_one_clock(recordings))
 
 
@@ -374,6 +390,12 @@ def _recordings(
     table = in_units(table, wanted)
     require_known_units(table, [column for role in chosen if asked.get(role) is not None for column in chosen[role]])
     return recordings_of(
-        table, chosen, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig,
+        table,
+        chosen,
+        allow_gaps=allow_gaps,
+        dt=dt,
+        resample=resample,
+        reading=reading,
+        rig=rig,
         named_times=asked["time"],
-    )  # fmt: skip
+    )

@@ -85,27 +85,59 @@ def _scaled(si: str, prefixes: str, symbol: str = "", size: float = 1.0) -> dict
 _POUND_FORCE = 4.4482216152605  # N, exactly 0.45359237 * 9.80665
 UNITS = {
     "": Unit(""),  # not known: values are taken as they are
-    **_scaled("s", "mun"), "min": Unit("s", 60), "h": Unit("s", 3600),
-    **_scaled("V", "munk"), **_scaled("A", "munpk"), **_scaled("ohm", "mkM"),
-    **_scaled("W", "muk"), **_scaled("J", "muk"),
+    **_scaled("s", "mun"),
+    "min": Unit("s", 60),
+    "h": Unit("s", 3600),
+    **_scaled("V", "munk"),
+    **_scaled("A", "munpk"),
+    **_scaled("ohm", "mkM"),
+    **_scaled("W", "muk"),
+    **_scaled("J", "muk"),
     **_scaled("m", "cmunk"),
-    **_scaled("m/s", "cmuk"), "km/h": Unit("m/s", 1, 3.6), "m/min": Unit("m/s", 1, 60), "mm/min": Unit("m/s", 1, 6e4),
-    **_scaled("m/s2", "cmu"), "gn": Unit("m/s2", 9.80665),
-    **_scaled("rad", "mu"), "deg": Unit("rad", math.pi, 180), "rev": Unit("rad", 2 * math.pi),
-    **_scaled("rad/s", "mu"), "deg/s": Unit("rad/s", math.pi, 180), "rpm": Unit("rad/s", math.pi, 30),
-    "rev/s": Unit("rad/s", 2 * math.pi), "deg/min": Unit("rad/s", math.pi, 10800),
+    **_scaled("m/s", "cmuk"),
+    "km/h": Unit("m/s", 1, 3.6),
+    "m/min": Unit("m/s", 1, 60),
+    "mm/min": Unit("m/s", 1, 6e4),
+    **_scaled("m/s2", "cmu"),
+    "gn": Unit("m/s2", 9.80665),
+    **_scaled("rad", "mu"),
+    "deg": Unit("rad", math.pi, 180),
+    "rev": Unit("rad", 2 * math.pi),
+    **_scaled("rad/s", "mu"),
+    "deg/s": Unit("rad/s", math.pi, 180),
+    "rpm": Unit("rad/s", math.pi, 30),
+    "rev/s": Unit("rad/s", 2 * math.pi),
+    "deg/min": Unit("rad/s", math.pi, 10800),
     "deg/h": Unit("rad/s", math.pi, 648000),
-    "rad/s2": Unit("rad/s2"), "deg/s2": Unit("rad/s2", math.pi, 180),
-    **_scaled("Hz", "mkMG"), "1/s": Unit("1/s"), "1/min": Unit("1/s", 1, 60),
-    "kg": Unit("kg"), "g": Unit("kg", 1, 1e3), "mg": Unit("kg", 1, 1e6), "ug": Unit("kg", 1, 1e9),
-    **_scaled("N", "munkM"), "lbf": Unit("N", _POUND_FORCE),
-    **_scaled("N m", "munkM"), "N cm": Unit("N m", 1, 1e2), "N mm": Unit("N m", 1, 1e3), "mN mm": Unit("N m", 1, 1e6),
-    **_scaled("N/m", "muk"), "N/mm": Unit("N/m", 1e3),
-    **_scaled("Pa", "muhkMG"), **_scaled("Pa", "mk", "bar", 1e5), "psi": Unit("Pa", _POUND_FORCE, 0.00064516),
-    **_scaled("V/m", "kM"), "V/mm": Unit("V/m", 1e3), "kV/mm": Unit("V/m", 1e6), "V/um": Unit("V/m", 1e6),
-    **_scaled("K", "m"), "C": Unit("K", shift=273.15), "Δ°C": Unit("K"),
+    "rad/s2": Unit("rad/s2"),
+    "deg/s2": Unit("rad/s2", math.pi, 180),
+    **_scaled("Hz", "mkMG"),
+    "1/s": Unit("1/s"),
+    "1/min": Unit("1/s", 1, 60),
+    "kg": Unit("kg"),
+    "g": Unit("kg", 1, 1e3),
+    "mg": Unit("kg", 1, 1e6),
+    "ug": Unit("kg", 1, 1e9),
+    **_scaled("N", "munkM"),
+    "lbf": Unit("N", _POUND_FORCE),
+    **_scaled("N m", "munkM"),
+    "N cm": Unit("N m", 1, 1e2),
+    "N mm": Unit("N m", 1, 1e3),
+    "mN mm": Unit("N m", 1, 1e6),
+    **_scaled("N/m", "muk"),
+    "N/mm": Unit("N/m", 1e3),
+    **_scaled("Pa", "muhkMG"),
+    **_scaled("Pa", "mk", "bar", 1e5),
+    "psi": Unit("Pa", _POUND_FORCE, 0.00064516),
+    **_scaled("V/m", "kM"),
+    "V/mm": Unit("V/m", 1e3),
+    "kV/mm": Unit("V/m", 1e6),
+    "V/um": Unit("V/m", 1e6),
+    **_scaled("K", "m"),
+    "C": Unit("K", shift=273.15),
+    "Δ°C": Unit("K"),
     "%": Unit("1", 1, 1e2),
-}  # fmt: skip
+}
 _SAME_KIND = {"Hz": "1/s"}
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
@@ -119,33 +151,114 @@ _NO_QUANTITIES = frozenset({"counts"})
 """Before a stroke these begin a unit that is not known, as in ``counts/s``."""
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
 _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
-_PREFIXES = {"": "", "pico": "p", "nano": "n", "micro": "u", "milli": "m", "centi": "c", "hecto": "h", "kilo": "k",
-             "mega": "M", "giga": "G"}  # fmt: skip
-_WORDS = {"second": "s", "volt": "V", "metre": "m", "meter": "m", "ampere": "A", "amp": "A", "newton": "N",
-          "kelvin": "K", "pascal": "Pa", "radian": "rad", "hertz": "Hz", "gram": "g", "bar": "bar", "watt": "W",
-          "joule": "J", "ohm": "ohm"}  # fmt: skip
+_PREFIXES = {
+    "": "",
+    "pico": "p",
+    "nano": "n",
+    "micro": "u",
+    "milli": "m",
+    "centi": "c",
+    "hecto": "h",
+    "kilo": "k",
+    "mega": "M",
+    "giga": "G",
+}
+_WORDS = {
+    "second": "s",
+    "volt": "V",
+    "metre": "m",
+    "meter": "m",
+    "ampere": "A",
+    "amp": "A",
+    "newton": "N",
+    "kelvin": "K",
+    "pascal": "Pa",
+    "radian": "rad",
+    "hertz": "Hz",
+    "gram": "g",
+    "bar": "bar",
+    "watt": "W",
+    "joule": "J",
+    "ohm": "ohm",
+}
 _SPELLED_OUT = {
-    "micron": "um", "minute": "min", "hour": "h", "celsius": "C", "degree": "deg", "revolution": "rev",
-    "percent": "%", "sec": "s", "msec": "ms", "usec": "us",
+    "micron": "um",
+    "minute": "min",
+    "hour": "h",
+    "celsius": "C",
+    "degree": "deg",
+    "revolution": "rev",
+    "percent": "%",
+    "sec": "s",
+    "msec": "ms",
+    "usec": "us",
     # Without a prefix their capitals tell nothing.
-    "deg": "deg", "rad": "rad", "rev": "rev", "rpm": "rpm", "psi": "psi", "hz": "Hz",
+    "deg": "deg",
+    "rad": "rad",
+    "rev": "rev",
+    "rpm": "rpm",
+    "psi": "psi",
+    "hz": "Hz",
 } | {
     prefix + word: short + unit
-    for prefix, short in _PREFIXES.items() for word, unit in _WORDS.items() if short + unit in UNITS
-}  # fmt: skip
+    for prefix, short in _PREFIXES.items()
+    for word, unit in _WORDS.items()
+    if short + unit in UNITS
+}
 _OTHER_SPELLINGS = {
-    "deg C": "C", "degC": "C", "°C": "C", "℃": "C", "Δ C": "Δ°C", "delta C": "Δ°C", "delta K": "K", "ΔK": "K",
-    "°": "deg", "rev/min": "rpm", "r/min": "rpm", "U/min": "rpm", "tr/min": "rpm", "rps": "rev/s", "/s": "1/s",
-    "/min": "1/min", "g0": "gn", "g_n": "gn", "cps": "Hz", "bar g": "bar", "pct": "%",
+    "deg C": "C",
+    "degC": "C",
+    "°C": "C",
+    "℃": "C",
+    "Δ C": "Δ°C",
+    "delta C": "Δ°C",
+    "delta K": "K",
+    "ΔK": "K",
+    "°": "deg",
+    "rev/min": "rpm",
+    "r/min": "rpm",
+    "U/min": "rpm",
+    "tr/min": "rpm",
+    "rps": "rev/s",
+    "/s": "1/s",
+    "/min": "1/min",
+    "g0": "gn",
+    "g_n": "gn",
+    "cps": "Hz",
+    "bar g": "bar",
+    "pct": "%",
 } | {
-    product.replace(" ", ""): product for product in UNITS if " " in product  # Nm, mNm
-}  # fmt: skip
-_SIGNS = str.maketrans({
-    "µ": "u", "μ": "u", "∆": "Δ", "Ω": "ohm", "\u2126": "ohm", "·": " ", "⋅": " ", "∙": " ", "•": " ", "*": " ",
-    "×": " ", "²": "2", "³": "3", "⁻": "-", "¹": "1", "−": "-", "^": "", "{": "", "}": "",
-    "℃": "°C", "(": " ", ")": " ",
-    "_": " ",
-})  # fmt: skip
+    product.replace(" ", ""): product
+    for product in UNITS
+    if " " in product  # Nm, mNm
+}
+_SIGNS = str.maketrans(
+    {
+        "µ": "u",
+        "μ": "u",
+        "∆": "Δ",
+        "Ω": "ohm",
+        "\u2126": "ohm",
+        "·": " ",
+        "⋅": " ",
+        "∙": " ",
+        "•": " ",
+        "*": " ",
+        "×": " ",
+        "²": "2",
+        "³": "3",
+        "⁻": "-",
+        "¹": "1",
+        "−": "-",
+        "^": "",
+        "{": "",
+        "}": "",
+        "℃": "°C",
+        "(": " ",
+        ")": " ",
+        "_": " ",
+    }
+)
 
 
 def find_unit(text: str) -> str:

@@ -29,21 +29,30 @@ __all__ = ["cache_folder", "compile_functions", "compile_source", "compiler", "k
 
 logger = logging.getLogger(__name__)
 FLAGS = (
-    "-O2", "-fPIC", "-shared",
+    "-O2",
+    "-fPIC",
+    "-shared",
     # A square root needs no errno and traps nothing; quotients by the same number share its reciprocal (one
     # rounding more). All other arithmetic is as written.
-    "-fno-math-errno", "-fno-trapping-math", "-freciprocal-math",
-)  # fmt: skip
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-freciprocal-math",
+)
 GCC_ONLY = (
     # Passes that find nothing in straight-line code and take a third of the time.
-    "-fno-tree-pre", "-fno-gcse", "-fno-tree-vrp", "-fno-schedule-insns2", "-fno-code-hoisting",
+    "-fno-tree-pre",
+    "-fno-gcse",
+    "-fno-tree-vrp",
+    "-fno-schedule-insns2",
+    "-fno-code-hoisting",
     # Registers given out once for a whole function: for straight-line code the same, in half of the time and a third
     # of the memory.
     "-fira-region=one",
     # Helpers are called directly, though another library could bring its own in their place; to have them copied to
     # every place of a call takes a tenth of the time, and gains nothing.
-    "-fno-semantic-interposition", "-fno-inline-small-functions",
-)  # fmt: skip
+    "-fno-semantic-interposition",
+    "-fno-inline-small-functions",
+)
 """Clang refuses some of these, and has no use for the others."""
 LOOPS = ("-O3",)
 """What code with loops gains from, and straight-line code does not."""
@@ -298,8 +307,10 @@ def _built(source: str, target: _Target, folder: Path, digest: str) -> Path:
         code.write_text(source)
         subprocess.run(
             [target.program, *target.flags, str(code), "-o", str(built), "-lm"],
-            check=True, capture_output=True, text=True,
-        )  # fmt: skip
+            check=True,
+            capture_output=True,
+            text=True,
+        )
         return built.replace(folder / f"{digest}-{_checksum(built)}.so")
 
 

@@ -174,15 +174,26 @@ def solved_in_lanes(
     rows, places = pattern.get_triplet()
     vectors = -(-n_x * count // LANES) + -(-columns // LANES)
     head = HEAD.format(
-        bytes=8 * LANES, lanes=LANES, n=n, s=count, n_x=n_x, columns=columns, kept=kept, entries=pattern.nnz(),
-        given=GIVEN, squares=", ".join(f"{float(v)!r}" for v in scale**2),
+        bytes=8 * LANES,
+        lanes=LANES,
+        n=n,
+        s=count,
+        n_x=n_x,
+        columns=columns,
+        kept=kept,
+        entries=pattern.nnz(),
+        given=GIVEN,
+        squares=", ".join(f"{float(v)!r}" for v in scale**2),
         inverse=", ".join("{" + ", ".join(f"{float(v)!r}" for v in row) + "}" for row in inverse),
-        rows=", ".join(map(str, rows)), places=", ".join(map(str, places)),
-    )  # fmt: skip
+        rows=", ".join(map(str, rows)),
+        places=", ".join(map(str, places)),
+    )
     blocks = [
         BLOCK.format(
-            first=first, last=min(first + LANES, n_x * count),
+            first=first,
+            last=min(first + LANES, n_x * count),
             updates="\n".join(f"        other[{j}] -= factor * pivot[{j}];" for j in range(first // LANES, vectors)),
-        ) for first in range(0, n_x * count, LANES)
-    ]  # fmt: skip
+        )
+        for first in range(0, n_x * count, LANES)
+    ]
     return "\n".join([head, STAGE, *blocks, BACK])

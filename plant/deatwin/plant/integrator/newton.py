@@ -208,9 +208,7 @@ def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: 
         system.solve([Complex(a, b) for a, b in zip(re.elements(), im.elements(), strict=True)])
         for system, (re, im) in zip(systems, right, strict=True)
     ]
-    parts_of = [
-        (ca.vertcat(*(v.real for v in vector)), ca.vertcat(*(v.imaginary for v in vector))) for vector in found
-    ]
+    parts_of = [(ca.vertcat(*(v.real for v in vector)), ca.vertcat(*(v.imaginary for v in vector))) for vector in found]
     change = _transformed_back(vectors, parts_of)
     correct = _corrected(stages, [given, ca.vec(w), ca.vec(f), x, mass, h], w, change)
     return _LinearSystems(factor=factor, correct=correct)
@@ -220,8 +218,14 @@ def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np
     """Sparse QR of real systems, of twice the size for a complex eigenvalue."""
     pattern = stages.jacobian.sparsity_out(1)
     jacobian = ca.MX.sym("J", pattern)
-    sizes = {"factors": pattern.nnz(), "w": stages.n * stages.count, "f": stages.n * stages.count,
-             "x": stages.n_x, "mass": stages.n_x, "h": 1}  # fmt: skip
+    sizes = {
+        "factors": pattern.nnz(),
+        "w": stages.n * stages.count,
+        "f": stages.n * stages.count,
+        "x": stages.n_x,
+        "mass": stages.n_x,
+        "h": 1,
+    }
     arguments = entries, w, f, x, mass, h = [ca.MX.sym(name, size) for name, size in sizes.items()]
     defect = stages.defect(w, ca.reshape(f, stages.n, stages.count), x, mass, h)
     by_stage = ca.reshape(defect, stages.n, stages.count)
@@ -249,9 +253,7 @@ def _weight(stages: Stages, h: ca.SX) -> ca.SX:
     return ca.diag(ca.vertcat(ca.repmat(h, stages.n_x), ca.SX.ones(stages.n_z)))
 
 
-def _shifted(
-    stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca.SX
-) -> list[list[Complex]]:
+def _shifted(stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca.SX) -> list[list[Complex]]:
     """``lambda M - h J`` as numbers; h is 1 where there is no mass row."""
     rest = -_weight(stages, h) @ jacobian
     rows = [[Complex(rest[i, j]) for j in range(stages.n)] for i in range(stages.n)]

@@ -14,9 +14,7 @@ from deatwin.plant.rest import rest_state
 __all__ = ["reference_outputs"]
 
 
-def reference_outputs(
-    plant: Plant, experiment: Experiment, relative_tolerance: float = 1e-9
-) -> tuple[np.ndarray, ...]:
+def reference_outputs(plant: Plant, experiment: Experiment, relative_tolerance: float = 1e-9) -> tuple[np.ndarray, ...]:
     """Readings of a plant by SUNDIALS' IDAS, started anew at each sample since the command jumps there.
 
     Parameters
@@ -76,9 +74,7 @@ class _System:
     A state whose mass is zero is an algebraic one here, so that a vanishing time constant is exact.
     """
 
-    def __init__(
-        self, equations: Equations, values: np.ndarray, width: float, relative_tolerance: float
-    ) -> None:
+    def __init__(self, equations: Equations, values: np.ndarray, width: float, relative_tolerance: float) -> None:
         n_x = len(equations.states)
         mass = np.asarray(equations.mass(values, equations.constants)).ravel()
         self._scale = equations.scale
@@ -97,9 +93,13 @@ class _System:
         )
         rate = residual[self._moving.tolist()] / (mass * self._scale[:n_x])[self._moving]
         problem = {
-            "x": moving, "z": algebraic, "t": elapsed, "p": ca.vertcat(held, inputs, origin),
-            "ode": rate, "alg": residual[self._algebraic.tolist()],
-        }  # fmt: skip
+            "x": moving,
+            "z": algebraic,
+            "t": elapsed,
+            "p": ca.vertcat(held, inputs, origin),
+            "ode": rate,
+            "alg": residual[self._algebraic.tolist()],
+        }
         options = {"reltol": relative_tolerance, "abstol": relative_tolerance, "max_num_steps": 100_000}
         self._advance = ca.integrator("reference", "idas", problem, 0.0, width, options)
 

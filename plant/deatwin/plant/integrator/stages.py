@@ -97,22 +97,26 @@ class Stages:
         mass = equations.mass(p, c)
         f_w = ca.jacobian(f, w, REVERSE)
         return cls(
-            n_x=n_x, n_z=w.numel() - n_x, n_d=n_d, n_u=n_u, n_p=p.numel(), n_c=c.numel(),
+            n_x=n_x,
+            n_z=w.numel() - n_x,
+            n_d=n_d,
+            n_u=n_u,
+            n_p=p.numel(),
+            n_c=c.numel(),
             scale=equations.scale,
             nodes=nodes,
             inverse=np.linalg.inv(matrix),
             residual=ca.Function("stage_residual", arguments, [f]),
             jacobian=ca.Function("stage_jacobian", arguments, ca.cse([f, f_w])),
             derivatives=ca.Function(
-                "stage_derivatives", arguments,
-                ca.cse([ca.jacobian(f, d, REVERSE), ca.jacobian(f, p, REVERSE)]),
+                "stage_derivatives", arguments, ca.cse([ca.jacobian(f, d, REVERSE), ca.jacobian(f, p, REVERSE)])
             ),
             mass=ca.Function("stage_mass", [p, c], [mass]),
             mass_slope=ca.Function("stage_mass_slope", [p, c], [ca.jacobian(mass, p)]),
             output_derivatives=ca.Function(
                 "output_derivatives", split, [ca.jacobian(y, w), ca.jacobian(y, d), ca.jacobian(y, p)]
             ),
-        )  # fmt: skip
+        )
 
     @property
     def count(self) -> int:
@@ -131,8 +135,16 @@ class Stages:
 
     def symbols(self) -> list[ca.MX]:
         """``x, z, d, u, t, h, p, c`` of a step."""
-        sizes = {"x": self.n_x, "z": self.n_z, "d": self.n_d, "u": self.n_u, "t": 1, "h": 1, "p": self.n_p,
-                 "c": self.n_c}  # fmt: skip
+        sizes = {
+            "x": self.n_x,
+            "z": self.n_z,
+            "d": self.n_d,
+            "u": self.n_u,
+            "t": 1,
+            "h": 1,
+            "p": self.n_p,
+            "c": self.n_c,
+        }
         return [ca.MX.sym(name, size) for name, size in sizes.items()]
 
     @cached_property
@@ -155,9 +167,11 @@ class Stages:
         _, _, d, u, _, _, p, c = self.symbols()
         columns = zip(ca.horzsplit(w), ca.horzsplit(t), strict=True)
         found = [function.call([w_i, d, u, t_i, p, c]) for w_i, t_i in columns]
-        return ca.Function(name, [w, d, u, t, p, c], [
-            ca.horzcat(*(ca.reshape(r.nz[:], r.nnz(), 1) for r in results)) for results in zip(*found, strict=True)
-        ])  # fmt: skip
+        return ca.Function(
+            name,
+            [w, d, u, t, p, c],
+            [ca.horzcat(*(ca.reshape(r.nz[:], r.nnz(), 1) for r in results)) for results in zip(*found, strict=True)],
+        )
 
     def everywhere(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[ca.MX]:
         """Call `values`, `slopes` or `jacobians`.

@@ -124,9 +124,9 @@ class BowTie(FilmActuator):
             volume = length * share[number] * width[number] * build.parameter("thickness")
             place = float(places[number])
             mounted = place * self.prestretch * self.length / 2
-            points.append(FilmPoint(
-                volume=volume, stretches=(stretch, across), radius=place, coverage=covered, mounted=mounted,
-            ))  # fmt: skip
+            points.append(
+                FilmPoint(volume=volume, stretches=(stretch, across), radius=place, coverage=covered, mounted=mounted)
+            )
             coordinates += more
         return Kinematics(points=points, coordinates=coordinates, film=PointwiseFilm)
 

@@ -70,7 +70,7 @@ class Coupon(Rig):
         return (
             *self._material.elastic,
             Parameter(name="zero", value=0.0, unit="N", lower=-10.0, upper=10.0, source="load cell's offset"),
-        )  # fmt: skip
+        )
 
     @property
     def start(self) -> StartProcedure:

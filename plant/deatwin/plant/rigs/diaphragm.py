@@ -114,13 +114,20 @@ class Diaphragm(Rig):
         known: dict[str, Any] = {"source": "rig file", "known": True}
         return (
             *self._material.parameters,
-            Parameter(name="damping", value=0.05, unit="N s/m", lower=1e-4, upper=2.0,
-                      scale=Scale.LOGARITHMIC, source="damping ratio 0.03 to 0.08 of the ball on the film"),
+            Parameter(
+                name="damping",
+                value=0.05,
+                unit="N s/m",
+                lower=1e-4,
+                upper=2.0,
+                scale=Scale.LOGARITHMIC,
+                source="damping ratio 0.03 to 0.08 of the ball on the film",
+            ),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3, source="sensor offset"),
             Parameter(name="mass", value=self.mass, unit="kg", lower=1e-6, upper=1.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
-        )  # fmt: skip
+        )
 
     @property
     def start(self) -> StartProcedure:
@@ -209,12 +216,19 @@ class Diaphragm(Rig):
         film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
         limits = (drive.command_min, drive.command_max)
         return cls(
-            material=film.material, thickness=film.thickness, prestretch=film.prestretch,
-            frame_radius=film.frame_diameter / 2, electrode_radius=film.electrode_diameter / 2,
-            contact_radius=load.contact_diameter / 2, mass=load.mass, gain=drive.gain,
-            start_ramp=drive.start_ramp, start_hold=drive.start_hold,
-            ball=film.ball or cls.ball, ball_is_known=film.ball is not None,
+            material=film.material,
+            thickness=film.thickness,
+            prestretch=film.prestretch,
+            frame_radius=film.frame_diameter / 2,
+            electrode_radius=film.electrode_diameter / 2,
+            contact_radius=load.contact_diameter / 2,
+            mass=load.mass,
+            gain=drive.gain,
+            start_ramp=drive.start_ramp,
+            start_hold=drive.start_hold,
+            ball=film.ball or cls.ball,
+            ball_is_known=film.ball is not None,
             sample_time=1 / sensor.sample_rate,
             command_range=None if None in limits else limits,  # type: ignore[arg-type]
             noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
-        )  # fmt: skip
+        )

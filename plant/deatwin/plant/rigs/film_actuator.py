@@ -78,15 +78,24 @@ class FilmActuator(Rig):
         known: dict[str, Any] = {"source": "the rig", "known": True}
         return (
             *self.substance.parameters,
-            Parameter(name="damping", value=self.damping, unit="N s/m", lower=1e-6, upper=1e4,
-                      scale=Scale.LOGARITHMIC, source="chosen so that the part does not ring"),
+            Parameter(
+                name="damping",
+                value=self.damping,
+                unit="N s/m",
+                lower=1e-6,
+                upper=1e4,
+                scale=Scale.LOGARITHMIC,
+                source="chosen so that the part does not ring",
+            ),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-2, upper=1e-2, source="sensor offset"),
             Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=10.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
-            *(Parameter(name=name, value=value, unit=unit, lower=-1e6, upper=1e6, **known)
-              for name, value, unit in self._outside),
-        )  # fmt: skip
+            *(
+                Parameter(name=name, value=value, unit=unit, lower=-1e6, upper=1e6, **known)
+                for name, value, unit in self._outside
+            ),
+        )
 
     @property
     def start(self) -> StartProcedure:

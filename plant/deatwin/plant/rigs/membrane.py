@@ -32,6 +32,7 @@ __all__ = ["membrane"]
 
 Symbol = Any
 
+
 def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
     """Elements from the ball to the frame: `Diaphragm.elements` under the electrode, half as many in the annulus.
 
@@ -79,12 +80,15 @@ def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
 
     points = [
         FilmPoint(
-            volume=area * thickness, stretches=pair, mounted=rho * prestretch,
-            radius=rho / electrode if active else None, coverage=covered(rho / electrode),
+            volume=area * thickness,
+            stretches=pair,
+            mounted=rho * prestretch,
+            radius=rho / electrode if active else None,
+            coverage=covered(rho / electrode),
         )
         for ring, first, active in zip(rings, (0, edge), (True, False), strict=True)
         for pair, rho, area in ring.gauss(stretches[first:], heights[first:], build)
-    ]  # fmt: skip
+    ]
     disc = build.constant("disc", np.pi * edges[0] ** 2) * thickness
     points.append(FilmPoint(volume=disc, stretches=(stretches[0], stretches[0]), radius=0.0))
     return Kinematics(points=points, coordinates=[*free["stretch"], *free["drop"]], film=PointwiseFilm)

@@ -186,7 +186,9 @@ class BlockedPlanar(Rig):
         across = build.constant("side_prestretch", self.side_prestretch)
         length, width = build.constant("length", self.length), build.constant("width", self.width)
         point = FilmPoint(
-            volume=length * width * build.parameter("thickness"), stretches=(along, across), radius=MIDDLE,
+            volume=length * width * build.parameter("thickness"),
+            stretches=(along, across),
+            radius=MIDDLE,
             coverage=electrode_share(build),
         )
         shape = Kinematics(points=[point], coordinates=[], film=PointwiseFilm)

@@ -76,9 +76,11 @@ def reduced(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
         partial(_relaxed, rig, numbers), [a * rig.thickness for a in numbers.areas], rig.prestretch
     )
     film = partial(
-        Film, stretch=stretch, relaxed=partial(_relaxed, rig, geometry),
+        Film,
+        stretch=stretch,
+        relaxed=partial(_relaxed, rig, geometry),
         stiffness=build.constant("relaxation_stiffness", stiffness),
-    )  # fmt: skip
+    )
     return Kinematics(points=points, coordinates=[stretch, outer, support.coordinate], film=film)
 
 
@@ -122,11 +124,14 @@ def _points(
             meridional, hoop = zone.flat(rho)
             share = ca.log(zone.outer / (hoop * rho)) / zone.log_ratio
             slope = (drop + bow * (2 * share - 1)) * meridional / (hoop * rho * zone.log_ratio)
-            points.append(FilmPoint(
-                volume=area * thickness, stretches=(ca.sqrt(meridional**2 + slope**2), hoop),
-                radius=rho / geometry.electrode_reference if number == 0 else None,
-                mounted=rho * geometry.frame / geometry.frame_reference,
-            ))  # fmt: skip
+            points.append(
+                FilmPoint(
+                    volume=area * thickness,
+                    stretches=(ca.sqrt(meridional**2 + slope**2), hoop),
+                    radius=rho / geometry.electrode_reference if number == 0 else None,
+                    mounted=rho * geometry.frame / geometry.frame_reference,
+                )
+            )
     disc = np.pi * geometry.contact_reference**2 * thickness
     return [*points, FilmPoint(volume=disc, stretches=(support.contact, support.contact), radius=0.0)]
 
@@ -186,10 +191,14 @@ class _Geometry:
         if not isinstance(share, float):
             return _Geometry._between(frame, contact, (inner, edge * ca.sqrt(share), outer))
         return _Geometry(
-            frame=frame, contact=contact, frame_reference=outer, contact_reference=inner, electrode_reference=edge,
+            frame=frame,
+            contact=contact,
+            frame_reference=outer,
+            contact_reference=inner,
+            electrode_reference=edge,
             radius=tuple(build.constant(f"radius_{k}", np.array(r)) for k, r in enumerate(self.radius)),
             area=tuple(build.constant(f"area_{k}", np.array(a)) for k, a in enumerate(self.area)),
-        )  # fmt: skip
+        )
 
     @classmethod
     def _between(cls, frame: Symbol, contact: Symbol, edges: tuple[Symbol, Symbol, Symbol]) -> Self:
@@ -201,9 +210,14 @@ class _Geometry:
             radius.append([inner * ca.exp(half * (1 + x)) for x in abscissae])
             area.append([2 * np.pi * r**2 * half * w for r, w in zip(radius[-1], weights, strict=True)])
         return cls(
-            frame=frame, contact=contact, contact_reference=edges[0], electrode_reference=edges[1],
-            frame_reference=edges[2], radius=(radius[0], radius[1]), area=(area[0], area[1]),
-        )  # fmt: skip
+            frame=frame,
+            contact=contact,
+            contact_reference=edges[0],
+            electrode_reference=edges[1],
+            frame_reference=edges[2],
+            radius=(radius[0], radius[1]),
+            area=(area[0], area[1]),
+        )
 
     def radii(self, number: int) -> list[Symbol]:
         """Reference radius of each Gauss point of a zone."""

@@ -192,13 +192,18 @@ RIG_KEYS: Mapping[str, Keys] = {
             field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching"
         ),
         "prestretch": NumberKey(
-            field="prestretch", lower=1.0, upper=10.0, slips=_STRETCH,
+            field="prestretch",
+            lower=1.0,
+            upper=10.0,
+            slips=_STRETCH,
             about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
         ),
         "frame_diameter_mm": NumberKey(field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM),
         "electrode_diameter_mm": NumberKey(field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM),
         "ball": TextKey(
-            field="ball", choices=("bonded", "sliding"), required=False,
+            field="ball",
+            choices=("bonded", "sliding"),
+            required=False,
             about="left out where it is not known: both are fitted",
         ),
     },
@@ -209,7 +214,10 @@ RIG_KEYS: Mapping[str, Keys] = {
     "drive": {
         "gain": NumberKey(field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt"),
         "start_ramp_s": NumberKey(
-            field="start_ramp", lower=0.0, upper=86400.0, slips=_MS,
+            field="start_ramp",
+            lower=0.0,
+            upper=86400.0,
+            slips=_MS,
             about="before time 0 the first command was ramped on from 0 V in this time",
         ),
         "start_hold_s": NumberKey(
@@ -230,7 +238,7 @@ RIG_KEYS: Mapping[str, Keys] = {
         ),
         "zero": TextKey(field="zero", choices=("displacement at zero volts",)),
     },
-}  # fmt: skip
+}
 
 
 def kind_of(value: object) -> str:
@@ -244,14 +252,7 @@ def kind_of(value: object) -> str:
     -------
     str
     """
-    kinds = {
-        bool: "a truth value",
-        int: "a number",
-        float: "a number",
-        str: "a text",
-        list: "a list",
-        dict: "a table",
-    }
+    kinds = {bool: "a truth value", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 
 

@@ -161,13 +161,15 @@ def _outside(name: str) -> Mistake:
         if name in keys:
             return Mistake(
                 text=f'the key "{name}" stands outside of the sections; it belongs into [{section}]',
-                line_of=(name,), meant=(section, name),
-            )  # fmt: skip
+                line_of=(name,),
+                meant=(section, name),
+            )
     hint = nearest(name[:100], RIG_KEYS)
     return Mistake(
         text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(RIG_KEYS)}'}",
-        line_of=(name,), meant=_offered(hint, RIG_KEYS),
-    )  # fmt: skip
+        line_of=(name,),
+        meant=_offered(hint, RIG_KEYS),
+    )
 
 
 def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
@@ -184,9 +186,11 @@ def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
     for name, key in keys.items():
         if name not in values and key.required:
             yield Mistake(
-                text=f'the key "{name}" is missing; it must be {key.allowed}', at=(called,), line_of=(called,),
+                text=f'the key "{name}" is missing; it must be {key.allowed}',
+                at=(called,),
+                line_of=(called,),
                 missing=(section, name),
-            )  # fmt: skip
+            )
         elif name in values and (fault := key.fault(values[name])):
             yield Mistake(text=fault, at=(called, name), line_of=(called, name))
 
@@ -199,9 +203,11 @@ def _unknown(name: str, section: str, called: str) -> Mistake:
     right = f"; it belongs into [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
     meant = (owners[0], name) if owners else (section, *_offered(hint, keys))
     return Mistake(
-        text=f'unknown key "{clipped(name)}"{right}', at=(called,), line_of=(called, name),
+        text=f'unknown key "{clipped(name)}"{right}',
+        at=(called,),
+        line_of=(called, name),
         meant=meant if len(meant) == 2 else (),
-    )  # fmt: skip
+    )
 
 
 def _order(sections: Mapping[str, object], called: Mapping[str, str]) -> Iterator[Mistake]:

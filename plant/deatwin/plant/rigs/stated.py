@@ -18,17 +18,23 @@ LARGEST = 1e12
 """In any unit: its square is a number still."""
 _SIZE, _STRETCH, _AMOUNT, _DAY = (1e-9, 1e3), (0.1, 10.0), (0.0, 1e6), (0.0, 86400.0)
 _RANGES: dict[str, tuple[float, float]] = {
-    "sample_time": (1e-6, 1e3), "start_ramp": _DAY, "start_hold": _DAY,
+    "sample_time": (1e-6, 1e3),
+    "start_ramp": _DAY,
+    "start_hold": _DAY,
     **dict.fromkeys(("noise", "model_error"), (0.0, LARGEST)),
     **dict.fromkeys(("mass", "damping", "spring_rate"), _AMOUNT),
     **dict.fromkeys(("thickness", "length", "width", "waist_width", "bar_width", "area"), _SIZE),
     **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius"), _SIZE),
     **dict.fromkeys(("prestretch", "side_prestretch", "hoop_prestretch"), _STRETCH),
     **dict.fromkeys(("elements", "layers", "stations"), (1, 1e6)),
-}  # fmt: skip
+}
 """Of fields that rigs of the house have, both ends included, SI; a rig of another house has its own checks."""
-_KINDS = {"float": (int | float, "a number"), "int": (int, "a whole number"), "bool": (bool, "true or false"),
-          "str": (str, "a text")}  # fmt: skip
+_KINDS = {
+    "float": (int | float, "a number"),
+    "int": (int, "a whole number"),
+    "bool": (bool, "true or false"),
+    "str": (str, "a text"),
+}
 
 
 def require_stated(rig: Rig) -> None:

@@ -16,12 +16,16 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     (re.compile(rf"([+-]?\d+),(\d+){_END}"), lambda whole, part: f"a number has a decimal point: write {whole}.{part}"),
     (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda sign, part: f"a number begins with a digit: write {sign}0{part}"),
     (re.compile(rf"([+-]?\d+)\.{_END}"), lambda whole: f"a number ends with a digit: write {whole}.0"),
-    (re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
-     lambda number: f"the key has the unit in its name: write {number}"),
-    (re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
-     lambda word: f'a text stands in quotes: write "{word}"'),
+    (
+        re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
+        lambda number: f"the key has the unit in its name: write {number}",
+    ),
+    (
+        re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
+        lambda word: f'a text stands in quotes: write "{word}"',
+    ),
     (re.compile(_END), lambda: "there is no value"),
-)  # fmt: skip
+)
 """What a value looks like, and what is said of it, from what stands in its groups."""
 
 

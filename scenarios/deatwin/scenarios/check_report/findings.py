@@ -123,9 +123,14 @@ def _whose(source: str, view: View) -> str:
 def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
     good, poor = _limits(finding, subject, kind, view)
     return Row(
-        subject=subject, value=kind.value(finding.value), good=good, poor=poor,
-        verdict=finding.verdict.value, tone=TONES[finding.verdict], text=finding.text,
-    )  # fmt: skip
+        subject=subject,
+        value=kind.value(finding.value),
+        good=good,
+        poor=poor,
+        verdict=finding.verdict.value,
+        tone=TONES[finding.verdict],
+        text=finding.text,
+    )
 
 
 def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[str, str]:

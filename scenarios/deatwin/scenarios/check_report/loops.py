@@ -64,15 +64,13 @@ class Loops:
                 models[name] = linear.in_loop(plant.rig.reading)
         h = controller.sample_time
         lowest, highest = _LOWEST / (2 * np.pi * controller.closed_loop_time), 0.5 / h
-        frequency = np.union1d(
-            np.geomspace(lowest, highest, _POINTS), np.linspace(lowest, highest, _POINTS)
-        ).clip(max=highest)
+        frequency = np.union1d(np.geomspace(lowest, highest, _POINTS), np.linspace(lowest, highest, _POINTS)).clip(
+            max=highest
+        )
         law = controller.local(at).feedback_response(2 * np.pi * frequency, h)
         values = {name: np.asarray(law * m.response(2 * np.pi * frequency)) for name, m in models.items()}
         stable = view.check.margins is not None and view.check.margins.phase_deg > 0.0
-        return cls(
-            frequency_Hz=frequency, values=values, band=_band(models["model"], controller) if stable else None
-        )  # fmt: skip
+        return cls(frequency_Hz=frequency, values=values, band=_band(models["model"], controller) if stable else None)
 
 
 def _band(linear: LinearModel, controller: Controller) -> MarginBand:

@@ -86,8 +86,15 @@ def draw_margins(view: View) -> tuple[Drawing, Columns]:
     """
     unit = view.check.operating.input_unit
     label = f"constant {view.command}"
-    return _draw(view, view.rows(along_time=False), lambda row: row.operating_input, label, header("input", unit),
-                 "margins", "Margins over operating points")  # fmt: skip
+    return _draw(
+        view,
+        view.rows(along_time=False),
+        lambda row: row.operating_input,
+        label,
+        header("input", unit),
+        "margins",
+        "Margins over operating points",
+    )
 
 
 def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
@@ -104,14 +111,26 @@ def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
     dict of str to ndarray
         Columns of its data.
     """
-    return _draw(view, view.rows(along_time=True), lambda row: row.time or 0.0, "time (s)", "time_s",
-                 "margins_time", "Margins over time")  # fmt: skip
+    return _draw(
+        view,
+        view.rows(along_time=True),
+        lambda row: row.time or 0.0,
+        "time (s)",
+        "time_s",
+        "margins_time",
+        "Margins over time",
+    )
 
 
 def _draw(
-    view: View, rows: Mapping[str, list[MarginRow]], place: Callable[[MarginRow], float], label: str, column: str,
-    name: str, title: str,
-) -> tuple[Drawing, Columns]:  # fmt: skip
+    view: View,
+    rows: Mapping[str, list[MarginRow]],
+    place: Callable[[MarginRow], float],
+    label: str,
+    column: str,
+    name: str,
+    title: str,
+) -> tuple[Drawing, Columns]:
     measures = _measures(view)
     with draw((7.4, 5.4)) as figure:
         panels = figure.subplots(2, 2, sharex=True)
@@ -176,9 +195,11 @@ def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
 
 
 def _columns(
-    rows: Mapping[str, list[MarginRow]], place: Callable[[MarginRow], float], column: str,
+    rows: Mapping[str, list[MarginRow]],
+    place: Callable[[MarginRow], float],
+    column: str,
     measures: tuple[_Measure, ...],
-) -> Columns:  # fmt: skip
+) -> Columns:
     """One row a place; a source without margins there has NaN."""
     places = np.unique([place(row) for found in rows.values() for row in found])
     columns: Columns = {column: places}

@@ -53,12 +53,24 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
     check = view.check
     sentence, more = _verdict(check)
     write_page(
-        folder, "check.html.j2", [drawing for drawing, _ in drawn], origin, verdict=check.verdict.value,
-        tone=TONES[check.verdict], sentence=sentence, more=more, tiles=_tiles(view), groups=groups(view),
-        figures={drawing.name: drawing for drawing, _ in drawn}, here=_margins_here(view),
-        caveats=[_capital(text) for text in check.caveats], gains=written_gains(check),
-        controller=check.controller, operating=check.operating, samples=check.margins.samples if check.margins else 0,
-    )  # fmt: skip
+        folder,
+        "check.html.j2",
+        [drawing for drawing, _ in drawn],
+        origin,
+        verdict=check.verdict.value,
+        tone=TONES[check.verdict],
+        sentence=sentence,
+        more=more,
+        tiles=_tiles(view),
+        groups=groups(view),
+        figures={drawing.name: drawing for drawing, _ in drawn},
+        here=_margins_here(view),
+        caveats=[_capital(text) for text in check.caveats],
+        gains=written_gains(check),
+        controller=check.controller,
+        operating=check.operating,
+        samples=check.margins.samples if check.margins else 0,
+    )
 
 
 def _verdict(check: Check) -> tuple[str, list[str]]:
@@ -112,10 +124,13 @@ def _tiles(view: View) -> list[Tile]:
     if check.excited_band_Hz is not None:
         tiles.append(Tile(name="the recording excited up to", value=three_digits(check.excited_band_Hz), unit="Hz"))
     if check.steps is not None:
-        tiles.append(Tile(
-            name="error on the steps, physics plant", value=three_digits(check.steps.rms_error / view.size),
-            unit=f"{view.shown_unit} rms".strip(),
-        ))  # fmt: skip
+        tiles.append(
+            Tile(
+                name="error on the steps, physics plant",
+                value=three_digits(check.steps.rms_error / view.size),
+                unit=f"{view.shown_unit} rms".strip(),
+            )
+        )
     return tiles
 
 

@@ -45,11 +45,20 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
-        upper.plot(*envelope(steps.timepts, steps.measured / view.size), color=MEASURED, linewidth=0.5, alpha=0.6,
-                   label="simulated reading")  # fmt: skip
+        upper.plot(
+            *envelope(steps.timepts, steps.measured / view.size),
+            color=MEASURED,
+            linewidth=0.5,
+            alpha=0.6,
+            label="simulated reading",
+        )
         _draw_reference(upper, view, steps)
-        upper.plot(*envelope(steps.timepts, steps.output / view.size), color=BEFORE, linewidth=1.3,
-                   label="on the physics plant")  # fmt: skip
+        upper.plot(
+            *envelope(steps.timepts, steps.output / view.size),
+            color=BEFORE,
+            linewidth=1.3,
+            label="on the physics plant",
+        )
         upper.set_ylabel(view.reading)
         _draw_command(lower, steps, BEFORE)
         _draw_limits(lower, view, steps)
@@ -102,9 +111,11 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, 
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         drawing = Drawing.of(
-            figure, "rivals", "The same steps on the rivals",
+            figure,
+            "rivals",
+            "The same steps on the rivals",
             "Plants that the actuator may be as well. A line that ends early: the plant failed there.",
-        )  # fmt: skip
+        )
     return drawing, _other_columns(view, others, longest)
 
 
@@ -135,19 +146,26 @@ def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
-                middle.axhline(sign * size, color=AFTER, linestyle="--", linewidth=0.9,
-                               label="predicted amplitude" if sign > 0 else "_")  # fmt: skip
+                middle.axhline(
+                    sign * size,
+                    color=AFTER,
+                    linestyle="--",
+                    linewidth=0.9,
+                    label="predicted amplitude" if sign > 0 else "_",
+                )
             caption += (
-                f" Predicted {view.check.sine_predicted / view.size:.3g} {unit}".rstrip() + " rms, achieved "
-                f"{late_rms_error(sine) / view.size:.3g} {unit}".rstrip() + " rms over the last two thirds."
+                f" Predicted {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
+                + f" rms, achieved {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                + " rms over the last two thirds."
             )
         upper.set_ylabel(view.reading)
         middle.set_ylabel(f"error ({unit})" if unit not in ("", "1") else "error")
         _draw_command(lower, sine, BEFORE)
         lower.set(xlabel=_TIME, ylabel=view.command)
         figure.align_ylabels()
-        handles, labels = ([*a, *b] for a, b in zip(upper.get_legend_handles_labels(),
-                                                    middle.get_legend_handles_labels(), strict=True))  # fmt: skip
+        handles, labels = (
+            [*a, *b] for a, b in zip(upper.get_legend_handles_labels(), middle.get_legend_handles_labels(), strict=True)
+        )
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
         drawing = Drawing.of(figure, "sine", "A slow sine on the physics plant", caption)
     return drawing, {"time_s": sine.timepts, **_run_columns(view, sine)}
@@ -165,8 +183,9 @@ def _draw_prediction(axes: Axes, view: View) -> None:
 
 
 def _draw_reference(axes: Axes, view: View, run: ClosedLoop) -> None:
-    axes.plot(*envelope(run.timepts, run.reference / view.size), color=INK, linestyle="--", linewidth=0.8,
-              label="reference")  # fmt: skip
+    axes.plot(
+        *envelope(run.timepts, run.reference / view.size), color=INK, linestyle="--", linewidth=0.8, label="reference"
+    )
 
 
 def _draw_command(axes: Axes, run: ClosedLoop, colour: str) -> None:

@@ -40,8 +40,7 @@ def _positive(value: float | None) -> float | None:
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 PlantSource = Annotated[
-    str,
-    typer.Option("--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control."),
+    str, typer.Option("--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control.")
 ]
 DesignOption = Annotated[
     DesignName,
@@ -53,10 +52,11 @@ DesignOption = Annotated[
 ClosedLoopTime = Annotated[
     float | None,
     typer.Option(
-        callback=_positive, metavar="SECONDS",
+        callback=_positive,
+        metavar="SECONDS",
         help="Wanted time constant of the closed loop; by default as fast as model and recording allow.",
     ),
-]  # fmt: skip
+]
 OperatingInput = Annotated[
     float | None,
     typer.Option(
@@ -74,15 +74,17 @@ OperatingRange = Annotated[
 RecordingFile = Annotated[
     Path | None,
     typer.Option(
-        "--recording", metavar="REC.csv",
+        "--recording",
+        metavar="REC.csv",
         help="Recording of the actuator, best one that the model has not seen: tells what it excited and how far the "
         "model's free run is off. By default what deatwin identify wrote into the model.",
     ),
-]  # fmt: skip
+]
 DiagnosisFolder = Annotated[
     Path | None,
     typer.Option(
-        "--diagnosis", metavar="DIR",
+        "--diagnosis",
+        metavar="DIR",
         help="Of an earlier deatwin diagnose: its plant, and what it could not rule out, are judged too.",
     ),
 ]
@@ -134,20 +136,26 @@ def check(
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
     given = GivenPlant.load(
-        plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
-        resample=resample,
-    )  # fmt: skip
+        plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
+    )
     rivals = rival_files(plant, diagnosis, rival or [])
     record = None if recording is None else _longest(given, recording, allow_gaps)
     for note in clock_notes([] if record is None else [record]):
         voice.say(note)
     task = CheckTask(
-        model=narx, plant=given.model, design=design, closed_loop_time=closed_loop_time,
-        operating_input=operating_input, operating_range=operating_range,
-        recording=record, rivals=load_rivals(rivals),
+        model=narx,
+        plant=given.model,
+        design=design,
+        closed_loop_time=closed_loop_time,
+        operating_input=operating_input,
+        operating_range=operating_range,
+        recording=record,
+        rivals=load_rivals(rivals),
         files=[model, plant, *([] if recording is None else [recording]), *rivals.values()],
-        command=context.obj, jobs=jobs, seed=seed,
-    )  # fmt: skip
+        command=context.obj,
+        jobs=jobs,
+        seed=seed,
+    )
     folder = ResultFolder(out)
     try:
         with folder, voice.progress("closing the loop") as progress:

@@ -15,9 +15,7 @@ __all__ = ["demo"]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 Concealed = Annotated[
     str,
-    typer.Option(
-        "--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."
-    ),
+    typer.Option("--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."),
 ]
 
 

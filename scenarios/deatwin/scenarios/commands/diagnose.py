@@ -28,8 +28,7 @@ from deatwin.scenarios.voice import Voice, complain
 __all__ = ["diagnose"]
 
 Recordings = Annotated[
-    list[Path] | None,
-    typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock."),
+    list[Path] | None, typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock.")
 ]
 
 
@@ -69,9 +68,8 @@ def diagnose(
 
     voice = Voice(as_json=as_json, quiet=quiet)
     plant = GivenPlant.load(
-        rig, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt,
-        resample=resample,
-    )  # fmt: skip
+        rig, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
+    )
     experiments = [plant.experiment(files, allow_gaps=allow_gaps) for files in groups]
     for note in clock_notes(record for experiment in experiments for record in experiment.recordings):
         voice.say(note)
@@ -79,8 +77,10 @@ def diagnose(
         plant=plant.model.plant,
         experiments=experiments,
         files=[rig, *(file for files in groups for file in files)],
-        command=context.obj, jobs=jobs, seed=seed,
-    )  # fmt: skip
+        command=context.obj,
+        jobs=jobs,
+        seed=seed,
+    )
     folder = ResultFolder(out)
     try:
         with folder, voice.progress("reading") as progress:

@@ -84,13 +84,16 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
     voice = Voice(as_json=as_json, quiet=quiet)
     program, optional = compiler(), versions(part.package for part in OPTIONAL)
     found = {
-        "versions": versions(), "compiler": program, "slower_without_compiler": {what: by for what, by, _ in SLOWER},
+        "versions": versions(),
+        "compiler": program,
+        "slower_without_compiler": {what: by for what, by, _ in SLOWER},
         "optional": {
             part.package: {"version": optional.get(part.package), "use": part.use, "install": part.command}
             for part in OPTIONAL
         },
-        **_cache(), "data": _data(),
-    }  # fmt: skip
+        **_cache(),
+        "data": _data(),
+    }
     lines = list(_lines(found))
     width = max(len(label) for label, _ in lines)
     for label, text in lines:
@@ -160,7 +163,9 @@ def _warm(voice: Voice, jobs: int) -> int:
     plants = usual_plants()
     with voice.progress("compiling") as progress:
         run_jobs(
-            compile_plant, [(plant,) for plant in plants], workers=jobs,
+            compile_plant,
+            [(plant,) for plant in plants],
+            workers=jobs,
             finished=lambda count: progress(count / len(plants), f"compiled {count} of {len(plants)}"),
-        )  # fmt: skip
+        )
     return len(plants)

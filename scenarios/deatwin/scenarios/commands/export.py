@@ -53,14 +53,7 @@ Name = Annotated[
 ]
 
 
-def export(
-    model: Source,
-    to: To,
-    out: OutFile,
-    name: Name = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json = False, quiet: Quiet = False) -> None:
     """Write a plant, a NARX model or a controller for other programs: as FMU 3.0, or as C source.
 
     FMUs need a C compiler and fmpy.
@@ -144,9 +137,7 @@ def _narx(source: str) -> _Given:
         found = equilibrium(model.deterministic)
     except ModelError:
         return _Given(source=partial(narx_source, model))
-    return _Given(
-        source=partial(narx_source, model, rest_input=found.operating_input, rest_output=[found.output])
-    )
+    return _Given(source=partial(narx_source, model, rest_input=found.operating_input, rest_output=[found.output]))
 
 
 def _controller(source: str) -> _Given:
@@ -185,7 +176,9 @@ def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
         export_cosimulation(source, out)
     form = "C99" if to is Form.C else "FMU 3.0 for co-simulation"
     return {
-        "name": name, "description": f"{form}, {source.description}, {source.sample_time:g} s a sample",
-        "sample_time_s": source.sample_time, "inputs": [s.name for s in source.inputs],
+        "name": name,
+        "description": f"{form}, {source.description}, {source.sample_time:g} s a sample",
+        "sample_time_s": source.sample_time,
+        "inputs": [s.name for s in source.inputs],
         "outputs": [s.name for s in source.outputs],
-    }  # fmt: skip
+    }

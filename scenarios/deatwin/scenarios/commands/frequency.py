@@ -28,8 +28,7 @@ def _positive(value: float | None) -> float | None:
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
 OperatingInput = Annotated[
-    float | None,
-    typer.Option(metavar="VALUE", help="Constant input; by default the centre of the training data."),
+    float | None, typer.Option(metavar="VALUE", help="Constant input; by default the centre of the training data.")
 ]
 Band = Annotated[
     tuple[float, float] | None,
@@ -39,11 +38,12 @@ Level = Annotated[float, typer.Option(help="Probability of the bands that are wr
 Amplitude = Annotated[
     float | None,
     typer.Option(
-        metavar="VALUE", callback=_positive,
+        metavar="VALUE",
+        callback=_positive,
         help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
         "range.",
     ),
-]  # fmt: skip
+]
 
 
 def frequency(
@@ -79,9 +79,7 @@ def frequency(
     narx = NarxModel.load(model).deterministic
     record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
-        found = respond(
-            narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude
-        )  # fmt: skip
+        found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
         write_responses(found, folder, record)
     folder.remove_former(FORMER.pattern)
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")

@@ -82,10 +82,12 @@ def _decimation(value: str | None) -> str | None:
 Decimation = Annotated[
     str | None,
     typer.Option(
-        "--decimate", metavar="auto|N", callback=_decimation,
+        "--decimate",
+        metavar="auto|N",
+        callback=_decimation,
         help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
     ),
-]  # fmt: skip
+]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -144,9 +146,14 @@ def identify(
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
         read = partial(
             read_recordings,
-            input_column=input_column, output_column=output_column, time_column=time_column,
-            allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading,
-        )  # fmt: skip
+            input_column=input_column,
+            output_column=output_column,
+            time_column=time_column,
+            allow_gaps=allow_gaps,
+            dt=dt,
+            resample=resample,
+            reading=reading,
+        )
         records = [record for path in recordings for record in read(path)]
         notes = clock_notes(records)
         require_excitation(records)
@@ -180,19 +187,32 @@ def identify(
             _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
-        voice.result({
-            "out": str(out), "terms": terms, "origins": _origins(model), "complete": identifier.status_.ok,
-            "notes": list(identifier.notes_), "unseen": errors, "input_lags": chosen.lags,
-            "dead_times": chosen.document, "clocks": notes,
-        })  # fmt: skip
+        voice.result(
+            {
+                "out": str(out),
+                "terms": terms,
+                "origins": _origins(model),
+                "complete": identifier.status_.ok,
+                "notes": list(identifier.notes_),
+                "unseen": errors,
+                "input_lags": chosen.lags,
+                "dead_times": chosen.document,
+                "clocks": notes,
+            }
+        )
         if not identifier.status_.ok:
             raise typer.Exit(130)
 
 
 def _write_report(
-    folder: ResultFolder, record: RunRecord, model: NarxModel, method: Method, unseen: list[Recording],
-    identifier: NarxIdentifier, clocks: list[str],
-) -> None:  # fmt: skip
+    folder: ResultFolder,
+    record: RunRecord,
+    model: NarxModel,
+    method: Method,
+    unseen: list[Recording],
+    identifier: NarxIdentifier,
+    clocks: list[str],
+) -> None:
     import json
 
     from deatwin.ident.narx import validate
@@ -205,9 +225,15 @@ def _write_report(
     except ModelError as error:
         why_not = str(error)
     found = Identified(
-        model=model, method=method.value, unseen=unseen, validation=validation, why_not=why_not,
-        complete=identifier.status_.ok, notes=identifier.notes_, clocks=clocks,
-    )  # fmt: skip
+        model=model,
+        method=method.value,
+        unseen=unseen,
+        validation=validation,
+        why_not=why_not,
+        complete=identifier.status_.ok,
+        notes=identifier.notes_,
+        clocks=clocks,
+    )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")

@@ -55,9 +55,7 @@ def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
     return [size for size in sizes if size.startswith(incomplete)]
 
 
-Name = Annotated[
-    str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")
-]
+Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")]
 Size = Annotated[
     str | None,
     typer.Option(
@@ -119,10 +117,14 @@ def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
     width = max(map(len, STORIES))
     for entry in STORIES.values():
         voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.told}")
-    voice.result({
-        entry.name: {
-            "line": entry.line, "minutes": entry.minutes, "resumes": entry.resumes,
-            "sizes": dict(zip(entry.sizes, entry.times, strict=True)),
+    voice.result(
+        {
+            entry.name: {
+                "line": entry.line,
+                "minutes": entry.minutes,
+                "resumes": entry.resumes,
+                "sizes": dict(zip(entry.sizes, entry.times, strict=True)),
+            }
+            for entry in STORIES.values()
         }
-        for entry in STORIES.values()
-    })  # fmt: skip
+    )

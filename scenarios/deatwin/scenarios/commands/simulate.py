@@ -81,20 +81,20 @@ def simulate(
     digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
     columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
     write_csv(
-        out,
-        {
-            "time_s": wanted.timepts.round(9),
-            **{name: values.round(digits) for name, values in columns.items()},
-        },
+        out, {"time_s": wanted.timepts.round(9), **{name: values.round(digits) for name, values in columns.items()}}
     )
     voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
     simulation = model.plant.simulate(experiment)
     for event in simulation.events:
         voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
-    voice.result({
-        "out": str(out), "samples": wanted.n_samples, "effects": list(model.plant.effect_names),
-        "events": [str(event) for event in simulation.events],
-    })  # fmt: skip
+    voice.result(
+        {
+            "out": str(out),
+            "samples": wanted.n_samples,
+            "effects": list(model.plant.effect_names),
+            "events": [str(event) for event in simulation.events],
+        }
+    )
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:

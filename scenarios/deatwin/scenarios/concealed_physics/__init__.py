@@ -65,10 +65,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.folder.text("summary.svg", summary(study))
     setting.folder.text("results.md", results_page(study, goals, store.seal))
     page = StoryPage(
-        title="concealed-physics", sentence=line, rows=[goal.row for goal in goals if goal.met is not None],
-        notes=_notes(study, store.seal, Seal.of(size, setting.seed, key)), figures=figures,
+        title="concealed-physics",
+        sentence=line,
+        rows=[goal.row for goal in goals if goal.met is not None],
+        notes=_notes(study, store.seal, Seal.of(size, setting.seed, key)),
+        figures=figures,
         tables=[reported(goals), *tables(study, store.seal)],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": line, "seal": store.seal.hash, "goals": [asdict(goal) for goal in goals], **_counts(study)}
     setting.folder.text("concealed-physics.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")

@@ -77,9 +77,9 @@ class Apparatus:
         timeline = self.plant.timeline(experiment)
         step = timeline.sample_time
         before = np.array([seconds for _, seconds in self.before])
-        times = np.concatenate([
-            timeline.start - np.cumsum(before[::-1])[::-1], timeline.start + step * np.arange(timeline.commands.size)
-        ])  # fmt: skip
+        times = np.concatenate(
+            [timeline.start - np.cumsum(before[::-1])[::-1], timeline.start + step * np.arange(timeline.commands.size)]
+        )
         wished = np.concatenate([[command for command, _ in self.before], timeline.commands])
         rows = [timeline.start + step * (r + 1) for r in timeline.readings]
         reads = np.concatenate([[timeline.start], *rows])
@@ -138,12 +138,14 @@ class Apparatus:
         return Experiment(
             recordings=tuple(
                 replace(
-                    record, outputs=self.noise.added(reading, rng)[None], output_names=(rig.output_name,),
+                    record,
+                    outputs=self.noise.added(reading, rng)[None],
+                    output_names=(rig.output_name,),
                     output_units=(rig.output_unit,),
                 )
                 for record, reading in pairs
             )
-        )  # fmt: skip
+        )
 
     def _integrated(self, drive: Drive, reads: np.ndarray) -> np.ndarray:
         plant = self.plant.with_effects(*(e for m in self.mechanisms for e in m.effects))

@@ -121,18 +121,25 @@ def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
     readings = [y[0] for y in plant.simulate(whole).require().outputs]
     simulated = np.concatenate(readings)
     cut = sum(r.n_samples for r in whole.recordings[:records])
-    signals = np.array([
-        np.concatenate([r.outputs[0] for r in whole.recordings]) - simulated,
-        simulated,
-        np.concatenate([np.gradient(y, plant.rig.sample_time) for y in readings]),
-        np.concatenate([r.inputs[0] for r in whole.recordings]) ** 2,
-    ])
+    signals = np.array(
+        [
+            np.concatenate([r.outputs[0] for r in whole.recordings]) - simulated,
+            simulated,
+            np.concatenate([np.gradient(y, plant.rig.sample_time) for y in readings]),
+            np.concatenate([r.inputs[0] for r in whole.recordings]) ** 2,
+        ]
+    )
     scale = np.maximum(np.sqrt(np.mean(signals[:, :cut] ** 2, axis=1)), 1e-300)
     residual, reading, rate, drive = signals / scale[:, None]
     return Track(
-        residual=residual, reading=reading, rate=rate, drive=drive, cut=cut, sample_time=plant.rig.sample_time,
+        residual=residual,
+        reading=reading,
+        rate=rate,
+        drive=drive,
+        cut=cut,
+        sample_time=plant.rig.sample_time,
         size=float(scale[0]),
-    )  # fmt: skip
+    )
 
 
 # --- sparse dynamics of the residual: pysindy as a discrepancy model -------------------------------------------------
@@ -144,21 +151,57 @@ MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
 REST = 0.05
 """Of the rms rate: below it the direction of motion is not sharp."""
 _MEMORY = frozenset({"creep", "dielectric_absorption", "charge_injection", "sensor_lag", "mullins"})
-_SLOW = frozenset({"sensor_drift", "sensor_jump", "prestretch_relaxation", "permittivity_drift", "thermal_stiffness",
-                   "periodic_disturbance"})  # fmt: skip
+_SLOW = frozenset(
+    {
+        "sensor_drift",
+        "sensor_jump",
+        "prestretch_relaxation",
+        "permittivity_drift",
+        "thermal_stiffness",
+        "periodic_disturbance",
+    }
+)
 _BEND = frozenset({"cubic_stiffness", "strain_stiffening", "sensor_curvature", "sensor_saturation", "end_stop"})
 _LATE = frozenset({"delay", "electrode_rc", "sensor_lag", "amplifier_slew", "resonance"})
 _RUB = frozenset({"coulomb_friction", "hysteresis"})
-_FIELD = frozenset({"permittivity_stretch", "electrode_rc", "electrode_loss", "amplifier_offset", "permittivity_drift",
-                    "delay", "amplifier_slew", "dielectric_absorption"})  # fmt: skip
+_FIELD = frozenset(
+    {
+        "permittivity_stretch",
+        "electrode_rc",
+        "electrode_loss",
+        "amplifier_offset",
+        "permittivity_drift",
+        "delay",
+        "amplifier_slew",
+        "dielectric_absorption",
+    }
+)
 _CLIP = frozenset({"amplifier_saturation", "leakage", "permittivity_stretch", "strain_stiffening"})
-TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType({
-    "1": _SLOW, "e": _MEMORY | _SLOW, "x": _MEMORY | _SLOW, "v": _LATE, "w": _FIELD | _MEMORY, "s": _RUB,
-    "e^2": _BEND, "x^2": _BEND, "v^2": frozenset({"quadratic_damping"}), "w^2": _CLIP, "s^2": _RUB,
-    "e x": _MEMORY | _BEND, "e v": _RUB | _LATE, "e w": _MEMORY | _FIELD, "e s": _RUB,
-    "x v": frozenset({"quadratic_damping", "hysteresis", "resonance", "electrode_rc"}), "x w": _FIELD | _CLIP,
-    "x s": _RUB, "v w": _LATE, "v s": frozenset({"quadratic_damping"}) | _RUB, "w s": _RUB | {"amplifier_slew"},
-})  # fmt: skip
+TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType(
+    {
+        "1": _SLOW,
+        "e": _MEMORY | _SLOW,
+        "x": _MEMORY | _SLOW,
+        "v": _LATE,
+        "w": _FIELD | _MEMORY,
+        "s": _RUB,
+        "e^2": _BEND,
+        "x^2": _BEND,
+        "v^2": frozenset({"quadratic_damping"}),
+        "w^2": _CLIP,
+        "s^2": _RUB,
+        "e x": _MEMORY | _BEND,
+        "e v": _RUB | _LATE,
+        "e w": _MEMORY | _FIELD,
+        "e s": _RUB,
+        "x v": frozenset({"quadratic_damping", "hysteresis", "resonance", "electrode_rc"}),
+        "x w": _FIELD | _CLIP,
+        "x s": _RUB,
+        "v w": _LATE,
+        "v s": frozenset({"quadratic_damping"}) | _RUB,
+        "w s": _RUB | {"amplifier_slew"},
+    }
+)
 """For each term, every effect it may stand for. The term counts as right if any of them is: its best case."""
 
 
@@ -220,8 +263,10 @@ def _coefficients(track: Track, threshold: float) -> Array:
         try:
             weak = pysindy.WeakPDELibrary(
                 function_library=pysindy.PolynomialLibrary(degree=2, include_bias=True),
-                spatiotemporal_grid=timepts, K=WEAK_DOMAINS, H_xt=[DOMAIN_SECONDS],
-            )  # fmt: skip
+                spatiotemporal_grid=timepts,
+                K=WEAK_DOMAINS,
+                H_xt=[DOMAIN_SECONDS],
+            )
             ensemble = pysindy.EnsembleOptimizer(
                 pysindy.STLSQ(threshold=threshold, alpha=1e-6), bagging=True, n_models=MODELS
             )
@@ -235,9 +280,7 @@ def _coefficients(track: Track, threshold: float) -> Array:
 
 def _free(coefficients: Array, track: Track, start: float) -> Array | None:
     """Run the residual's dynamics along the plant's free run; None if it runs away."""
-    zero, up, down = (
-        _monomials(track, np.full_like(track.residual, e)) @ coefficients for e in (0.0, 1.0, -1.0)
-    )
+    zero, up, down = (_monomials(track, np.full_like(track.residual, e)) @ coefficients for e in (0.0, 1.0, -1.0))
     curvature, slope = (up + down) / 2 - zero, (up - down) / 2  # exact: the degree is 2
     out = np.empty_like(track.residual)
     e, limit = float(start), DIVERGED * max(1.0, float(np.abs(track.residual[:1]).max()))
@@ -328,10 +371,18 @@ def narx(track: Track) -> Correction:
     end = record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples)
     best, least = None, np.inf
     for output_lags, input_lags, degree in CANDIDATES:
-        found = Frols(
-            output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=MOST_TERMS, criterion="free_run",
-            held_out=HELD_OUT,
-        ).fit(record).model_  # fmt: skip
+        found = (
+            Frols(
+                output_lags=output_lags,
+                input_lags=input_lags,
+                degree=degree,
+                max_terms=MOST_TERMS,
+                criterion="free_run",
+                held_out=HELD_OUT,
+            )
+            .fit(record)
+            .model_
+        )
         run = found.simulate(end)
         if run.status.ok and run.rms_error < least:
             best, least = found, run.rms_error
@@ -344,9 +395,12 @@ def narx(track: Track) -> Correction:
 
 def _as_recording(track: Track) -> Recording:
     return Recording.from_arrays(
-        np.array([track.drive, track.reading]), track.residual, track.sample_time,
-        input_names=("drive", "reading"), output_names=("residual",),
-    )  # fmt: skip
+        np.array([track.drive, track.reading]),
+        track.residual,
+        track.sample_time,
+        input_names=("drive", "reading"),
+        output_names=("residual",),
+    )
 
 
 BASELINES: Mapping[str, Callable[[Track], Correction]] = MappingProxyType(

@@ -53,9 +53,12 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     rng = np.random.default_rng([seed, len(size)])
     effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of, rng)
     several = [
-        *_clean(of.clean), *effects, *_outside(of.outside, rng), *_pairs(of, rng),
+        *_clean(of.clean),
+        *effects,
+        *_outside(of.outside, rng),
+        *_pairs(of, rng),
         *_ties(of.ties, of.library, rng),
-    ]  # fmt: skip
+    ]
     # A block of seeds for each study.
     first = (seed + 1) * 1_000_000
     return tuple(
@@ -115,18 +118,24 @@ def _few_effects(count: int, library: Sequence[str], rng: np.random.Generator) -
 
 def _effect(name: str, truth: str, number: str, ratio: float) -> Given:
     return {
-        "name": f"{truth.replace('_', '-')}-{number}", "kind": "effect", "effects": (name,), "truth": (truth,),
+        "name": f"{truth.replace('_', '-')}-{number}",
+        "kind": "effect",
+        "effects": (name,),
+        "truth": (truth,),
         "target_ratio": ratio,
-    }  # fmt: skip
+    }
 
 
 def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
     names = list(OUTSIDE)
     for k in range(count):
         yield {
-            "name": f"outside-{k + 1:02d}", "kind": "outside", "effects": (names[k % len(names)],), "truth": (),
+            "name": f"outside-{k + 1:02d}",
+            "kind": "outside",
+            "effects": (names[k % len(names)],),
+            "truth": (),
             "target_ratio": log_uniform(rng, *OUTSIDE_RATIOS),
-        }  # fmt: skip
+        }
 
 
 def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
@@ -135,10 +144,13 @@ def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     shown = [pair for pair in shuffled if all(_is_shown(name, of.excitation) for name in pair)]
     for k, pair in enumerate(shown[: of.pairs]):
         yield {
-            "name": f"pair-{k + 1:02d}", "kind": "pair", "effects": pair, "truth": tuple(KEY[n][0] for n in pair),
+            "name": f"pair-{k + 1:02d}",
+            "kind": "pair",
+            "effects": pair,
+            "truth": tuple(KEY[n][0] for n in pair),
             "target_ratio": log_uniform(rng, *PAIR_RATIOS),
             "noise_share": round(log_uniform(rng, *PAIR_NOISE_SHARES), 4),
-        }  # fmt: skip
+        }
 
 
 def _ties(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
@@ -146,17 +158,24 @@ def _ties(count: int, library: Sequence[str], rng: np.random.Generator) -> Itera
         waveform, alike, mechanism, _ = TIES[k % len(TIES)]
         rivals = tuple(name for name in alike if not library or name in library)
         yield {
-            "name": f"tie-{k + 1:02d}", "kind": "tie", "effects": (mechanism,), "truth": (KEY[mechanism][0],),
-            "rivals": rivals, "target_ratio": log_uniform(rng, *TIE_RATIOS), "excitation": waveform, "rich": False,
-        }  # fmt: skip
+            "name": f"tie-{k + 1:02d}",
+            "kind": "tie",
+            "effects": (mechanism,),
+            "truth": (KEY[mechanism][0],),
+            "rivals": rivals,
+            "target_ratio": log_uniform(rng, *TIE_RATIOS),
+            "excitation": waveform,
+            "rich": False,
+        }
 
 
 def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
     """How a case is recorded, where that is left open."""
     drawn: Given = {
-        "excitation": str(rng.choice(RICH)), "records": int(rng.choice([1, 2])),
+        "excitation": str(rng.choice(RICH)),
+        "records": int(rng.choice([1, 2])),
         "noise_share": round(log_uniform(rng, *NOISE_SHARES), 4),
-    }  # fmt: skip
+    }
     for name in given["effects"]:
         drawn["excitation"] = SHOWN_BY.get(name, drawn["excitation"])
     if excitation:

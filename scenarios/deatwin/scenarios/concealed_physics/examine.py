@@ -126,8 +126,21 @@ def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
 def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
     """The parts of a diagnosis that are counted."""
     data = diagnosis.to_dict()
-    kept = ("verdict", "noise", "model_error", "detect", "causes", "set", "rivals", "indistinguishable", "sentence",
-            "fit", "free_form", "warnings", "next_experiment")  # fmt: skip
+    kept = (
+        "verdict",
+        "noise",
+        "model_error",
+        "detect",
+        "causes",
+        "set",
+        "rivals",
+        "indistinguishable",
+        "sentence",
+        "fit",
+        "free_form",
+        "warnings",
+        "next_experiment",
+    )
     tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
     return {
         **{name: data[name] for name in kept},
@@ -157,8 +170,10 @@ def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
             continue
         left = float(track.size * np.sqrt(np.mean((track.judged.residual - correction.predicted) ** 2)))
         found[name] = {
-            "rms": left if np.isfinite(left) else None, "term": correction.term, "failure": correction.failure,
-        }  # fmt: skip
+            "rms": left if np.isfinite(left) else None,
+            "term": correction.term,
+            "failure": correction.failure,
+        }
     return found
 
 

@@ -70,21 +70,37 @@ def _multisine(rng: np.random.Generator, seconds: float, step: float, lower: flo
     period = step * round(seconds / 3 / step)
     lines = np.arange(1, int(5.0 * period))
     wave = random_phase_multisine(
-        rng, period, step, lines, rms=0.2 * (upper - lower), mean=(lower + upper) / 2, amplitudes=lines**-0.5,
-        periods=3, lower=-np.inf, upper=np.inf,
-    )  # fmt: skip
+        rng,
+        period,
+        step,
+        lines,
+        rms=0.2 * (upper - lower),
+        mean=(lower + upper) / 2,
+        amplitudes=lines**-0.5,
+        periods=3,
+        lower=-np.inf,
+        upper=np.inf,
+    )
     return _of_length(np.clip(wave, lower, upper), seconds, step)
 
 
 def _chirp(rng: np.random.Generator, seconds: float, step: float, lower: float, upper: float) -> np.ndarray:
     """A quarter noise, a quarter chirp through the ball's resonance, and the same again."""
     parts = [
-        wave for _ in range(2) for wave in (
+        wave
+        for _ in range(2)
+        for wave in (
             _noise(rng, seconds / 4, step, lower, upper),
-            linear_chirp(seconds / 4, step, first=2.0, last=rng.uniform(12.0, 20.0),
-                         mean=lower + rng.uniform(0.4, 0.6) * (upper - lower), amplitude=0.15 * (upper - lower)),
+            linear_chirp(
+                seconds / 4,
+                step,
+                first=2.0,
+                last=rng.uniform(12.0, 20.0),
+                mean=lower + rng.uniform(0.4, 0.6) * (upper - lower),
+                amplitude=0.15 * (upper - lower),
+            ),
         )
-    ]  # fmt: skip
+    ]
     return _of_length(np.concatenate(parts), seconds, step)
 
 
@@ -126,11 +142,20 @@ def _of_length(wave: np.ndarray, seconds: float, step: float) -> np.ndarray:
     return np.pad(wave[:n], (0, max(n - wave.size, 0)), mode="edge")
 
 
-EXCITATIONS: Mapping[str, Waveform] = MappingProxyType({
-    "noise": _noise, "fast_noise": _fast_noise, "noise_and_holds": _noise_and_holds, "multisine": _multisine,
-    "chirp": _chirp, "stairs_and_noise": _stairs_and_noise, "both_polarities": _both_polarities,
-    "slow_sine": _slow_sine, "one_level": _one_level, "holds": _holds,
-})  # fmt: skip
+EXCITATIONS: Mapping[str, Waveform] = MappingProxyType(
+    {
+        "noise": _noise,
+        "fast_noise": _fast_noise,
+        "noise_and_holds": _noise_and_holds,
+        "multisine": _multisine,
+        "chirp": _chirp,
+        "stairs_and_noise": _stairs_and_noise,
+        "both_polarities": _both_polarities,
+        "slow_sine": _slow_sine,
+        "one_level": _one_level,
+        "holds": _holds,
+    }
+)
 """``waveform(rng, seconds, sample_time, lower, upper)`` by name."""
 POOR = ("slow_sine", "one_level")
 RICH = tuple(name for name in EXCITATIONS if name not in (*POOR, "holds"))

@@ -12,13 +12,7 @@ from deatwin.plant.effects.base import Family
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.scenarios.concealed_physics.confusion import Confusion, by_effect, by_family
 from deatwin.scenarios.concealed_physics.opened import Case, Opened
-from deatwin.scenarios.concealed_physics.rates import (
-    Rate,
-    bounds,
-    brier_score,
-    expected_calibration_error,
-    reliability,
-)
+from deatwin.scenarios.concealed_physics.rates import Rate, bounds, brier_score, expected_calibration_error, reliability
 from deatwin.scenarios.concealed_physics.tables import MADE_BY
 from deatwin.scenarios.report.drawing import Drawing
 from deatwin.scenarios.report.svg import COLOURS, draw, standalone
@@ -100,9 +94,11 @@ def _families(study: Opened) -> tuple[Drawing, str]:
     with draw((6.4, 4.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "medium")
         drawing = Drawing.of(
-            figure, "confusion_family", "Confusion of families",
+            figure,
+            "confusion_family",
+            "Confusion of families",
             "Family of the first cause; none or one effect is concealed. Blue is right, orange wrong, grey neither.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("truth", *table.answers), table.rows())
 
 
@@ -111,9 +107,11 @@ def _mechanisms(study: Opened) -> tuple[Drawing, str]:
     with draw((11.0, 9.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "x-small")
         drawing = Drawing.of(
-            figure, "confusion_effect", "Confusion of effects",
+            figure,
+            "confusion_effect",
+            "Confusion of effects",
             "First cause; cases with no or one concealed effect, of all strengths.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("truth", *table.answers), table.rows())
 
 
@@ -155,8 +153,14 @@ def _power(study: Opened) -> tuple[Drawing, str]:
         for family, colour, marker in zip(Family, FAMILY_COLOURS, FAMILY_MARKS, strict=True):
             cases = [c for c in study.of("effect") if effect_named(c.truth[0]).family is family]
             points = _classes(cases, lambda c: c.inside)
-            right.plot([x for x, _ in points], [100 * r.share for _, r in points], f"{marker}-", color=colour,
-                       label=family.value, markersize=4.5)  # fmt: skip
+            right.plot(
+                [x for x, _ in points],
+                [100 * r.share for _, r in points],
+                f"{marker}-",
+                color=colour,
+                label=family.value,
+                markersize=4.5,
+            )
             rows += [(f"truth in the answer, {family.value}", *_cells(x, r)) for x, r in points]
         right.set(xscale="log", xlabel="structural residual over noise")
         _plain_ratios(right)
@@ -164,10 +168,12 @@ def _power(study: Opened) -> tuple[Drawing, str]:
         right.set_title("truth in the answer, by family", loc="left", fontsize="medium")
         right.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=3, markerscale=1, fontsize="small")
         drawing = Drawing.of(
-            figure, "power", "Power curves",
+            figure,
+            "power",
+            "Power curves",
             "One concealed effect, by the residual that it leaves after the base plant was refitted, over the noise. "
             "Bars are 95 % intervals.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("what", "ratio", "cases", "share_percent", "low_percent", "high_percent"), rows)
 
 
@@ -178,9 +184,16 @@ def _draw_power(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
         shares = np.array([100 * r.share for _, r in points])
         ends = np.array([[100 * end for end in bounds(r)] for _, r in points]).reshape(-1, 2).T
         axes.errorbar(
-            [x * 1.03**place for x, _ in points], shares, np.abs(ends - shares) if points else None, color=colour,
-            label=words, fmt=f"{marker}-", markersize=4.5, capsize=2, elinewidth=0.8,
-        )  # fmt: skip
+            [x * 1.03**place for x, _ in points],
+            shares,
+            np.abs(ends - shares) if points else None,
+            color=colour,
+            label=words,
+            fmt=f"{marker}-",
+            markersize=4.5,
+            capsize=2,
+            elinewidth=0.8,
+        )
         rows += [(words, *_cells(x, r)) for x, r in points]
     axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
     _plain_ratios(axes)
@@ -216,9 +229,11 @@ def _reliability(study: Opened) -> tuple[Drawing, str]:
     with draw((4.8, 4.2)) as figure:
         rows = _draw_reliability(figure.add_subplot(), study)
         drawing = Drawing.of(
-            figure, "reliability", "Are stated probabilities borne out?",
+            figure,
+            "reliability",
+            "Are stated probabilities borne out?",
             "Every cause of every case, in tenths of its stated probability; 95 % intervals and numbers of causes.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("stated", "causes", "right_percent", "low_percent", "high_percent"), rows)
 
 
@@ -231,8 +246,14 @@ def _draw_reliability(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
         low, high = bounds(b.came_true)
         axes.plot([100 * b.stated] * 2, [100 * low, 100 * high], color=AFTER, linewidth=1.0, alpha=0.7)
         axes.plot(100 * b.stated, 100 * b.came_true.share, "o", color=AFTER, markersize=5)
-        axes.annotate(str(b.came_true.count), (100 * b.stated, 100 * b.came_true.share), xytext=(-6, -3), ha="right",
-                      textcoords="offset points", fontsize="small")  # fmt: skip
+        axes.annotate(
+            str(b.came_true.count),
+            (100 * b.stated, 100 * b.came_true.share),
+            xytext=(-6, -3),
+            ha="right",
+            textcoords="offset points",
+            fontsize="small",
+        )
     label = "stated (%)"
     if stated:
         error, brier = expected_calibration_error(bins), brier_score(probabilities, true)
@@ -248,10 +269,12 @@ def _errors(study: Opened) -> tuple[Drawing, str]:
     with draw((7.2, 3.4)) as figure:
         rows = _draw_errors(figure.add_subplot(), study)
         drawing = Drawing.of(
-            figure, "errors", "Free run on unseen data",
+            figure,
+            "errors",
+            "Free run on unseen data",
             "Rms error on the check record over that of the oracle, which is told the effect; one concealed effect at "
             "least as large as the noise. Bars reach from 5 to 95 % of the cases, dots are medians.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("case", "who", "error_over_oracle"), rows)
 
 
@@ -272,8 +295,9 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
         axes.plot(middle, place, "o", color=colour, markersize=6)
-        axes.annotate(f"{middle:.2f}", (middle, place), xytext=(0, 7), textcoords="offset points", ha="center",
-                      fontsize="small")  # fmt: skip
+        axes.annotate(
+            f"{middle:.2f}", (middle, place), xytext=(0, 7), textcoords="offset points", ha="center", fontsize="small"
+        )
     axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")
     ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if bottom / 1.3 <= t <= 1.3 * top]

@@ -123,10 +123,15 @@ def cover(spec: IntervalSpec) -> dict[str, Any]:
         if parameter.name == f"{effect.name}.{effect.event}":
             continue
         low, high = fit.interval(parameter.name)
-        rows.append({
-            "name": parameter.name, "true": true.parameters[parameter.name].value, "low": low, "high": high,
-            "at_bound": parameter.name in fit.at_bound,
-        })  # fmt: skip
+        rows.append(
+            {
+                "name": parameter.name,
+                "true": true.parameters[parameter.name].value,
+                "low": low,
+                "high": high,
+                "at_bound": parameter.name in fit.at_bound,
+            }
+        )
     return {"status": "done", "parameters": rows}
 
 
@@ -164,7 +169,7 @@ def _commands(rng: np.random.Generator, sample_time: float) -> Experiment:
     commands = np.concatenate([noise, holds])
     record = Recording.from_arrays(
         commands, np.zeros_like(commands), sample_time, input_names=("command",), output_names=("displacement",)
-    )  # fmt: skip
+    )
     return Experiment(recordings=(record,))
 
 

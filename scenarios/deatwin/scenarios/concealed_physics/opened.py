@@ -283,10 +283,15 @@ def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
 
 def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Case:
     return Case(
-        name=spec["name"], kind=spec["kind"], mechanisms=tuple(spec["effects"]), truth=tuple(spec["truth"]),
+        name=spec["name"],
+        kind=spec["kind"],
+        mechanisms=tuple(spec["effects"]),
+        truth=tuple(spec["truth"]),
         accepted=tuple(frozenset(names.get(mechanism, ())) for mechanism in spec["effects"]),
-        rich=bool(spec["rich"]), target_ratio=float(spec["target_ratio"]), result=result,
-    )  # fmt: skip
+        rich=bool(spec["rich"]),
+        target_ratio=float(spec["target_ratio"]),
+        result=result,
+    )
 
 
 def _family(effect: str) -> str:

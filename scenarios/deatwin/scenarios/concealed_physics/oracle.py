@@ -53,8 +53,14 @@ def _promising(
     """The effects at the shapes that could explain most of what the base plant leaves, to first order."""
     error, whole = nominal.rig.model_error, tuple(parts)
     bench = Bench(
-        nominal=nominal, effects=effects, fitted=whole, unseen=whole, everything=whole, jobs=1, stated_error=error,
+        nominal=nominal,
+        effects=effects,
+        fitted=whole,
+        unseen=whole,
+        everything=whole,
+        jobs=1,
+        stated_error=error,
         expected_error=error,
-    )  # fmt: skip
+    )
     shaped = {lead.effect.name: lead.effect for lead in leads(footprints(bench, base, effects, base), base)}
     return tuple(shaped.get(effect.name, effect) for effect in effects)

@@ -65,17 +65,24 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any
     """
     counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
     return {
-        "schema": DATA, "size": seal.size, "seed": seal.seed, "version": seal.version, "seal": seal.hash,
-        "planned": study.planned, "done": study.planned - len(study.missing), "remark": "",
+        "schema": DATA,
+        "size": seal.size,
+        "seed": seal.seed,
+        "version": seal.version,
+        "seal": seal.hash,
+        "planned": study.planned,
+        "done": study.planned - len(study.missing),
+        "remark": "",
         "cases": {words: counted[kind] for kind, words in KINDS.items() if counted[kind]},
-        "intervals": len(study.intervals), "errors": len(study.failures),
+        "intervals": len(study.intervals),
+        "errors": len(study.failures),
         "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
         "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": g.outcome} for g in goals],
         "tables": [
             {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]}
             for t in tables(study, seal)[:-1]
         ],
-    }  # fmt: skip
+    }
 
 
 def page_of(data: Mapping[str, Any]) -> str:
@@ -93,18 +100,23 @@ def page_of(data: Mapping[str, Any]) -> str:
     """
     cases = ", ".join(f"{count} {words}" for words, count in data["cases"].items())
     lines = [
-        f"# {TITLES.get(data['size'], 'Concealed physics')}: what the study reached", "", *_interrupted(data),
+        f"# {TITLES.get(data['size'], 'Concealed physics')}: what the study reached",
+        "",
+        *_interrupted(data),
         *([data["remark"], ""] if data["remark"] else []),
         f"`deatwin scenario concealed-physics --size {data['size']} --seed {data['seed']}`, deatwin {data['version']}: "
         f"{sum(data['cases'].values())} cases ({cases}), {data['intervals']} parameters of fits on data of the reduced "
         f"plant. {data['errors']} ended in an error. Processor time of a case: median {data['seconds']['median']:.0f} "
-        f"s, at most {data['seconds']['most']:.0f} s.", "",
-        f"Seal of labels, thresholds and code, written before the first case: `{data['seal']}`", "",
+        f"s, at most {data['seconds']['most']:.0f} s.",
+        "",
+        f"Seal of labels, thresholds and code, written before the first case: `{data['seal']}`",
+        "",
         f"Bounds hold with 95 % (Clopper and Pearson); one-sided where a goal has one side. d² from {FAR:g} on means "
         "that two explanations can be told apart. Ratio is the structural residual over the noise after the base plant "
-        "was refitted.", "",
+        "was refitted.",
+        "",
         *markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in data["goals"]]),
-    ]  # fmt: skip
+    ]
     for table in data["tables"]:
         lines += ["", f"## {table['title']}", "", *markdown_table(table["columns"], table["rows"])]
     return "\n".join(lines) + "\n"
@@ -118,8 +130,9 @@ def _interrupted(data: Mapping[str, Any]) -> list[str]:
     return [
         f"**The study was interrupted: {data['done']} of {data['planned']} cases have run (the order is mixed, so they "
         f"are a fair sample).** {counted}A goal that is met is met so far: as long as its bound does not keep it too, "
-        "the rest of the study may break it.", "",
-    ]  # fmt: skip
+        "the rest of the study may break it.",
+        "",
+    ]
 
 
 def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
@@ -138,9 +151,10 @@ def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
         Its lines.
     """
     return [
-        f"| {' | '.join(columns)} |", f"|{'---|' * len(columns)}",
+        f"| {' | '.join(columns)} |",
+        f"|{'---|' * len(columns)}",
         *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
-    ]  # fmt: skip
+    ]
 
 
 def opened_study(folder: Path | str) -> tuple[Opened, Seal]:

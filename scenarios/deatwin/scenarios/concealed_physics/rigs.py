@@ -48,9 +48,11 @@ class Rigging:
         Rigs of one form share their compiled equations.
         """
         return replace(
-            self, nominal=_in_usual_form(self.nominal), actual=_in_usual_form(self.actual),
+            self,
+            nominal=_in_usual_form(self.nominal),
+            actual=_in_usual_form(self.actual),
             reduced=_in_usual_form(self.reduced),
-        )  # fmt: skip
+        )
 
 
 def _in_usual_form(plant: Plant) -> Plant:
@@ -82,9 +84,11 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
         electrode_radius=round(17.5e-3 * rng.uniform(0.9, 1.1), 4),
         contact_radius=round(rng.uniform(1.5e-3, 3.5e-3), 4),
         mass=round(rng.uniform(2e-3, 4e-3), 5),
-        start_ramp=round(rng.uniform(1.0, 3.0), 1), start_hold=round(rng.uniform(2.0, 4.0), 1),
-        ball=ball if told else Diaphragm.ball, ball_is_known=told,
-    )  # fmt: skip
+        start_ramp=round(rng.uniform(1.0, 3.0), 1),
+        start_hold=round(rng.uniform(2.0, 4.0), 1),
+        ball=ball if told else Diaphragm.ball,
+        ball_is_known=told,
+    )
     nominal = Plant(rig=rig)
     values = {name: nominal.parameters[name].value * (1 + FILM_ERROR * rng.uniform(-1, 1)) for name in FITTED}
     reading = ReadingTime.START_OF_HOLD if rng.random() < READ_AT_START else ReadingTime.END_OF_HOLD

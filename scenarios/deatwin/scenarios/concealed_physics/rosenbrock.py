@@ -47,22 +47,26 @@ CONSISTENT = 1e-9
 GAMMA = 0.25
 AT = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
 SLOPES = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
-MIX = np.array([
-    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [1.544, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0, 0.0],
-    [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0, 0.0],
-    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0.0, 0.0],
-    [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0, 0.0],
-])  # fmt: skip
-PASSED = np.array([
-    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [-5.6688, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [-2.430093356833875, -0.2063599157091915, 0.0, 0.0, 0.0, 0.0],
-    [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0.0, 0.0, 0.0],
-    [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0.0, 0.0],
-    [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054, 0.0],
-])  # fmt: skip
+MIX = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [1.544, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0, 0.0],
+        [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0, 0.0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0.0, 0.0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0, 0.0],
+    ]
+)
+PASSED = np.array(
+    [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-5.6688, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [-2.430093356833875, -0.2063599157091915, 0.0, 0.0, 0.0, 0.0],
+        [-0.1073529058151375, -9.594562251023355, -20.47028614809616, 0.0, 0.0, 0.0],
+        [7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160, 0.0, 0.0],
+        [8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136, -6.058818238834054, 0.0],
+    ]
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,9 +146,19 @@ def integrate(
     given = [np.concatenate([rest.x, rest.z]) / scale, switches, inputs.T, equations.held_inputs(rest_command), reads]
     start, times, held, resting, asked = (np.ascontiguousarray(a, dtype=float) for a in given)
     failed = kernel.march(
-        _address(start), ctypes.byref(plant), times.size, _address(times), _address(held), _address(resting),
-        asked.size, _address(asked), _address(outputs), ctypes.byref(at_rest), ctypes.byref(steps), ctypes.byref(ended),
-    )  # fmt: skip
+        _address(start),
+        ctypes.byref(plant),
+        times.size,
+        _address(times),
+        _address(held),
+        _address(resting),
+        asked.size,
+        _address(asked),
+        _address(outputs),
+        ctypes.byref(at_rest),
+        ctypes.byref(steps),
+        ctypes.byref(ended),
+    )
     if failed:
         raise SimulationError(f"the film is lost at {ended.value:.3f} s: it pulls in, or a mechanism is too stiff")
     return Trajectory(outputs=outputs, at_rest=at_rest.value, steps=steps.value)
@@ -156,7 +170,7 @@ class _Plant(ctypes.Structure):
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("held", "parameters", "constants", "mass", "scale", "rows")),
         *((name, ctypes.c_double) for name in ("tolerance", "shortest", "safety", "shrink", "grow", "consistent")),
-    ]  # fmt: skip
+    ]
 
 
 def _address(array: np.ndarray) -> int:
@@ -177,16 +191,32 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
     sizes = [(f.sz_arg(), f.sz_res(), f.sz_w(), f.sz_iw()) for f in functions]
     most = np.max(np.array(sizes), axis=0)
     numbers = {
-        "N": n, "NX": len(equations.states), "ND": len(equations.held), "NU": equations.held_inputs(0.0).size,
-        "NNZ": rows.size, "ARGUMENTS": int(most[0]), "RESULTS": int(most[1]), "WORK_W": int(most[2]) + 1,
-        "WORK_IW": int(most[3]) + 1, "GAMMA": GAMMA, "FURTHEST": FURTHEST, "VALUE": functions[0].name(),
-        "SLOPES": functions[1].name(), "OUTPUT": functions[2].name(),
-    }  # fmt: skip
+        "N": n,
+        "NX": len(equations.states),
+        "ND": len(equations.held),
+        "NU": equations.held_inputs(0.0).size,
+        "NNZ": rows.size,
+        "ARGUMENTS": int(most[0]),
+        "RESULTS": int(most[1]),
+        "WORK_W": int(most[2]) + 1,
+        "WORK_IW": int(most[3]) + 1,
+        "GAMMA": GAMMA,
+        "FURTHEST": FURTHEST,
+        "VALUE": functions[0].name(),
+        "SLOPES": functions[1].name(),
+        "OUTPUT": functions[2].name(),
+    }
     tables = [
-        _table("ROW", rows), _table("COLUMN", columns), _table("PLACE", place), *_lists("LOWER", lower),
-        *_lists("UPPER", upper), _table("AT", AT), _table("SLOPES_AT", SLOPES), _table("MIX", MIX),
+        _table("ROW", rows),
+        _table("COLUMN", columns),
+        _table("PLACE", place),
+        *_lists("LOWER", lower),
+        *_lists("UPPER", upper),
+        _table("AT", AT),
+        _table("SLOPES_AT", SLOPES),
+        _table("MIX", MIX),
         _table("PASSED", PASSED),
-    ]  # fmt: skip
+    ]
     defined = [f"#define {name} {value}" for name, value in numbers.items()]
     march = Path(__file__).with_name("rosenbrock.c").read_text(encoding="utf-8")
     library = compile_source("\n".join([generator.dump(), *defined, *tables, march]))
@@ -195,9 +225,13 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
     kernel = ctypes.CDLL(str(library))
     kernel.march.restype = ctypes.c_int
     kernel.march.argtypes = [
-        ctypes.c_void_p, ctypes.c_void_p, ctypes.c_longlong, *(ctypes.c_void_p,) * 3, ctypes.c_longlong,
+        ctypes.c_void_p,
+        ctypes.c_void_p,
+        ctypes.c_longlong,
+        *(ctypes.c_void_p,) * 3,
+        ctypes.c_longlong,
         *(ctypes.c_void_p,) * 5,
-    ]  # fmt: skip
+    ]
     return kernel
 
 

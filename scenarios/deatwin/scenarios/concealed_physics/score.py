@@ -131,12 +131,13 @@ def _names(study: Opened) -> list[Goal]:
         _at_most("confident wrong name, in the catalogue, detected", wrong, 0.01, "at most 1 %"),
         _at_least(
             f"first cause right, ratio {STRONG} or more and d² to the nearest rival {FAR:g} or more",
-            [c.first_right for c in far], 0.9,
+            [c.first_right for c in far],
+            0.9,
         ),
         _at_least("the same, its family right", [c.family_right for c in far], 0.95),
         _at_least(f"truth inside the answer, ratio {STRONG} or more", [c.inside for c in inside], 0.95),
         _mean("mean size of the set, rich input", sizes, 1.3),
-    ]  # fmt: skip
+    ]
 
 
 def _others(study: Opened) -> list[Goal]:
@@ -156,10 +157,11 @@ def _others(study: Opened) -> list[Goal]:
         ),
         _at_least(
             f"all ties, ratio {STRONG} or more: resolved so, or named rightly at once",
-            [c.resolved or c.named_right for c in visible], 0.9,
+            [c.resolved or c.named_right for c in visible],
+            0.9,
         ),
         _at_least(f"ties, ratio {STRONG} or more: truth inside the answer", [c.inside for c in visible], 0.95),
-    ]  # fmt: skip
+    ]
 
 
 def gaps_closed(study: Opened) -> list[float]:
@@ -235,11 +237,14 @@ def _certainty(study: Opened) -> list[Goal]:
         ),
         _reported("95 % intervals cover, fine plant, where both have the parameter", fine),
         _number(
-            "stated probabilities: expected calibration error", "at most 0.05",
-            f"{error:.3f}, Brier score {brier:.3f}, {len(stated)} causes", (error, np.nan, np.nan), len(stated),
+            "stated probabilities: expected calibration error",
+            "at most 0.05",
+            f"{error:.3f}, Brier score {brier:.3f}, {len(stated)} causes",
+            (error, np.nan, np.nan),
+            len(stated),
             error <= 0.05,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _harm(study: Opened) -> Goal:
@@ -271,16 +276,15 @@ def _reported(measure: str, rate: Rate) -> Goal:
     return _goal(measure, REPORTED, rate, bounds(rate), None, "")
 
 
-def _goal(
-    measure: str, demanded: str, rate: Rate, ends: tuple[float, float], met: bool | None, side: str
-) -> Goal:
+def _goal(measure: str, demanded: str, rate: Rate, ends: tuple[float, float], met: bool | None, side: str) -> Goal:
     if not rate.count:
         return _number(measure, demanded, "", (np.nan, np.nan, np.nan), 0, met)
     low, high = ends
     bound = {
-        "at most": f"bound {100 * high:.1f} %", "at least": f"bound {100 * low:.1f} %",
+        "at most": f"bound {100 * high:.1f} %",
+        "at least": f"bound {100 * low:.1f} %",
         "": f"{100 * low:.1f} to {100 * high:.1f} %",
-    }[side]  # fmt: skip
+    }[side]
     words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % ({bound})"
     return _number(measure, demanded, words, (rate.share, low, high), rate.count, met)
 
@@ -291,9 +295,15 @@ def _number(
     """A goal whose value and interval are numbers; they are absent where no case counts."""
     value, low, high = ends if count else (None, None, None)
     return Goal(
-        measure=measure, demanded=demanded, reached=words if count else NO_CASE, value=value, low=low, high=high,
-        count=count, met=None if met is None else bool(met) and count > 0,
-    )  # fmt: skip
+        measure=measure,
+        demanded=demanded,
+        reached=words if count else NO_CASE,
+        value=value,
+        low=low,
+        high=high,
+        count=count,
+        met=None if met is None else bool(met) and count > 0,
+    )
 
 
 def _mean(measure: str, values: Sequence[float], limit: float) -> Goal:
@@ -307,9 +317,7 @@ def _median(measure: str, values: Sequence[float], limit: float) -> Goal:
     middle = float(np.median(values)) if values else np.nan
     low, high = median_interval(values)
     words = f"{100 * middle:.1f} % ({100 * low:.1f} to {100 * high:.1f}), {len(values)} cases"
-    return _number(
-        measure, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit
-    )
+    return _number(measure, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit)
 
 
 def _points(measure: str, ours: Rate, theirs: Rate, limit: float) -> Goal:
@@ -317,7 +325,9 @@ def _points(measure: str, ours: Rate, theirs: Rate, limit: float) -> Goal:
     if not ours.count:
         return _number(measure, f"by {100 * limit:g} points", "", (np.nan, np.nan, np.nan), 0, False)
     ahead, low, high = (
-        ours.share - theirs.share, bounds(ours)[0] - bounds(theirs)[1], bounds(ours)[1] - bounds(theirs)[0]
-    )  # fmt: skip
+        ours.share - theirs.share,
+        bounds(ours)[0] - bounds(theirs)[1],
+        bounds(ours)[1] - bounds(theirs)[0],
+    )
     words = f"{100 * ahead:.1f} points ({ours.hits} against {theirs.hits} of {ours.count}; bound {100 * low:.1f})"
     return _number(measure, f"by {100 * limit:g} points", words, (ahead, low, high), ours.count, ahead >= limit)

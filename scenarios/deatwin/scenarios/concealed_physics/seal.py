@@ -22,9 +22,9 @@ CASE_SCHEMA = "deatwin/concealed-case/1"
 DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
 """Packages whose numbers decide a verdict."""
 SEALED_CODE = ("deatwin.plant", "deatwin.ident", "deatwin.scenarios.concealed_physics")
-OPEN_CODE = frozenset({
-    "__init__.py", "score.py", "opened.py", "rates.py", "confusion.py", "tables.py", "page.py", "figures.py",
-})  # fmt: skip
+OPEN_CODE = frozenset(
+    {"__init__.py", "score.py", "opened.py", "rates.py", "confusion.py", "tables.py", "page.py", "figures.py"}
+)
 """Of this folder: what counts and draws. It has a hash of its own, and the report says whether it changed."""
 
 
@@ -76,9 +76,14 @@ class Seal(Sealed):
         Seal
         """
         return cls(
-            size=size, seed=seed, key=digest(key), thresholds=thresholds(), code=_sources(counting=False),
-            scoring=_sources(counting=True), version=version("deatwin"),
-        )  # fmt: skip
+            size=size,
+            seed=seed,
+            key=digest(key),
+            thresholds=thresholds(),
+            code=_sources(counting=False),
+            scoring=_sources(counting=True),
+            version=version("deatwin"),
+        )
 
     @property
     def content(self) -> dict[str, Any]:

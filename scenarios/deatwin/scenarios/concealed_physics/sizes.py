@@ -53,20 +53,38 @@ class Size:
     library: tuple[str, ...] = ()
 
 
-SIZES: Mapping[str, Size] = MappingProxyType({
-    # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
-    "tiny": Size(
-        clean=3, effects=4, outside=2, pairs=2, ties=1, draws=1, seconds=36.0, check_seconds=16.0, form="usual",
-        library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
-    ),
-    # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
-    "long": Size(
-        clean=12, effects=2, outside=14, pairs=20, ties=0, draws=0, ladder=(0.9, 2.8), seconds=420.0,
-        check_seconds=120.0, excitation="noise+holds",
-    ),
-    "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
-    "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
-})  # fmt: skip
+SIZES: Mapping[str, Size] = MappingProxyType(
+    {
+        # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
+        "tiny": Size(
+            clean=3,
+            effects=4,
+            outside=2,
+            pairs=2,
+            ties=1,
+            draws=1,
+            seconds=36.0,
+            check_seconds=16.0,
+            form="usual",
+            library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
+        ),
+        # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
+        "long": Size(
+            clean=12,
+            effects=2,
+            outside=14,
+            pairs=20,
+            ties=0,
+            draws=0,
+            ladder=(0.9, 2.8),
+            seconds=420.0,
+            check_seconds=120.0,
+            excitation="noise+holds",
+        ),
+        "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
+        "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
+    }
+)
 
 
 def size_named(name: str) -> Size:

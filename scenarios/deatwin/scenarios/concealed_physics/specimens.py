@@ -212,10 +212,17 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
         rest = sizing.scale.rest
     recorded = apparatus.noisy(whole, readings, rng).recordings
     return Specimen(
-        plant=nominal, experiments=(Experiment(recordings=recorded[:count]),),
-        check=Experiment(recordings=recorded[count:]), truth=spec.truth, ratio=ratio, ratios=ratios, noise=noise.rms,
-        model_rest=rest, noise_free=readings, apparatus=apparatus,
-    )  # fmt: skip
+        plant=nominal,
+        experiments=(Experiment(recordings=recorded[:count]),),
+        check=Experiment(recordings=recorded[count:]),
+        truth=spec.truth,
+        ratio=ratio,
+        ratios=ratios,
+        noise=noise.rms,
+        model_rest=rest,
+        noise_free=readings,
+        apparatus=apparatus,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -231,9 +238,11 @@ class _Sizing:
     def of(cls, rigging: Rigging, bare: Apparatus, whole: Experiment, clean: tuple[np.ndarray, ...]) -> Self:
         fitted = Experiment(recordings=whole.recordings[:-1])
         setting = Setting(
-            seconds=fitted.end, commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
-            displacement=np.concatenate(clean[:-1]), gain=rigging.nominal.parameters["gain"].value,
-        )  # fmt: skip
+            seconds=fitted.end,
+            commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
+            displacement=np.concatenate(clean[:-1]),
+            gain=rigging.nominal.parameters["gain"].value,
+        )
         scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
         return cls(bare=bare, whole=whole, scale=scale, setting=setting)
 

@@ -70,9 +70,7 @@ class CaseSpec:
     def __post_init__(self) -> None:
         for what, value, known in (("kind", self.kind, KINDS), ("form", self.form, FORMS)):
             if value not in known:
-                raise DataError(
-                    f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})"
-                )
+                raise DataError(f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})")
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, ready for JSON."""

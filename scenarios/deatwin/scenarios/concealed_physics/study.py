@@ -92,9 +92,13 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
     specs = labels(size, seed)
     store = Store(folder, Seal.of(size, seed, key_of(specs)))
     run_sweep(
-        partial(run_case, size), {spec.name: spec for spec in _mixed(specs, seed)}, store, jobs=jobs, tell=tell,
+        partial(run_case, size),
+        {spec.name: spec for spec in _mixed(specs, seed)},
+        store,
+        jobs=jobs,
+        tell=tell,
         efforts={spec.name: EFFORT.get(spec.kind, 1.0) for spec in specs},
-    )  # fmt: skip
+    )
     return store
 
 

@@ -19,15 +19,22 @@ from deatwin.scenarios.report.story import Table
 __all__ = ["KINDS", "MADE_BY", "csv_files", "reported", "tables"]
 
 KINDS = {
-    "clean": "clean", "effect": "one effect", "pair": "two effects", "outside": "outside the catalogue",
+    "clean": "clean",
+    "effect": "one effect",
+    "pair": "two effects",
+    "outside": "outside the catalogue",
     "tie": "tie under poor input",
-}  # fmt: skip
+}
 """Kinds of cases in words, in the order of tables."""
 VERDICTS = ("none", "parameters", "named", "ambiguous", "unknown", "disturbance", "data_fault", "not_testable", "error")
 MADE_BY = {
-    "base": "calibrated base plant", "diagnosis": "diagnosis", "oracle": "oracle",
-    "pysindy": "sparse dynamics (pysindy)", "gaussian_process": "Gaussian process", "narx": "NARX",
-}  # fmt: skip
+    "base": "calibrated base plant",
+    "diagnosis": "diagnosis",
+    "oracle": "oracle",
+    "pysindy": "sparse dynamics (pysindy)",
+    "gaussian_process": "Gaussian process",
+    "narx": "NARX",
+}
 """Who makes a prediction of the check record, in the order of tables and figures."""
 
 
@@ -46,11 +53,23 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
     list of Table
         In the order of the page.
     """
-    made = [_verdicts(study), _effects(study), _outside(study), _pairs(study), _ties(study), _predictions(study),
-            _reach()]  # fmt: skip
+    made = [
+        _verdicts(study),
+        _effects(study),
+        _outside(study),
+        _pairs(study),
+        _ties(study),
+        _predictions(study),
+        _reach(),
+    ]
     if study.failures:
-        made.append(Table(title="Cases that ended in an error", columns=["case", "message"],
-                          rows=[[name, text] for name, text in study.failures.items()]))  # fmt: skip
+        made.append(
+            Table(
+                title="Cases that ended in an error",
+                columns=["case", "message"],
+                rows=[[name, text] for name, text in study.failures.items()],
+            )
+        )
     return [*(table for table in made if table.rows), _sealed(seal)]
 
 
@@ -83,12 +102,24 @@ def _effects(study: Opened) -> Table:
     rows = []
     for name in dict.fromkeys(case.truth[0] for case in singles):
         cases = sorted((c for c in singles if c.truth[0] == name), key=lambda c: c.ratio)
-        rows.append([
-            name.replace("_", " "), ", ".join(dict.fromkeys(m.replace("_", " ") for c in cases for m in c.mechanisms)),
-            *_counts(cases), " ".join(f"{c.ratio:.2g}:{_mark(c)}" for c in cases),
-        ])  # fmt: skip
-    columns = ["effect", "concealed as", "cases", "detected", "truth in answer", "first cause right", "confident wrong",
-               "each: ratio and verdict"]  # fmt: skip
+        rows.append(
+            [
+                name.replace("_", " "),
+                ", ".join(dict.fromkeys(m.replace("_", " ") for c in cases for m in c.mechanisms)),
+                *_counts(cases),
+                " ".join(f"{c.ratio:.2g}:{_mark(c)}" for c in cases),
+            ]
+        )
+    columns = [
+        "effect",
+        "concealed as",
+        "cases",
+        "detected",
+        "truth in answer",
+        "first cause right",
+        "confident wrong",
+        "each: ratio and verdict",
+    ]
     return Table(title=f"Effect by effect ({_LEGEND})", columns=columns, rows=rows)
 
 
@@ -106,11 +137,16 @@ def _mark(case: Case) -> str:
 def _counts(cases: Sequence[Case]) -> list[str]:
     return [
         str(len(cases)),
-        *(str(sum(flags)) for flags in (
-            [c.detected for c in cases], [c.inside for c in cases], [c.first_right for c in cases],
-            [c.confidently_wrong for c in cases],
-        )),
-    ]  # fmt: skip
+        *(
+            str(sum(flags))
+            for flags in (
+                [c.detected for c in cases],
+                [c.inside for c in cases],
+                [c.first_right for c in cases],
+                [c.confidently_wrong for c in cases],
+            )
+        ),
+    ]
 
 
 def _outside(study: Opened) -> Table:
@@ -119,12 +155,17 @@ def _outside(study: Opened) -> Table:
     for name in dict.fromkeys(case.mechanisms[0] for case in cases):
         same = sorted((c for c in cases if c.mechanisms[0] == name), key=lambda c: c.ratio)
         said = Counter("+".join(c.causes) for c in same if c.causes)
-        rows.append([
-            name.replace("_", " "), str(len(same)), str(sum(c.detected for c in same)),
-            str(sum(c.verdict == "unknown" for c in same)), str(sum(bool(c.causes) for c in same)),
-            ", ".join(f"{k} {v}" for k, v in said.most_common()),
-            " ".join(f"{c.ratio:.2g}:{_outside_mark(c)}" for c in same),
-        ])  # fmt: skip
+        rows.append(
+            [
+                name.replace("_", " "),
+                str(len(same)),
+                str(sum(c.detected for c in same)),
+                str(sum(c.verdict == "unknown" for c in same)),
+                str(sum(bool(c.causes) for c in same)),
+                ", ".join(f"{k} {v}" for k, v in said.most_common()),
+                " ".join(f"{c.ratio:.2g}:{_outside_mark(c)}" for c in same),
+            ]
+        )
     columns = ["mechanism", "cases", "detected", "unknown", "a cause named", "which", "each: ratio and verdict"]
     return Table(title="Outside the catalogue", columns=columns, rows=rows)
 
@@ -135,10 +176,16 @@ def _outside_mark(case: Case) -> str:
 
 def _pairs(study: Opened) -> Table:
     rows = [
-        [case.name, " + ".join(case.truth), three_digits(case.ratio), case.verdict, " + ".join(case.causes),
-         ", ".join(sorted(case.answer - set(case.causes)))]
+        [
+            case.name,
+            " + ".join(case.truth),
+            three_digits(case.ratio),
+            case.verdict,
+            " + ".join(case.causes),
+            ", ".join(sorted(case.answer - set(case.causes))),
+        ]
         for case in study.of("pair")
-    ]  # fmt: skip
+    ]
     columns = ["case", "truth", "ratio", "verdict", "causes", "also in the set"]
     return Table(title="Two effects", columns=columns, rows=rows)
 
@@ -151,10 +198,17 @@ def _ties(study: Opened) -> Table:
         if again:
             causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
             after = again.get("failure") or f"{again['verdict']}: {causes}{'†' if case.heavier else ''}"
-        rows.append([
-            case.name, case.truth[0], three_digits(case.ratio), case.verdict, ", ".join(sorted(case.answer)), after,
-            "yes" if case.resolved else "at once" if case.named_right else "no",
-        ])  # fmt: skip
+        rows.append(
+            [
+                case.name,
+                case.truth[0],
+                three_digits(case.ratio),
+                case.verdict,
+                ", ".join(sorted(case.answer)),
+                after,
+                "yes" if case.resolved else "at once" if case.named_right else "no",
+            ]
+        )
     columns = ["case", "truth", "ratio", "verdict", "answer", "with the advised experiment", "resolved"]
     return Table(title=f"Ties ({_HEAVIER})", columns=columns, rows=rows)
 
@@ -179,10 +233,14 @@ def _predictions(study: Opened) -> Table:
 def _reach() -> Table:
     """What the displacement under a voltage can show of each mechanism at all."""
     rows = [
-        [mechanism.replace("_", " "), canonical(mechanism) or "outside the catalogue", three_digits(largest),
-         "no" if largest < VISIBLE else "yes"]
+        [
+            mechanism.replace("_", " "),
+            canonical(mechanism) or "outside the catalogue",
+            three_digits(largest),
+            "no" if largest < VISIBLE else "yes",
+        ]
         for mechanism, largest in sorted(REACH.items(), key=lambda item: item[1])
-    ]  # fmt: skip
+    ]
     columns = ["mechanism", "effect", "largest ratio", "visible"]
     title = "Largest ratio at physical size, measured beforehand on one rig with noise of 1 % of the motion"
     return Table(title=title, columns=columns, rows=rows)
@@ -190,11 +248,14 @@ def _reach() -> Table:
 
 def _sealed(seal: Seal) -> Table:
     rows = [
-        ["seal (hash of all below but the last)", seal.hash], ["labels", seal.key],
+        ["seal (hash of all below but the last)", seal.hash],
+        ["labels", seal.key],
         ["code that runs the cases", seal.code],
-        ["thresholds", f"{len(seal.thresholds)} numbers, listed in seal.json"], ["version", seal.version],
-        ["size and seed", f"{seal.size}, {seal.seed}"], ["code that counts, when it was sealed", seal.scoring],
-    ]  # fmt: skip
+        ["thresholds", f"{len(seal.thresholds)} numbers, listed in seal.json"],
+        ["version", seal.version],
+        ["size and seed", f"{seal.size}, {seal.seed}"],
+        ["code that counts, when it was sealed", seal.scoring],
+    ]
     return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
 
 
@@ -213,9 +274,7 @@ def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
     dict of str to str
         Text by file name.
     """
-    numbers = [
-        (g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals
-    ]
+    numbers = [(g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals]
     header = ("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met")
     files = {"goals.csv": _csv(header, numbers), "cases.csv": _csv(_COLUMNS, map(_line, study.cases))}
     for name, table in (("effect", by_effect(study)), ("family", by_family(study))):
@@ -227,21 +286,44 @@ def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
     return files
 
 
-_COLUMNS = ("case", "kind", "truth", "concealed", "rich", "ratio", "verdict", "causes", "set", "nearest_d2",
-            "probability", *(f"{name}_rms" for name in ("nominal", *MADE_BY)), "sparse_term", "resolved",
-            "processor_s")  # fmt: skip
+_COLUMNS = (
+    "case",
+    "kind",
+    "truth",
+    "concealed",
+    "rich",
+    "ratio",
+    "verdict",
+    "causes",
+    "set",
+    "nearest_d2",
+    "probability",
+    *(f"{name}_rms" for name in ("nominal", *MADE_BY)),
+    "sparse_term",
+    "resolved",
+    "processor_s",
+)
 
 
 def _line(case: Case) -> tuple[object, ...]:
     causes = case.diagnosis.get("causes", ())
     return (
-        case.name, case.kind, "+".join(case.truth), "+".join(case.mechanisms), int(case.rich), f"{case.ratio:.4g}",
-        case.verdict, "+".join(case.causes), "+".join(sorted(case.answer)), f"{case.nearest:.4g}",
+        case.name,
+        case.kind,
+        "+".join(case.truth),
+        "+".join(case.mechanisms),
+        int(case.rich),
+        f"{case.ratio:.4g}",
+        case.verdict,
+        "+".join(case.causes),
+        "+".join(sorted(case.answer)),
+        f"{case.nearest:.4g}",
         f"{causes[0]['probability']:.4g}" if causes else "",
         *(f"{case.errors[n]:.5g}" if n in case.errors else "" for n in ("nominal", *MADE_BY)),
-        case.result.get("baselines", {}).get("pysindy", {}).get("term", ""), int(case.resolved),
+        case.result.get("baselines", {}).get("pysindy", {}).get("term", ""),
+        int(case.resolved),
         case.result.get("seconds_in_all", ""),
-    )  # fmt: skip
+    )
 
 
 def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -63,9 +63,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
     for drawing, text in checks:
         setting.folder.text(drawing.data, text)
     page = StoryPage(
-        title="control-check", sentence=sentence, rows=rows, notes=notes(study),
-        figures=[drawing for drawing, _ in (*loops, *checks)], tables=tables(study),
-    )  # fmt: skip
+        title="control-check",
+        sentence=sentence,
+        rows=rows,
+        notes=notes(study),
+        figures=[drawing for drawing, _ in (*loops, *checks)],
+        tables=tables(study),
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
     text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
@@ -81,46 +85,67 @@ def _summary(study: Study) -> dict[str, Any]:
     return {
         "tracking": {tracking.name: _tracked(tracking) for tracking in study.tracking},
         "fleet": [
-            {"actuator": r.actuator.name, "stable": r.stable, "overshoot": r.steps.overshoot, "ripple": r.steps.ripple,
-             "tones_rms_error": r.tones.rms_error}
+            {
+                "actuator": r.actuator.name,
+                "stable": r.stable,
+                "overshoot": r.steps.overshoot,
+                "ripple": r.steps.ripple,
+                "tones_rms_error": r.tones.rms_error,
+            }
             for r in study.fleet
         ],
         "models": [
-            {"model": p.model, "quantity": p.quantity.column, "predicted": _finite(p.predicted.value),
-             "low": _finite(p.predicted.low), "high": _finite(p.predicted.high), "achieved": _finite(p.achieved),
-             "inside": p.kept}
+            {
+                "model": p.model,
+                "quantity": p.quantity.column,
+                "predicted": _finite(p.predicted.value),
+                "low": _finite(p.predicted.low),
+                "high": _finite(p.predicted.high),
+                "achieved": _finite(p.achieved),
+                "inside": p.kept,
+            }
             for p in promises(study.matters)
         ],
         "concealed": [_designs(one) for one in study.concealed],
         "rates": {
-            "passed_inside_the_band": _rate(inside(outcomes)), "passed_sound": _rate(sound(outcomes)),
+            "passed_inside_the_band": _rate(inside(outcomes)),
+            "passed_sound": _rate(sound(outcomes)),
             "unsound_not_passed": _rate(caught(outcomes)),
         },
         "trials": [outcome.to_dict() for outcome in outcomes],
-    }  # fmt: skip
+    }
 
 
 def _tracked(tracking: Tracking) -> dict[str, Any]:
     return {
         name: {
-            "rms_error": _finite(one.rms), "gain_margin": _finite(float(one.margins.gain[0])),
-            "phase_margin_deg": _finite(float(one.margins.phase_deg[0])), "status": one.run.status.name.lower(),
+            "rms_error": _finite(one.rms),
+            "gain_margin": _finite(float(one.margins.gain[0])),
+            "phase_margin_deg": _finite(float(one.margins.phase_deg[0])),
+            "status": one.run.status.name.lower(),
         }
         for name, one in tracking.tracked.items()
-    }  # fmt: skip
+    }
 
 
 def _designs(one: Concealed) -> dict[str, Any]:
     return {
-        "effect": one.effect, "diagnosis": one.diagnosis.verdict.value,
+        "effect": one.effect,
+        "diagnosis": one.diagnosis.verdict.value,
         "causes": [cause.effect for cause in one.diagnosis.causes],
         "designs": [
-            {"source": d.source, "closed_loop_time": d.controller.closed_loop_time,
-             "controller": d.controller.name, "verdict": d.check.verdict.value,
-             "reason": d.check.reason, "truth": d.truth.verdict.value, "true_text": d.truth.text}
+            {
+                "source": d.source,
+                "closed_loop_time": d.controller.closed_loop_time,
+                "controller": d.controller.name,
+                "verdict": d.check.verdict.value,
+                "reason": d.check.reason,
+                "truth": d.truth.verdict.value,
+                "true_text": d.truth.text,
+            }
             for d in (*one.designs, *one.at_other_times)
         ],
-    }  # fmt: skip
+    }
 
 
 def _rate(rate: Rate) -> dict[str, Any]:

@@ -65,17 +65,24 @@ def _models(matters: Matters) -> tuple[Drawing, str]:
         panels[0].set_ylim(len(names) - 0.5, -0.5)
         figure.legend(handles=_handles(), loc="outside upper left", ncols=3, markerscale=1)
         drawing = Drawing.of(
-            figure, "models", "Does the model matter? What each promised, and what it got",
+            figure,
+            "models",
+            "Does the model matter? What each promised, and what it got",
             "One design rule on five models of one actuator, each judged on the true plant. Bandwidth and gain margin "
             "are promised by the linearised model and measured with sines as large as the steps; overshoot and error "
             "are of the steps, promised by closed loops on draws of the model with the residual of its free run.",
-        )  # fmt: skip
+        )
     header = ("model", "quantity", "predicted", "low", "high", "achieved", "inside")
     rows = [
-        (p.model, p.quantity.column, *(f"{v:.5g}" for v in (p.predicted.value, p.predicted.low, p.predicted.high)),
-         f"{p.achieved:.5g}", int(p.kept))
+        (
+            p.model,
+            p.quantity.column,
+            *(f"{v:.5g}" for v in (p.predicted.value, p.predicted.low, p.predicted.high)),
+            f"{p.achieved:.5g}",
+            int(p.kept),
+        )
         for p in made
-    ]  # fmt: skip
+    ]
     return drawing, table_text(header, rows)
 
 
@@ -107,11 +114,13 @@ def _trials(outcomes: Sequence[Outcome]) -> tuple[Drawing, str]:
         _draw_times(right, outcomes, verdicts)
         legend_above(figure, right, 4)
         drawing = Drawing.of(
-            figure, "trials", "Did the verdict keep its word?",
+            figure,
+            "trials",
+            "Did the verdict keep its word?",
             "Random rigs, most with physics that their specification does not have, random designs. Sound: the true "
             "rig keeps every limit of the check. Left: numbers of trials; blue is a verdict that was right, orange a "
             "passed design that was not sound, grey caution. Right: hollow marks left the predicted band.",
-        )  # fmt: skip
+        )
     return drawing, trials_csv(outcomes)
 
 
@@ -129,8 +138,12 @@ def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[
             axes.text(column, row, str(count), ha="center", va="center")
     axes.set_xticks(range(len(truths)), [TRUTHS[truth] for truth in truths])
     axes.set_yticks(range(len(verdicts)), verdicts)
-    axes.set(xlim=(-0.5, len(truths) - 0.5), ylim=(len(verdicts) - 0.5, -0.5), xlabel="on the true rig",
-             ylabel="verdict of the check")  # fmt: skip
+    axes.set(
+        xlim=(-0.5, len(truths) - 0.5),
+        ylim=(len(verdicts) - 0.5, -0.5),
+        xlabel="on the true rig",
+        ylabel="verdict of the check",
+    )
     axes.grid(False)
 
 
@@ -147,9 +160,15 @@ def _draw_times(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]
         colour, marker = MARKS[outcome.sound]
         hollow = outcome.inside is not None and outcome.inside < 1.0
         axes.plot(
-            outcome.closed_loop_time, verdicts.index(outcome.verdict) + place, marker, color=colour, markersize=6,
-            markerfacecolor="none" if hollow else colour, label="_", linestyle="",
-        )  # fmt: skip
+            outcome.closed_loop_time,
+            verdicts.index(outcome.verdict) + place,
+            marker,
+            color=colour,
+            markersize=6,
+            markerfacecolor="none" if hollow else colour,
+            label="_",
+            linestyle="",
+        )
         labelled.add(outcome.sound)
     for truth in (truth for truth in TRUTHS if truth in labelled):
         colour, marker = MARKS[truth]

@@ -31,10 +31,7 @@ from deatwin.scenarios.control_check.tracking import nominal_plant
 
 __all__ = ["EFFECTS", "Concealed", "Designed", "conceal", "excitation"]
 
-EFFECTS: Mapping[str, Callable[[], Effect]] = {
-    "electrode_rc": lambda: ElectrodeRC(time=0.4),
-    "creep": Creep,
-}
+EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: ElectrodeRC(time=0.4), "creep": Creep}
 """What is concealed. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
 OPERATING = 2.6
 LIMITS = (1.2, 3.7)

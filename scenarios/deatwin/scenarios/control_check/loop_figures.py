@@ -30,10 +30,11 @@ STRETCH = 10.0
 """Of the tones that is drawn, s."""
 ORACLE = "oracle: inverse with dynamics"
 SHOWN = {
-    "PI": (BEFORE, "-", "PI alone"), "inverse": (AFTER, "-", "PI behind the inverse"),
+    "PI": (BEFORE, "-", "PI alone"),
+    "inverse": (AFTER, "-", "PI behind the inverse"),
     "inverse with dynamics": (MARK, "-", "the same, with dynamics"),
     ORACLE: (INK, ":", "oracle, with dynamics"),
-}  # fmt: skip
+}
 
 
 def loop_drawings(study: Study) -> list[tuple[Drawing, Columns]]:
@@ -73,11 +74,13 @@ def _tracking(every: Sequence[Tracking]) -> tuple[Drawing, Columns]:
         _rms(figure.add_subplot(grid[:, 1]), every)
         legend_above(figure, above, 4)
         drawing = Drawing.of(
-            figure, "tracking", "Tracking tones of 0.1 to 0.8 Hz",
+            figure,
+            "tracking",
+            "Tracking tones of 0.1 to 0.8 Hz",
             f"Reference minus the noise-free output, and its rms from {SETTLED:g} s on. All controllers have the same "
             "feedback rule; those named oracle are designed on the true plant's static curve and linear model. The "
             "specification has hysteresis, which no static curve inverts.",
-        )  # fmt: skip
+        )
     columns: dict[str, Array] = {}
     for tracking in every:
         longest = max((one.run for one in tracking.tracked.values()), key=lambda run: run.timepts.size)
@@ -107,8 +110,14 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
         axes.barh(rows, shown, height=0.92 * height, color=colours[place % 2], alpha=0.8, label=tracking.name)
         for row, value in zip(rows, values, strict=True):
             text = f"{value:.3g}" if np.isfinite(value) else "failed"
-            axes.annotate(text, (value if np.isfinite(value) else 0.1, row), xytext=(3, 0), va="center",
-                          textcoords="offset points", fontsize="small")  # fmt: skip
+            axes.annotate(
+                text,
+                (value if np.isfinite(value) else 0.1, row),
+                xytext=(3, 0),
+                va="center",
+                textcoords="offset points",
+                fontsize="small",
+            )
         largest = max(largest, float(shown.max()))
     axes.set(xscale="log", xlim=(0.1, 4.0 * largest), xlabel="rms error (µm)")
     axes.set_xticks([t for t in (0.1, 1.0, 10.0, 100.0) if t <= 4.0 * largest], minor=False)
@@ -131,13 +140,25 @@ def _fleet(runs: Sequence[FleetRun]) -> tuple[Drawing, Columns]:
             every = [getattr(run, kind) for run in runs]
             longest = max(every, key=lambda run: run.timepts.size)
             shown = longest.timepts <= (np.inf if kind == "steps" else STRETCH)
-            above.plot(longest.timepts[shown], MICRO * longest.reference[shown], color=INK, linewidth=2.4, alpha=0.3,
-                       label="reference")  # fmt: skip
+            above.plot(
+                longest.timepts[shown],
+                MICRO * longest.reference[shown],
+                color=INK,
+                linewidth=2.4,
+                alpha=0.3,
+                label="reference",
+            )
             columns |= {f"{kind}_time_s": longest.timepts, f"{kind}_reference_um": MICRO * longest.reference}
             for (colour, line), fleet_run, run in zip(STYLES, runs, every, strict=False):
                 part = shown[: run.timepts.size]
-                above.plot(run.timepts[part], MICRO * run.output[part], line, color=colour, linewidth=0.9,
-                           label=fleet_run.actuator.name)  # fmt: skip
+                above.plot(
+                    run.timepts[part],
+                    MICRO * run.output[part],
+                    line,
+                    color=colour,
+                    linewidth=0.9,
+                    label=fleet_run.actuator.name,
+                )
                 below.plot(run.timepts[part], MICRO * run.error[part], line, color=colour, linewidth=0.9)
                 key = fleet_run.actuator.name.replace(" ", "").lower()
                 columns[f"{kind}_{key}_output_um"] = MICRO * _filled(run.output, longest.timepts.size)
@@ -148,11 +169,13 @@ def _fleet(runs: Sequence[FleetRun]) -> tuple[Drawing, Columns]:
         figure.align_ylabels(panels[:, 0])
         legend_above(figure, panels[0, 0], 7)
         drawing = Drawing.of(
-            figure, "fleet", "The scheduled design on the six actuators",
+            figure,
+            "fleet",
+            "The scheduled design on the six actuators",
             "One gain schedule, made on the identified model of the specification, which is none of the six: they are "
             "fabricated beside it, and drift as they are used. Outputs without noise; of the tones "
             f"{STRETCH:g} of {longest.timepts[-1]:.0f} s.",
-        )  # fmt: skip
+        )
     length = max(values.size for values in columns.values())
     return drawing, {name: _filled(values, length) for name, values in columns.items()}
 
@@ -166,9 +189,7 @@ def _concealed(every: Sequence[Concealed]) -> tuple[Drawing, Columns]:
             longest = max((d.runs.steps for d in one.designs), key=lambda run: run.timepts.size)
             wanted = MICRO * longest.reference
             axes.plot(longest.timepts, wanted, color=INK, linewidth=2.4, alpha=0.3, label="reference")
-            columns |= {
-                f"{one.effect}_time_s": longest.timepts, f"{one.effect}_reference_um": wanted
-            }  # fmt: skip
+            columns |= {f"{one.effect}_time_s": longest.timepts, f"{one.effect}_reference_um": wanted}
             for designed, colour in zip(one.designs, (BEFORE, AFTER), strict=True):
                 run = designed.runs.steps
                 label = f"design from the {designed.source} model"
@@ -185,11 +206,13 @@ def _concealed(every: Sequence[Concealed]) -> tuple[Drawing, Columns]:
         panels[-1].set_xlabel("time (s)")
         legend_above(figure, panels[0], 3)
         drawing = Drawing.of(
-            figure, "concealed", "What a concealed effect does to a design",
+            figure,
+            "concealed",
+            "What a concealed effect does to a design",
             "Steps on the true rig, which no check sees. Both designs follow one rule; one is made on the plant "
             "without the effect, as well as it can be fitted, the other on the plant that the diagnosis of the "
             "recording amended.",
-        )  # fmt: skip
+        )
     length = max(values.size for values in columns.values())
     return drawing, {name: _filled(values, length) for name, values in columns.items()}
 

@@ -45,9 +45,7 @@ AMPLITUDES = (0.1, 0.3)
 """Of the sines that measure the plant, as shares of the room to the limits: as large as the steps are."""
 LINES = 24
 """Frequencies at which it is measured."""
-CANDIDATES: Mapping[str, Any] = {
-    "output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback
-}  # fmt: skip
+CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback}
 """Rows are read at the end of the hold: input lags from 0 on."""
 
 
@@ -211,9 +209,11 @@ class _Truth:
         families = [linearise_plants((plant,), [OPERATING]).in_loop(reading) for plant in (self.plant, loose)]
         loop = law.feedback_response(self.omega, controller.sample_time) * self.response
         return Achieved(
-            bandwidth_Hz=float(_bandwidth(self.omega, loop[None])[0]), overshoot=steps.overshoot,
-            gain=min(rows_of_family("plant", family, controller)[0].gain for family in families), rms=steps.rms_error,
-        )  # fmt: skip
+            bandwidth_Hz=float(_bandwidth(self.omega, loop[None])[0]),
+            overshoot=steps.overshoot,
+            gain=min(rows_of_family("plant", family, controller)[0].gain for family in families),
+            rms=steps.rms_error,
+        )
 
 
 def _of_narx(
@@ -230,9 +230,14 @@ def _of_narx(
         left = free_run_residual(model, recording)
         reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
         predicted = predict_loop(
-            model, controller, reference, reading=ReadingTime.END_OF_HOLD, residual=left,
-            noise=truth.plant.rig.noise, rng=rng,
-        )  # fmt: skip
+            model,
+            controller,
+            reference,
+            reading=ReadingTime.END_OF_HOLD,
+            residual=left,
+            noise=truth.plant.rig.noise,
+            rng=rng,
+        )
         overshoot, rms = (
             Interval(value=v[0], low=v[1], high=v[2])
             for v in (predicted.interval(lambda r: r.overshoot), predicted.interval(lambda r: r.rms_error))
@@ -255,16 +260,29 @@ def _of_plant(
 
 
 def _matter(
-    name: str, residual: float | None, family: LinearFamily, controller: Controller, overshoot: Interval,
-    rms: Interval, truth: _Truth, reference: Array, rng: np.random.Generator,
-) -> Matter:  # fmt: skip
+    name: str,
+    residual: float | None,
+    family: LinearFamily,
+    controller: Controller,
+    overshoot: Interval,
+    rms: Interval,
+    truth: _Truth,
+    reference: Array,
+    rng: np.random.Generator,
+) -> Matter:
     steps = closed_loop(truth.plant, controller, reference, rng=rng)
     (row,) = rows_of_family("model", family, controller)
     return Matter(
-        name=name, residual=residual, controller=controller, overshoot=overshoot, rms=rms, steps=steps,
-        bandwidth_Hz=_predicted_bandwidth(family, controller), gain=_predicted_gain(row, family, controller),
+        name=name,
+        residual=residual,
+        controller=controller,
+        overshoot=overshoot,
+        rms=rms,
+        steps=steps,
+        bandwidth_Hz=_predicted_bandwidth(family, controller),
+        gain=_predicted_gain(row, family, controller),
         achieved=truth.achieved(controller, steps),
-    )  # fmt: skip
+    )
 
 
 def _design(linear: LinearModel) -> Controller:
@@ -280,8 +298,11 @@ def _predicted_bandwidth(family: LinearFamily, controller: Controller) -> Interv
 
 def _predicted_gain(row: MarginRow, family: LinearFamily, controller: Controller) -> Interval:
     single = [rows_of_family("model", _only(family, s), controller)[0].gain for s in _existing(family)]
-    return Interval(value=row.gain, low=float(np.quantile(single, 0.025, method="lower")),
-                    high=float(np.quantile(single, 0.975, method="higher")))  # fmt: skip
+    return Interval(
+        value=row.gain,
+        low=float(np.quantile(single, 0.025, method="lower")),
+        high=float(np.quantile(single, 0.975, method="higher")),
+    )
 
 
 def _existing(family: LinearFamily) -> list[int]:

@@ -57,9 +57,13 @@ def notes(study: Study) -> list[Note]:
     list of Note
     """
     return [
-        _question(), _tracking(study.tracking), _concealed(), _trials(study.outcomes), _models(study.matters),
+        _question(),
+        _tracking(study.tracking),
+        _concealed(),
+        _trials(study.outcomes),
+        _models(study.matters),
         _limits(),
-    ]  # fmt: skip
+    ]
 
 
 def _question() -> Note:

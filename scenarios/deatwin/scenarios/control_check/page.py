@@ -18,9 +18,11 @@ STORY = "deatwin/control-story/1"
 OF_TRIALS = "random rigs"
 """How measures begin that the trials reach; those have tables of their own, made from more trials."""
 QUANTITIES = {
-    "bandwidth_Hz": "bandwidth (Hz)", "overshoot_percent": "overshoot (%)", "gain_margin": "gain margin",
+    "bandwidth_Hz": "bandwidth (Hz)",
+    "overshoot_percent": "overshoot (%)",
+    "gain_margin": "gain margin",
     "rms_error_um": "rms error (µm)",
-}  # fmt: skip
+}
 MICRO = 1e6
 UNKNOWN = "–"
 Rows = Sequence[Mapping[str, Any]]
@@ -51,18 +53,24 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     found, run = (read_object(Path(folder) / name) for name in ("control-check.json", "run.json"))
     try:
         return {
-            "schema": STORY, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark,
+            "schema": STORY,
+            "seed": run["seed"],
+            "version": run["versions"]["deatwin"],
+            "remark": remark,
             "measures": [row for row in found["measures"] if not row["measure"].startswith(OF_TRIALS)],
             "tracking": [
                 {"plant": plant, "controller": name, **one}
-                for plant, tracked in found["tracking"].items() for name, one in tracked.items()
+                for plant, tracked in found["tracking"].items()
+                for name, one in tracked.items()
             ],
-            "fleet": list(found["fleet"]), "models": list(found["models"]),
+            "fleet": list(found["fleet"]),
+            "models": list(found["models"]),
             "concealed": [
                 {"effect": one["effect"], "diagnosis": one["diagnosis"], "causes": one["causes"], **design}
-                for one in found["concealed"] for design in one["designs"]
+                for one in found["concealed"]
+                for design in one["designs"]
             ],
-        }  # fmt: skip
+        }
     except (KeyError, TypeError, AttributeError) as error:
         raise DataError(f"{folder}: its control-check.json or run.json is no story's: {error!r}") from None
 
@@ -84,29 +92,36 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     return {
         "tracking": [
             f"{whence} Each row is a measure of the story, what it demands, what was reached, and whether that is met:",
-            "", *_measures(data["measures"]), "",
+            "",
+            *_measures(data["measures"]),
+            "",
             "Each row is a controller on a plant (an oracle is designed on the true plant): the rms of its tracking "
             "error on the tones, how many times larger that of PI is, and the margins of its loop with the identified "
             "model:",
-            "", *_tracking(data["tracking"]), "",
+            "",
+            *_tracking(data["tracking"]),
+            "",
             "Each row is an actuator under the one scheduled design: the overshoot of its steps and what still moves "
             "late after one, as shares of the step, its rms error on the tones, and whether both runs are stable:",
-            "", *_fleet(data["fleet"]),
+            "",
+            *_fleet(data["fleet"]),
         ],
         "models": [
             f"{whence} Each row is a model of one and the same actuator with the controller that one rule designed on "
             "it; each cell has what the model predicted with its 95 % band, then what the true actuator did, and "
             "whether that lies inside the band (✓) or not (✗):",
-            "", *_models(data["models"]),
+            "",
+            *_models(data["models"]),
         ],
         "concealed-effects": [
             f"{whence} Each row is a design on a rig with an effect that its base model lacks: what the diagnosis "
             "named, the closed-loop time that was asked for, the model that was designed from, the verdict of the "
             "check with the first of its reasons, and what the true rig did, judged by the whole limits, of which the "
             "check keeps a part in reserve:",
-            "", *_concealed(data["concealed"]),
+            "",
+            *_concealed(data["concealed"]),
         ],
-    }  # fmt: skip
+    }
 
 
 def _measures(rows: Rows) -> list[str]:
@@ -121,23 +136,33 @@ def _tracking(rows: Rows) -> list[str]:
     return markdown_table(
         ["plant", "controller", "rms error (µm)", "PI's error over it", "gain margin", "phase margin (°)"],
         [
-            [row["plant"], row["controller"], _number(row["rms_error"], ".3g", MICRO),
-             _over(alone.get(row["plant"]), row["rms_error"]), _number(row["gain_margin"], ".3g"),
-             _number(row["phase_margin_deg"], ".0f")]
+            [
+                row["plant"],
+                row["controller"],
+                _number(row["rms_error"], ".3g", MICRO),
+                _over(alone.get(row["plant"]), row["rms_error"]),
+                _number(row["gain_margin"], ".3g"),
+                _number(row["phase_margin_deg"], ".0f"),
+            ]
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
 def _fleet(rows: Rows) -> list[str]:
     return markdown_table(
         ["actuator", "overshoot (%)", "motion late after a step (%)", "rms error on the tones (µm)", "stable"],
         [
-            [row["actuator"], _number(row["overshoot"], ".0f", 100), _number(row["ripple"], ".2g", 100),
-             _number(row["tones_rms_error"], ".0f", MICRO), "yes" if row["stable"] else "no"]
+            [
+                row["actuator"],
+                _number(row["overshoot"], ".0f", 100),
+                _number(row["ripple"], ".2g", 100),
+                _number(row["tones_rms_error"], ".0f", MICRO),
+                "yes" if row["stable"] else "no",
+            ]
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
 def _models(rows: Rows) -> list[str]:
@@ -161,12 +186,18 @@ def _concealed(rows: Rows) -> list[str]:
     return markdown_table(
         ["concealed", "diagnosis", "closed-loop time (s)", "designed from", "verdict", "reason", "on the true rig"],
         [
-            [row["effect"], f"{row['diagnosis']}: {', '.join(row['causes']) or UNKNOWN}",
-             f"{row['closed_loop_time']:g}", f"{row['source']} model", row["verdict"], _first(row["reason"]),
-             f"{row['truth']}: {row['true_text'].replace(' on the physics plant', '')}"]
+            [
+                row["effect"],
+                f"{row['diagnosis']}: {', '.join(row['causes']) or UNKNOWN}",
+                f"{row['closed_loop_time']:g}",
+                f"{row['source']} model",
+                row["verdict"],
+                _first(row["reason"]),
+                f"{row['truth']}: {row['true_text'].replace(' on the physics plant', '')}",
+            ]
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
 def _first(reason: str) -> str:

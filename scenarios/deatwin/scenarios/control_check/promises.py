@@ -116,6 +116,8 @@ def _of(matter: Matter) -> Iterator[Promise]:
         if predicted is not None:
             s = quantity.scale
             yield Promise(
-                model=matter.name, quantity=quantity, achieved=s * getattr(matter.achieved, quantity.key),
+                model=matter.name,
+                quantity=quantity,
+                achieved=s * getattr(matter.achieved, quantity.key),
                 predicted=Interval(value=s * predicted.value, low=s * predicted.low, high=s * predicted.high),
-            )  # fmt: skip
+            )

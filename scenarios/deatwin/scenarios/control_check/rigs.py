@@ -117,9 +117,14 @@ def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generat
         SI.
     """
     bare = Recording.from_arrays(
-        commands, np.zeros_like(commands), plant.rig.sample_time, input_names=[plant.rig.input_name],
-        output_names=[plant.rig.output_name], input_units=[plant.rig.input_unit], output_units=[plant.rig.output_unit],
-    )  # fmt: skip
+        commands,
+        np.zeros_like(commands),
+        plant.rig.sample_time,
+        input_names=[plant.rig.input_name],
+        output_names=[plant.rig.output_name],
+        input_units=[plant.rig.input_unit],
+        output_units=[plant.rig.output_unit],
+    )
     return plant.record(Experiment(recordings=(bare,)), rng).recordings[0]
 
 

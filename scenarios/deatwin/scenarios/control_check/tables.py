@@ -38,9 +38,12 @@ def tables(study: Study) -> list[Table]:
         In the order of the page; that of the trials whose verdict did not keep its word only if there are any.
     """
     always = [
-        _tracking(study.tracking), _fleet(study.fleet), _models(study.matters), _concealed(study.concealed),
+        _tracking(study.tracking),
+        _fleet(study.fleet),
+        _models(study.matters),
+        _concealed(study.concealed),
         _rates(study.outcomes),
-    ]  # fmt: skip
+    ]
     return [*always, _broken(study.outcomes)] if broken(study.outcomes) else always
 
 
@@ -60,11 +63,17 @@ def trials_csv(outcomes: Sequence[Outcome]) -> str:
     header = ("trial", "concealed", "design", "closed_loop_time_s", "band_Hz", "verdict", "inside", "sound")
     rows = (
         (
-            o.number, o.concealed or NOTHING, o.design, f"{o.closed_loop_time:.4g}", f"{o.band_Hz:.4g}", o.verdict,
-            "" if o.inside is None else f"{o.inside:.4f}", "" if o.sound is None else int(o.sound),
+            o.number,
+            o.concealed or NOTHING,
+            o.design,
+            f"{o.closed_loop_time:.4g}",
+            f"{o.band_Hz:.4g}",
+            o.verdict,
+            "" if o.inside is None else f"{o.inside:.4f}",
+            "" if o.sound is None else int(o.sound),
         )
         for o in outcomes
-    )  # fmt: skip
+    )
     return table_text(header, rows)
 
 
@@ -89,19 +98,32 @@ def _tracking(every: Sequence[Tracking]) -> Table:
     for tracking in every:
         best = min(one.rms for name, one in tracking.tracked.items() if name.startswith("oracle"))
         for name, one in tracking.tracked.items():
-            rows.append([
-                tracking.name, name, _number(MICRO * one.rms, ".3g", " µm"), _number(tracking.ratio("PI", name), ".2f"),
-                _number(one.rms / best, ".2f"), _number(float(one.margins.gain[0]), ".3g"),
-                _number(float(one.margins.phase_deg[0]), ".0f", "°"), one.run.status.name.lower().replace("_", " "),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    tracking.name,
+                    name,
+                    _number(MICRO * one.rms, ".3g", " µm"),
+                    _number(tracking.ratio("PI", name), ".2f"),
+                    _number(one.rms / best, ".2f"),
+                    _number(float(one.margins.gain[0]), ".3g"),
+                    _number(float(one.margins.phase_deg[0]), ".0f", "°"),
+                    one.run.status.name.lower().replace("_", " "),
+                ]
+            )
     return Table(
         title="Tracking tones of 0.1 to 0.8 Hz",
         columns=[
-            "plant", "controller", "rms error", "PI's error over it", "its error over the best oracle's",
-            "gain margin with the identified model", "phase margin", "run",
+            "plant",
+            "controller",
+            "rms error",
+            "PI's error over it",
+            "its error over the best oracle's",
+            "gain margin with the identified model",
+            "phase margin",
+            "run",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _number(value: float, form: str, unit: str = "") -> str:
@@ -111,39 +133,47 @@ def _number(value: float, form: str, unit: str = "") -> str:
 def _fleet(runs: Sequence[FleetRun]) -> Table:
     rows = [
         [
-            run.actuator.name, run.actuator.story, f"{100 * run.steps.overshoot:.0f} %",
-            f"{100 * run.steps.steady_error:.1f} %", f"{100 * run.steps.ripple:.2g} %",
-            f"{MICRO * run.tones.rms_error:.0f} µm", "yes" if run.stable else "no",
+            run.actuator.name,
+            run.actuator.story,
+            f"{100 * run.steps.overshoot:.0f} %",
+            f"{100 * run.steps.steady_error:.1f} %",
+            f"{100 * run.steps.ripple:.2g} %",
+            f"{MICRO * run.tones.rms_error:.0f} µm",
+            "yes" if run.stable else "no",
         ]
         for run in runs
-    ]  # fmt: skip
+    ]
     return Table(
         title="The scheduled design on the six actuators",
         columns=[
-            "actuator", "what happens to it", "overshoot of the steps", "mean error late after a step",
-            "motion late after a step", "rms error on the tones", "stable",
+            "actuator",
+            "what happens to it",
+            "overshoot of the steps",
+            "mean error late after a step",
+            "motion late after a step",
+            "rms error on the tones",
+            "stable",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _models(matters: Matters) -> Table:
     made = promises(matters)
     rows = [
         [
-            matter.name, _percent_of(matter.residual, matters.output_rms),
+            matter.name,
+            _percent_of(matter.residual, matters.output_rms),
             *([_promise(p) for p in made if p.model == matter.name] or [f"no design: {matter.reason}"]),
         ]
         for matter in matters.models
-    ]  # fmt: skip
+    ]
     rows = [[*row, *[""] * (2 + len(QUANTITIES) - len(row))] for row in rows]
     return Table(
         title="Predicted (95 % interval), then achieved; ✓ where it lies inside",
-        columns=[
-            "model", "free run leaves, of the recording's rms", *(q.label for q in QUANTITIES),
-        ],
+        columns=["model", "free run leaves, of the recording's rms", *(q.label for q in QUANTITIES)],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _promise(promise: Promise) -> str:
@@ -161,24 +191,34 @@ def _percent_of(residual: float | None, whole: float) -> str:
 def _concealed(every: Sequence[Concealed]) -> Table:
     rows = [
         [
-            one.effect.replace("_", " "), one.diagnosis.verdict.value,
+            one.effect.replace("_", " "),
+            one.diagnosis.verdict.value,
             ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–",
             designed.source,
-            f"{designed.controller.closed_loop_time:g} s", designed.controller.name,
-            designed.check.verdict.value, designed.check.reason,
+            f"{designed.controller.closed_loop_time:g} s",
+            designed.controller.name,
+            designed.check.verdict.value,
+            designed.check.reason,
             f"{designed.truth.verdict.value}: {designed.truth.text}",
         ]
         for one in every
         for designed in (*one.designs, *one.at_other_times)
-    ]  # fmt: skip
+    ]
     return Table(
         title="A concealed effect: designs from the base model and from the amended one",
         columns=[
-            "concealed", "diagnosis", "its causes", "designed from", "closed-loop time", "controller",
-            "verdict of the check", "reason", "what the true rig did",
+            "concealed",
+            "diagnosis",
+            "its causes",
+            "designed from",
+            "closed-loop time",
+            "controller",
+            "verdict of the check",
+            "reason",
+            "what the true rig did",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _rates(outcomes: Sequence[Outcome]) -> Table:
@@ -193,11 +233,15 @@ def _rates(outcomes: Sequence[Outcome]) -> Table:
     return Table(
         title="How often the verdict kept its word, by design and by what was concealed (lower bounds hold with 95 %)",
         columns=[
-            "trials", "number", *verdicts_seen(outcomes), "of those that pass: steps inside the band",
-            "of those that pass: sound on the true rig", "of the unsound: not passed",
+            "trials",
+            "number",
+            *verdicts_seen(outcomes),
+            "of those that pass: steps inside the band",
+            "of those that pass: sound on the true rig",
+            "of the unsound: not passed",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list[tuple[str, list[Outcome]]]:
@@ -211,13 +255,17 @@ def _cell(rate: Rate) -> str:
 def _broken(outcomes: Sequence[Outcome]) -> Table:
     rows = [
         [
-            str(o.number), o.design, f"{o.closed_loop_time:.2g} s", o.concealed.replace("_", " ") or NOTHING,
-            "–" if o.inside is None else f"{100 * o.inside:.1f} %", o.truth,
+            str(o.number),
+            o.design,
+            f"{o.closed_loop_time:.2g} s",
+            o.concealed.replace("_", " ") or NOTHING,
+            "–" if o.inside is None else f"{100 * o.inside:.1f} %",
+            o.truth,
         ]
         for o in broken(outcomes)
-    ]  # fmt: skip
+    ]
     return Table(
         title="Trials that were passed and did not keep it",
         columns=["trial", "design", "closed-loop time", "concealed", "steps inside the band", "on the true rig"],
         rows=rows,
-    )  # fmt: skip
+    )

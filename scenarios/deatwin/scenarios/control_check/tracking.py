@@ -174,15 +174,17 @@ def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float =
     noise = int(rng.integers(2**32))
     run = model.simulate(recording)
     return Tracking(
-        name=name, residual=float(np.std((run.measured - run.outputs)[0][round(SETTLED / h) :])),
+        name=name,
+        residual=float(np.std((run.measured - run.outputs)[0][round(SETTLED / h) :])),
         tracked={
             key: Tracked(
-                controller=controller, margins=_margins(controller, mine),
+                controller=controller,
+                margins=_margins(controller, mine),
                 run=closed_loop(plant, controller, reference, rng=np.random.default_rng(noise)),
             )
             for key, controller in designs.items()
         },
-    )  # fmt: skip
+    )
 
 
 def fleet_runs(seed: int, rng: np.random.Generator) -> tuple[FleetRun, ...]:

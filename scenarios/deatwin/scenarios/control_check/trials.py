@@ -48,8 +48,11 @@ def _inverse(model: NarxModel, time: float, linear: LinearModel, *, command_limi
 
 
 DESIGNS: Mapping[str, Callable[..., Controller]] = {
-    "lambda tuning": _pi, "loop shaping": _shaped, "LQG": _lqg, "inverse": _inverse,
-}  # fmt: skip
+    "lambda tuning": _pi,
+    "loop shaping": _shaped,
+    "LQG": _lqg,
+    "inverse": _inverse,
+}
 """Each takes the NARX model, the closed-loop time in s, and what a design of a check takes."""
 
 
@@ -136,20 +139,28 @@ def try_one(number: int, seed: int) -> Outcome:
     name, closed_loop_time = str(rng.choice(list(DESIGNS))), float(10 ** rng.uniform(-1.3, 0.0))
     operating_input = float(rng.uniform(1.9, 3.1))
     told = {
-        "number": number, "concealed": "+".join(bench.concealed), "design": name,
-        "closed_loop_time": closed_loop_time, "band_Hz": bench.band_Hz,
-    }  # fmt: skip
+        "number": number,
+        "concealed": "+".join(bench.concealed),
+        "design": name,
+        "closed_loop_time": closed_loop_time,
+        "band_Hz": bench.band_Hz,
+    }
     try:
         model, known = identified(bench.recording), calibrated(bench.recording)
     except DeatwinError as error:
         return Outcome.from_dict({**told, "verdict": NO_MODEL, "reason": str(error), **_NOTHING})
     found = check(
-        model, known, rng=rng, design=partial(DESIGNS[name], model, closed_loop_time),
-        operating_input=operating_input, command_limits=LIMITS, recording=bench.recording,
-    )  # fmt: skip
-    return Outcome.from_dict({
-        **told, "verdict": found.verdict.value, "reason": found.reason, **_truth(found, bench, model, rng)
-    })  # fmt: skip
+        model,
+        known,
+        rng=rng,
+        design=partial(DESIGNS[name], model, closed_loop_time),
+        operating_input=operating_input,
+        command_limits=LIMITS,
+        recording=bench.recording,
+    )
+    return Outcome.from_dict(
+        {**told, "verdict": found.verdict.value, "reason": found.reason, **_truth(found, bench, model, rng)}
+    )
 
 
 def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generator) -> dict[str, Any]:
@@ -163,5 +174,6 @@ def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generato
     judged = worst([f for f in findings if f.subject != "tracking"])  # which compares with the model, not with a wish
     return {
         "inside": None if found.predicted is None else found.predicted.inside(runs.steps),
-        "sound": judged.verdict is Verdict.PASS, "truth": judged.text,
-    }  # fmt: skip
+        "sound": judged.verdict is Verdict.PASS,
+        "truth": judged.text,
+    }

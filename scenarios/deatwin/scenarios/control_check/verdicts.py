@@ -44,9 +44,14 @@ def judge(study: Study) -> list[Row]:
     nominal, electrode = study.tracking[0], named(study.concealed, "electrode_rc")
     base, amended = electrode.designs
     return [
-        _pays(nominal), _near(nominal), _scheduled(study.fleet), _not_passed(base), _passed(amended),
-        _kept(study.outcomes), _caught(study.outcomes),
-    ]  # fmt: skip
+        _pays(nominal),
+        _near(nominal),
+        _scheduled(study.fleet),
+        _not_passed(base),
+        _passed(amended),
+        _kept(study.outcomes),
+        _caught(study.outcomes),
+    ]
 
 
 def named(concealed: Sequence[Concealed], effect: str) -> Concealed:
@@ -80,7 +85,7 @@ def _pays(tracking: Tracking) -> Row:
         demanded=f"at least {LOWER:g} times, margins equal",
         reached=f"{', '.join(f'{name} {factor:.1f} times' for name, factor in factors.items())}; {margins}",
         passed=same and min(factors.values()) >= LOWER,
-    )  # fmt: skip
+    )
 
 
 def _alike(one: Tracked, other: Tracked) -> bool:
@@ -96,7 +101,7 @@ def _near(tracking: Tracking) -> Row:
         demanded=f"at most {NEAR:g} times",
         reached=", ".join(f"{name} {factor:.2f} times" for name, factor in factors.items()),
         passed=max(factors.values()) <= NEAR,
-    )  # fmt: skip
+    )
 
 
 def _scheduled(fleet: Sequence[FleetRun]) -> Row:
@@ -109,21 +114,25 @@ def _scheduled(fleet: Sequence[FleetRun]) -> Row:
         reached=f"{len(fleet) - len(unstable)} of {len(fleet)} stable"
         + (f" (not {', '.join(unstable)})" if unstable else calm),
         passed=bool(fleet) and not unstable,
-    )  # fmt: skip
+    )
 
 
 def _not_passed(base: Designed) -> Row:
     return Row(
         measure="electrode_rc concealed: verdict on the design from the base model",
-        demanded="not pass", reached=_both(base), passed=base.check.verdict is not Verdict.PASS,
-    )  # fmt: skip
+        demanded="not pass",
+        reached=_both(base),
+        passed=base.check.verdict is not Verdict.PASS,
+    )
 
 
 def _passed(amended: Designed) -> Row:
     return Row(
         measure="the same: verdict on the design from the model that the diagnosis amended",
-        demanded="pass", reached=_both(amended), passed=amended.check.verdict is Verdict.PASS,
-    )  # fmt: skip
+        demanded="pass",
+        reached=_both(amended),
+        passed=amended.check.verdict is Verdict.PASS,
+    )
 
 
 def _both(designed: Designed) -> str:
@@ -140,16 +149,20 @@ def _kept(outcomes: Sequence[Outcome]) -> Row:
     return Row(
         measure="random rigs and designs with the verdict pass: true steps wholly inside the predicted simultaneous "
         "95 % band",
-        demanded=f"at least {100 * KEPT:.0f} %", reached=in_words(rate), passed=_reaches(rate, KEPT),
-    )  # fmt: skip
+        demanded=f"at least {100 * KEPT:.0f} %",
+        reached=in_words(rate),
+        passed=_reaches(rate, KEPT),
+    )
 
 
 def _caught(outcomes: Sequence[Outcome]) -> Row:
     rate = caught(outcomes)
     return Row(
         measure="random rigs and designs that are unstable or break a limit on the true rig: the verdict was not pass",
-        demanded=f"at least {100 * CAUGHT:.0f} %", reached=in_words(rate), passed=_reaches(rate, CAUGHT),
-    )  # fmt: skip
+        demanded=f"at least {100 * CAUGHT:.0f} %",
+        reached=in_words(rate),
+        passed=_reaches(rate, CAUGHT),
+    )
 
 
 def _reaches(rate: Rate, share: float) -> bool:

@@ -47,13 +47,17 @@ def _with_noise(terms: Terms, section: Recording) -> NarxModel:
     return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
 
 
-ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxyType({
-    "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
-    "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
-    "total least squares": lambda terms, section: Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_,
-    "least prediction error": _with_noise,
-    "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
-})  # fmt: skip
+ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxyType(
+    {
+        "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
+        "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
+        "total least squares": lambda terms, section: (
+            Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_
+        ),
+        "least prediction error": _with_noise,
+        "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
+    }
+)
 """What estimates the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
 
 

@@ -86,24 +86,26 @@ def _orders(plan: Plan) -> tuple[Drawing, Columns]:
             colour = (AFTER, BEFORE, MARK)[LAGS[i][1]]
             style = "o-" if LAGS[i][0] == 1 else "s--"
             right.plot(DEGREES[1:], errors[i, 1:], style, color=colour, markersize=4, label=name)
-        right.plot(
-            DEGREES[chosen[1]], errors[chosen], "o", markersize=13, fillstyle="none", color=INK, label="taken"
-        )
+        right.plot(DEGREES[chosen[1]], errors[chosen], "o", markersize=13, fillstyle="none", color=INK, label="taken")
         right.set(xlabel="degree", yscale="log", xticks=DEGREES[1:])
         right.set_title("nonlinear", loc="left", fontsize="medium")
         plain_numbers(right)
         figure.legend(loc="outside upper left", ncols=4, fontsize="small", markerscale=1)
         drawing = Drawing.of(
-            figure, "orders", "Free-run error by lags and degree (thesis figure 4.7)",
+            figure,
+            "orders",
+            "Free-run error by lags and degree (thesis figure 4.7)",
             "Root mean square error of free runs over that of the reading about its mean, mean of the six, on the end "
             "of the training sections; terms are selected on their beginning. Where a point lies far up, one of the "
             f"six runs goes astray; where it is missing, one diverges. Every {plan.factor}th sample is kept.",
-        )  # fmt: skip
+        )
     lags = np.repeat(np.array(LAGS, dtype=np.float64), len(DEGREES), axis=0)
     return drawing, {
-        "output_lags": lags[:, 0], "largest_input_lag": lags[:, 1],
-        "degree": np.tile(np.array(DEGREES, dtype=np.float64), len(LAGS)), "error_percent": errors.ravel(),
-    }  # fmt: skip
+        "output_lags": lags[:, 0],
+        "largest_input_lag": lags[:, 1],
+        "degree": np.tile(np.array(DEGREES, dtype=np.float64), len(LAGS)),
+        "error_percent": errors.ravel(),
+    }
 
 
 def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
@@ -127,21 +129,25 @@ def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
                 axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
             axes.set_title(f"{bench.name}: {len(found.terms)} terms", loc="left", fontsize="medium")
             columns |= {
-                f"{key}_step": number, f"{key}_reduction": search.srr_, f"{key}_error": left,
+                f"{key}_step": number,
+                f"{key}_reduction": search.srr_,
+                f"{key}_error": left,
                 f"{key}_terms": np.array([len(step.terms) for step in search.path_], dtype=np.float64),
-            }  # fmt: skip
+            }
         panels[0, 0].set(yscale="log", ylim=(3e-6, 2.0))
         for axes in panels[-1]:
             axes.set_xlabel("step")
         figure.supylabel("share of mean y²", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, markerscale=1)
         drawing = Drawing.of(
-            figure, "semp", "Simulation error reduction along the search of SEMP (thesis figure 4.8)",
+            figure,
+            "semp",
+            "Simulation error reduction along the search of SEMP (thesis figure 4.8)",
             "What an addition takes off the squared error of the free run, over the mean square of the reading. Where "
             "a point is missing, the addition was made for the one-step error, and the free run is as good. Dotted: "
             f"thresholds of {', '.join(f'{t:g}' for t in THRESHOLDS[1:])}. The search here has none: its own tests end "
             "it, and of its steps the one with the least error is taken.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -192,10 +198,12 @@ def free_runs(
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4, markerscale=1)
         also = "" if bands is None else " Band: free runs of draws from the posterior, with noise drawn anew."
         drawing = Drawing.of(
-            figure, "free_runs", "Free runs over the held-out sections",
+            figure,
+            "free_runs",
+            "Free runs over the held-out sections",
             f"The {ZOOM:.0f} s around the largest reading. The models are given the command, and the first sample of "
             f"the section.{also}",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -262,18 +270,20 @@ def correlation_tests(study: Study, number: int, counterpart: str) -> tuple[Draw
                 axes.set_title(f"{method}: {verdict}", loc="left", fontsize="small")
                 key = f"{method}_{name}".replace("(", "").replace(")", "").replace("'", "")
                 columns |= {
-                    f"{key}_lag": test.lags.astype(np.float64), key: test.values,
+                    f"{key}_lag": test.lags.astype(np.float64),
+                    key: test.values,
                     f"{key}_without_history": without.values,
-                }  # fmt: skip
+                }
             column[-1].set_xlabel("lag (samples)")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
         drawing = Drawing.of(
-            figure, f"tests_dea{number}",
+            figure,
+            f"tests_dea{number}",
             f"Correlation tests of {bench.name}, {' beside '.join(study.methods)} ({counterpart})",
             "Of the one-step residual over the held-out section. Grey: the band that 19 of 20 correlations lie in when "
             "one of the signals is white. The verdict looks at all lags, and allows for the colour of both signals. "
             "Dots: the same actuator without its history.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -331,6 +341,4 @@ def filled(columns: Columns) -> Columns:
     dict of str to ndarray
     """
     longest = max(column.size for column in columns.values())
-    return {
-        name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()
-    }
+    return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}

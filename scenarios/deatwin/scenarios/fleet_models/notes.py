@@ -72,7 +72,7 @@ def _failures(study: Study) -> Note:
             f"is the model's own fault. Over {test.n_samples} samples a correlation of {test.band:.2f} is seen; a test "
             "that fails says that there is something left to explain, not how much. How much, the free run says.",
         ],
-    )  # fmt: skip
+    )
 
 
 def _drift() -> Note:
@@ -146,7 +146,7 @@ def _sections(study: Study) -> Note:
             f"no worse by more than a standard error, {quantity(plan.factor * step, 's')}, and of lags and degrees "
             f"likewise the fewest candidates, {_candidates(plan)}.",
         ],
-    )  # fmt: skip
+    )
 
 
 def _candidates(plan: Plan) -> str:
@@ -167,9 +167,9 @@ def _rule(study: Study) -> Note:
             "SVB, looking one step ahead only, does not see; with other seeds it does happen. With all products among "
             f"the candidates {lost} of {len(free)} SVB models diverge over one of the sections and the others fit "
             f"{_range(one.fit for one in free if not one.held_out.diverged)} %; with the rule the fits "
-            f"are {_range(kept)} %.",
+            f"are {_range(kept)} %."
         ],
-    )  # fmt: skip
+    )
 
 
 def _against(study: Study) -> str:

@@ -218,9 +218,12 @@ def prepare(actuator: Actuator) -> Prepared:
     record = recordings[RECORDED]
     level = replace(record, outputs=at_same_input(record.inputs[0], record.outputs[0], record.sample_time)[None])
     return Prepared(
-        actuator=actuator, recordings=recordings, sections=choose_sections(level, n_segments=SEGMENTS),
-        sampling=choose_sampling(record, n_lags=SAMPLING_LAGS), findings=inspect_recordings(level),
-    )  # fmt: skip
+        actuator=actuator,
+        recordings=recordings,
+        sections=choose_sections(level, n_segments=SEGMENTS),
+        sampling=choose_sampling(record, n_lags=SAMPLING_LAGS),
+        findings=inspect_recordings(level),
+    )
 
 
 def thinned(record: Recording, factor: int) -> Recording:
@@ -242,9 +245,11 @@ def thinned(record: Recording, factor: int) -> Recording:
     Recording
     """
     return replace(
-        record, inputs=record.inputs[:, ::factor], outputs=record.outputs[:, ::factor],
+        record,
+        inputs=record.inputs[:, ::factor],
+        outputs=record.outputs[:, ::factor],
         sample_time=record.sample_time * factor,
-    )  # fmt: skip
+    )
 
 
 def order_errors(training: Recording) -> Array:
@@ -266,9 +271,12 @@ def order_errors(training: Recording) -> Array:
     for i, (output, largest) in enumerate(LAGS):
         choice = choose_orders(
             Frols(rule=RULE, max_terms=MOST_TERMS, criterion="free_run", held_out=CHOOSING),
-            training.section(0, cut), end,
-            output_lags=[output], input_lags=[tuple(range(largest + 1))], degrees=DEGREES,
-        )  # fmt: skip
+            training.section(0, cut),
+            end,
+            output_lags=[output],
+            input_lags=[tuple(range(largest + 1))],
+            degrees=DEGREES,
+        )
         errors[i] = [trial.error for trial in choice.trials]
     return errors / float(end.outputs.std())
 

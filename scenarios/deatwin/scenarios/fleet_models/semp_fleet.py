@@ -60,6 +60,9 @@ def _account(_: Setting, study: Study) -> Account:
             f"{max(fits):.0f} %; {sum(row.passed for row in rows)} of {len(rows)} stated measures are reached. What "
             "drift, hysteresis and the polynomials' own misfit leave is in the correlation tests."
         ),
-        rows=rows, notes=semp_notes(study), figures=figures, tables=semp_tables(study, estimated),
-    )  # fmt: skip
+        rows=rows,
+        notes=semp_notes(study),
+        figures=figures,
+        tables=semp_tables(study, estimated),
+    )
     return page, files

@@ -15,15 +15,7 @@ from deatwin.ident.narx.validate import Validation, validate
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models.preparation import (
-    FACTORS,
-    RULE,
-    Plan,
-    Prepared,
-    make_plan,
-    order_errors,
-    prepare,
-)
+from deatwin.scenarios.fleet_models.preparation import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
 from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
 from deatwin.scenarios.voice import Progress
 
@@ -190,9 +182,7 @@ def carry_out(seed: int, programme: Programme, *, jobs: int, progress: Progress)
     return Study(prepared=tuple(prepared), plan=plan, benches=benches, methods=programme.methods)
 
 
-def identify(
-    name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan, programme: Programme
-) -> Bench:
+def identify(name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan, programme: Programme) -> Bench:
     """Identify an actuator by each method.
 
     Parameters
@@ -251,9 +241,14 @@ def _identified(search: NarxIdentifier, sections: tuple[Recording, Recording]) -
 
 
 def _all(
-    function: Callable[..., Any], tasks: Iterable[tuple[Any, ...]], jobs: int, progress: Progress,
-    first: float, last: float, doing: str,
-) -> list[Any]:  # fmt: skip
+    function: Callable[..., Any],
+    tasks: Iterable[tuple[Any, ...]],
+    jobs: int,
+    progress: Progress,
+    first: float,
+    last: float,
+    doing: str,
+) -> list[Any]:
     """Run jobs, telling what share of all work they are."""
     every = list(tasks)
     progress(first, doing)

@@ -84,10 +84,12 @@ def _pruning(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("terms")
         figure.supylabel("lower bound less the largest (nats)", fontsize="medium")
         drawing = Drawing.of(
-            figure, "pruning", "How many terms the lower bound keeps",
+            figure,
+            "pruning",
+            "How many terms the lower bound keeps",
             "Read from the right: all candidates are fitted, those of the least relevance are pruned, down to one "
             "term. The step of the largest bound is taken (circle). No section that is held out has a say.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -104,24 +106,34 @@ def _posterior(bench: Bench) -> tuple[Drawing, Columns]:
             rows = np.array([place[term] for term in model.terms])
             interval = "95 % interval of the posterior" if method == SVB else "95 % interval of least squares"
             axes.errorbar(
-                middle, rows + shift, xerr=(middle - low, high - middle), fmt="o", color=colour, markersize=4,
-                elinewidth=2.0, label=f"{method}, {interval}",
-            )  # fmt: skip
+                middle,
+                rows + shift,
+                xerr=(middle - low, high - middle),
+                fmt="o",
+                color=colour,
+                markersize=4,
+                elinewidth=2.0,
+                label=f"{method}, {interval}",
+            )
             columns |= {
-                f"{method}_row": rows.astype(np.float64), f"{method}_um": middle, f"{method}_low_um": low,
+                f"{method}_row": rows.astype(np.float64),
+                f"{method}_um": middle,
+                f"{method}_low_um": low,
                 f"{method}_high_um": high,
-            }  # fmt: skip
+            }
         axes.axvline(0.0, color=INK, linewidth=0.8)
         axes.set_yticks(range(len(terms)), [str(term) for term in terms], fontsize="small")
         axes.set(xlabel="share in the next reading (µm rms, sign of the parameter)", ylim=(len(terms) - 0.5, -0.5))
         axes.set_xscale("symlog", linthresh=10.0)
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
-            figure, "posterior", f"{bench.name}: what SVB and SEMP keep, and how well they know it",
+            figure,
+            "posterior",
+            f"{bench.name}: what SVB and SEMP keep, and how well they know it",
             "Each parameter times the root mean square of its term over the training section. Terms are products of "
             "the same few signals, so that large shares of either sign cancel. Both intervals take the structure for "
             "true and the residual for white. A row without a point is a term that the other method kept.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -168,13 +180,19 @@ def _choice(choice: Choice, name: str) -> tuple[Drawing, Columns]:
             plain_numbers(axes)
         below_left.set_ylabel("free-run error, held out (µm)")
         drawing = Drawing.of(
-            figure, "choice", "The lower bound against the error reduction ratio as the choice (thesis figure 6.12)",
+            figure,
+            "choice",
+            "The lower bound against the error reduction ratio as the choice (thesis figure 6.12)",
             f"{name}. Left: the bound has a largest value (circle). Right: the ratio has none, and the number of terms "
             f"is that of the threshold: {counts} for {', '.join(f'{t:g}' for t in THRESHOLDS)} (dotted). Below: what "
             "the free run makes of each number, which neither looks at; a point is missing where it diverges.",
-        )  # fmt: skip
+        )
     columns = {
-        "svb_terms": terms, "svb_bound_nats": bounds, "svb_free_run_um": 1e6 * choice.bound_errors[order],
-        "fro_terms": number.astype(np.float64), "fro_err": choice.err, "fro_free_run_um": 1e6 * choice.err_errors,
-    }  # fmt: skip
+        "svb_terms": terms,
+        "svb_bound_nats": bounds,
+        "svb_free_run_um": 1e6 * choice.bound_errors[order],
+        "fro_terms": number.astype(np.float64),
+        "fro_err": choice.err,
+        "fro_free_run_um": 1e6 * choice.err_errors,
+    }
     return drawing, filled(columns)

@@ -61,8 +61,11 @@ def _account(setting: Setting, study: Study) -> Account:
             f"{min(own):.0f} to {max(own):.0f} %, those of SEMP {min(other):.0f} to {max(other):.0f} %; "
             f"{sum(row.passed for row in rows)} of {len(rows)} stated measures are reached."
         ),
-        rows=rows, notes=svb_notes(study), figures=figures, tables=svb_tables(study),
-    )  # fmt: skip
+        rows=rows,
+        notes=svb_notes(study),
+        figures=figures,
+        tables=svb_tables(study),
+    )
     return page, files
 
 
@@ -70,7 +73,11 @@ def _choice(study: Study) -> Choice:
     """Follow the paths of SVB and FRO on the actuator that is shown in full."""
     bench, plan = study.recorded[SHOWN - 1], study.plan
     fro = Frols(
-        output_lags=plan.output_lags, input_lags=plan.input_lags, degree=plan.degree, rule=RULE,
-        max_terms=LONGEST_PATH, criterion="none",
-    )  # fmt: skip
+        output_lags=plan.output_lags,
+        input_lags=plan.input_lags,
+        degree=plan.degree,
+        rule=RULE,
+        max_terms=LONGEST_PATH,
+        criterion="none",
+    )
     return compare(bench.models[SVB].search, fro.fit(bench.sections[0]), *bench.sections)

@@ -39,9 +39,13 @@ def semp_tables(study: Study, estimated: Sequence[Estimated]) -> list[Table]:
     """
     shown = study.recorded[SHOWN - 1]
     return [
-        _preprocessing(study.prepared, study.plan), _validation(study.recorded, (SEMP, FRO, LINEAR)), _physics(study),
-        _semp(study.recorded), _estimators(shown, estimated), _without_dc(shown),
-    ]  # fmt: skip
+        _preprocessing(study.prepared, study.plan),
+        _validation(study.recorded, (SEMP, FRO, LINEAR)),
+        _physics(study),
+        _semp(study.recorded),
+        _estimators(shown, estimated),
+        _without_dc(shown),
+    ]
 
 
 def svb_tables(study: Study) -> list[Table]:
@@ -74,23 +78,28 @@ def _preprocessing(prepared: Sequence[Prepared], plan: Plan) -> Table:
         training, held_out = one.split(VARIANTS[0], plan.factor)
         sampling = one.sampling
         minimum = "none" if sampling.first_minimum is None else f"{sampling.first_minimum * sampling.sample_time:.2f} s"
-        rows.append([
-            one.name,
-            f"{training.start:.0f} to {training.end:.0f} s, {training.n_samples}",
-            f"{held_out.start:.0f} to {held_out.end:.0f} s, {held_out.n_samples}",
-            quantity(training.sample_time, "s"),
-            f"{minimum}; {quantity(sampling.factor * sampling.sample_time, 's')}",
-            "; ".join(finding.text for finding in one.findings) or "nothing",
-        ])  # fmt: skip
+        rows.append(
+            [
+                one.name,
+                f"{training.start:.0f} to {training.end:.0f} s, {training.n_samples}",
+                f"{held_out.start:.0f} to {held_out.end:.0f} s, {held_out.n_samples}",
+                quantity(training.sample_time, "s"),
+                f"{minimum}; {quantity(sampling.factor * sampling.sample_time, 's')}",
+                "; ".join(finding.text for finding in one.findings) or "nothing",
+            ]
+        )
     return Table(
         title="Preprocessing (thesis table B.1)",
         columns=[
-            "actuator", "training, samples", "held out, samples", "sampling time taken",
+            "actuator",
+            "training, samples",
+            "held out, samples",
+            "sampling time taken",
             "first minimum of the correlations; sampling time for 15 samples to it",
             "named in the reading at the same input, and left as it is",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _validation(benches: Sequence[Bench], methods: Sequence[str]) -> Table:
@@ -98,18 +107,23 @@ def _validation(benches: Sequence[Bench], methods: Sequence[str]) -> Table:
     for bench in benches:
         for method in methods:
             one = bench.models[method]
-            rows.append([
-                bench.name, method, str(len(one.model.terms)), *_fits(one),
-                *(_verdict(one, name) for name in TESTS),
-            ])  # fmt: skip
+            rows.append(
+                [bench.name, method, str(len(one.model.terms)), *_fits(one), *(_verdict(one, name) for name in TESTS)]
+            )
     return Table(
         title="Validation of the models on the held-out sections",
         columns=[
-            "actuator", "method", "terms", "one-step error", "free-run fit, training", "free-run fit, held out",
-            "free-run error, held out", *(f"φ {text}" for text in TESTS.values()),
+            "actuator",
+            "method",
+            "terms",
+            "one-step error",
+            "free-run fit, training",
+            "free-run fit, held out",
+            "free-run error, held out",
+            *(f"φ {text}" for text in TESTS.values()),
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _fits(one: Identified) -> list[str]:
@@ -157,7 +171,7 @@ def _semp(benches: Sequence[Bench]) -> Table:
         title="Models by SEMP (thesis table 4.1)",
         columns=["actuator", "term", f"parameter ({UNITS})", "95 % interval of least squares, were the residual white"],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _svb(title: str, benches: Sequence[Bench]) -> Table:
@@ -193,8 +207,9 @@ def _estimators(bench: Bench, estimated: Sequence[Estimated]) -> Table:
         rows.append([f"φ {text}, held out", *cells])
     return Table(
         title=f"Estimators of one structure, the SEMP model of {bench.name} (thesis table 4.2)",
-        columns=[f"term ({UNITS})", *(e.name for e in estimated)], rows=rows,
-    )  # fmt: skip
+        columns=[f"term ({UNITS})", *(e.name for e in estimated)],
+        rows=rows,
+    )
 
 
 def _estimate(model: NarxModel, term: Term) -> str:
@@ -218,4 +233,4 @@ def _without_dc(bench: Bench) -> Table:
         title=f"Removal of the DC component, the SEMP model of {bench.name} (thesis table 4.3)",
         columns=["term", f"parameter ({UNITS})", f"of deviations from {level:.3f} V and {1e3 * rest:.3f} mm"],
         rows=rows,
-    )  # fmt: skip
+    )

@@ -62,9 +62,7 @@ def _written(
         name = f"models/{bench.name.lower().replace(' ', '')}_{method.lower()}.json"
         folder.save(name, bench.models[method].model.save)
     write_story(folder, page, record)
-    result = {
-        "sentence": page.sentence, "measures": [asdict(row) for row in page.rows], "models": _validations(study),
-    }  # fmt: skip
+    result = {"sentence": page.sentence, "measures": [asdict(row) for row in page.rows], "models": _validations(study)}
     folder.text(f"{page.title}.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
     return result

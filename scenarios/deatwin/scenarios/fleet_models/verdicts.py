@@ -58,17 +58,22 @@ def judge_svb(study: Study) -> list[Row]:
 def _of_method(study: Study, method: str) -> list[Row]:
     recorded = study.recorded
     return [
-        _sound(recorded, method), _beats_linear(recorded, method), _tests(recorded, method), _history(study, method),
+        _sound(recorded, method),
+        _beats_linear(recorded, method),
+        _tests(recorded, method),
+        _history(study, method),
         _hysteresis(study, method),
-    ]  # fmt: skip
+    ]
 
 
 def _sound(benches: Iterable[Bench], method: str) -> Row:
     status = [not bench.models[method].held_out.diverged for bench in benches]
     return Row(
-        measure=f"{method}: free runs over the held-out sections that stay finite", demanded="6 of 6",
-        reached=f"{sum(status)} of {len(status)}", passed=all(status),
-    )  # fmt: skip
+        measure=f"{method}: free runs over the held-out sections that stay finite",
+        demanded="6 of 6",
+        reached=f"{sum(status)} of {len(status)}",
+        passed=all(status),
+    )
 
 
 def _beats_linear(benches: Iterable[Bench], method: str) -> Row:
@@ -80,8 +85,9 @@ def _beats_linear(benches: Iterable[Bench], method: str) -> Row:
     return Row(
         measure=f"{method}: free-run error over the held-out section, over that of the linear model of the same lags",
         demanded=f"below {HALF:g} for each of the six",
-        reached=f"{_range(shares, '.2f')}, fits of {_range(fits, '.1f')} %", passed=max(shares) < HALF,
-    )  # fmt: skip
+        reached=f"{_range(shares, '.2f')}, fits of {_range(fits, '.1f')} %",
+        passed=max(shares) < HALF,
+    )
 
 
 def _tests(benches: Iterable[Bench], method: str) -> Row:
@@ -93,7 +99,7 @@ def _tests(benches: Iterable[Bench], method: str) -> Row:
         demanded="all five pass, for each of the six",
         reached=f"{sum(one.passed for one in found)} of {total} tests pass, all five of {sum(whole)} models",
         passed=all(whole),
-    )  # fmt: skip
+    )
 
 
 def _history(study: Study, method: str) -> Row:
@@ -106,8 +112,9 @@ def _history(study: Study, method: str) -> Row:
     return Row(
         measure=f"{method}: held-out fit of the same actuators without histories, less that with them, DEA 1 to 6",
         demanded="median above 0 of DEA 1 to 5, which drift within their sections",
-        reached=f"{shown} %", passed=float(np.median(drifting)) > 0,
-    )  # fmt: skip
+        reached=f"{shown} %",
+        passed=float(np.median(drifting)) > 0,
+    )
 
 
 def _hysteresis(study: Study, method: str) -> Row:
@@ -118,8 +125,9 @@ def _hysteresis(study: Study, method: str) -> Row:
     return Row(
         measure=f"{method}: free-run error of the same actuators with hysteresis alone, over that with the bare film",
         demanded="median above 1: no polynomial of a few past values holds it",
-        reached=f"{_range(losses, '.2f')}, median {np.median(losses):.2f}", passed=float(np.median(losses)) > 1,
-    )  # fmt: skip
+        reached=f"{_range(losses, '.2f')}, median {np.median(losses):.2f}",
+        passed=float(np.median(losses)) > 1,
+    )
 
 
 def _against_fro(benches: Iterable[Bench]) -> Row:
@@ -131,8 +139,9 @@ def _against_fro(benches: Iterable[Bench]) -> Row:
     return Row(
         measure="free-run error over the training section, SEMP and FRO with as many terms, DEA 1 to 6",
         demanded="SEMP's below FRO's in most: it is what SEMP lowers step by step",
-        reached=f"{shown} µm", passed=sum(own < other for own, other in pairs) > len(pairs) / 2,
-    )  # fmt: skip
+        reached=f"{shown} µm",
+        passed=sum(own < other for own, other in pairs) > len(pairs) / 2,
+    )
 
 
 def _against_semp(benches: Iterable[Bench]) -> Row:
@@ -142,7 +151,7 @@ def _against_semp(benches: Iterable[Bench]) -> Row:
         demanded=f"median at most {AS_GOOD:g}: as good without ever having run free",
         reached=f"{', '.join(f'{share:.2f}' for share in shares)}; median {np.median(shares):.2f}",
         passed=float(np.median(shares)) <= AS_GOOD,
-    )  # fmt: skip
+    )
 
 
 def _band(study: Study) -> Row:
@@ -155,7 +164,7 @@ def _band(study: Study) -> Row:
         demanded="median from 90 to 99 %: posterior and noise say how far off the next reading is",
         reached=f"{_range(shares, '.1f')} %, median {np.median(shares):.1f} %",
         passed=90 <= float(np.median(shares)) <= 99,
-    )  # fmt: skip
+    )
 
 
 def _bounds(benches: Iterable[Bench]) -> Row:
@@ -165,8 +174,10 @@ def _bounds(benches: Iterable[Bench]) -> Row:
     ]
     return Row(
         measure="SVB: largest fall of the lower bound during an update, over the bound",
-        demanded=f"none beyond rounding, {RISE:g}", reached=f"{max(falls):.1e}", passed=max(falls) <= RISE,
-    )  # fmt: skip
+        demanded=f"none beyond rounding, {RISE:g}",
+        reached=f"{max(falls):.1e}",
+        passed=max(falls) <= RISE,
+    )
 
 
 def _dc(benches: Iterable[Bench]) -> Row:
@@ -181,8 +192,10 @@ def _dc(benches: Iterable[Bench]) -> Row:
             worst = max(worst, float(np.abs(part.outputs + level - whole.outputs).max()) / size)
     return Row(
         measure="free run of the model of deviations, put back on its operating point, less that of the model itself",
-        demanded="below 1e-9 of the stroke, for the six SEMP models", reached=f"{worst:.0e}", passed=worst < 1e-9,
-    )  # fmt: skip
+        demanded="below 1e-9 of the stroke, for the six SEMP models",
+        reached=f"{worst:.0e}",
+        passed=worst < 1e-9,
+    )
 
 
 def deviations(model: NarxModel, section: Recording) -> tuple[NarxModel, Recording]:

@@ -68,9 +68,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
     for one in fleet.actuators:
         setting.folder.save(f"models/{one.name.lower().replace(' ', '')}.json", one.model.save)
     page = StoryPage(
-        title="frequency-analysis", sentence=sentence, rows=rows, notes=notes(found, truth), figures=figures,
+        title="frequency-analysis",
+        sentence=sentence,
+        rows=rows,
+        notes=notes(found, truth),
+        figures=figures,
         tables=tables(known, found),
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows]}
     setting.folder.text("frequency-analysis.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")

@@ -262,18 +262,19 @@ def actuators(fleet: Fleet, rng: np.random.Generator, *, draws: int = DRAWS, job
     signal = _signal(fleet)
     shown = fleet.actuators[min(SHOWN, len(fleet.actuators)) - 1]
     return Actuators(
-        fleet=fleet, each=tuple(_analysed(one, signal) for one in fleet.actuators), signal=signal,
-        side=_side(shown, signal), sampled=_sampled(shown, fleet, signal, rng, draws),
+        fleet=fleet,
+        each=tuple(_analysed(one, signal) for one in fleet.actuators),
+        signal=signal,
+        side=_side(shown, signal),
+        sampled=_sampled(shown, fleet, signal, rng, draws),
         rival=_rival(fleet, signal, jobs),
-    )  # fmt: skip
+    )
 
 
 def _signal(fleet: Fleet) -> TestSignal:
     """One test signal for all, inside the commands that each model was trained on."""
     ranges = [one.model.operating for one in fleet.actuators if one.model.operating is not None]
-    room = min(
-        min(OPERATING_INPUT - float(r.input_min[0]), float(r.input_max[0]) - OPERATING_INPUT) for r in ranges
-    )  # fmt: skip
+    room = min(min(OPERATING_INPUT - float(r.input_min[0]), float(r.input_max[0]) - OPERATING_INPUT) for r in ranges)
     step = fleet.actuators[0].model.sample_time
     return design_excitation(BAND, step, amplitude=room, unit="V")
 
@@ -282,13 +283,16 @@ def _analysed(alike: Alike, signal: TestSignal) -> Analysed:
     model, at = alike.model, OPERATING_INPUT
     fitted = _nofrf(model, signal.values)
     return Analysed(
-        alike=alike, removal=remove(model, alike.sections[1]),
+        alike=alike,
+        removal=remove(model, alike.sections[1]),
         first=gfrf(model, 1, 2 * np.pi * FREQUENCIES, operating_input=at),
         second=gfrf(model, 2, 2 * np.pi * frequency_grid(GRID, GRID), operating_input=at),
-        fitted=fitted, direct=_direct(model, signal.values), outputs=_orders(model, signal),
+        fitted=fitted,
+        direct=_direct(model, signal.values),
+        outputs=_orders(model, signal),
         left=left_by(model, _piece(alike, signal)),
         simulated=settled(deviations(model, at).model, signal.values),
-    )  # fmt: skip
+    )
 
 
 def _nofrf(model: NarxModel, excitation: Array) -> Nofrf:
@@ -314,11 +318,14 @@ def _side(alike: Alike, signal: TestSignal) -> Side:
     equal = signal.values * random.std() / signal.values.std()
     step = model.sample_time
     return Side(
-        signal=signal, random=random,
+        signal=signal,
+        random=random,
         designed_inputs=tuple(input_spectrum(equal, n, step, unit="V") for n in range(1, ORDERS + 1)),
         random_inputs=tuple(input_spectrum(random, n, step, unit="V") for n in range(1, ORDERS + 1)),
-        designed=_nofrf(model, signal.values), by_random=_nofrf(model, random), direct_random=_direct(model, random),
-    )  # fmt: skip
+        designed=_nofrf(model, signal.values),
+        by_random=_nofrf(model, random),
+        direct_random=_direct(model, random),
+    )
 
 
 def _rival(fleet: Fleet, signal: TestSignal, jobs: int) -> Rival:
@@ -326,10 +333,11 @@ def _rival(fleet: Fleet, signal: TestSignal, jobs: int) -> Rival:
     models = tuple(fit(structure, one.sections[0]) for one in fleet.actuators)
     others = [replace(one, model=model) for one, model in zip(fleet.actuators, models, strict=True)]
     return Rival(
-        models=models, fits=np.array([one.fit_percent for one in others]),
+        models=models,
+        fits=np.array([one.fit_percent for one in others]),
         first=tuple(gfrf(m, 1, 2 * np.pi * FREQUENCIES, operating_input=OPERATING_INPUT) for m in models),
         left=np.array([left_by(one.model, _piece(one, signal)) for one in others]),
-    )  # fmt: skip
+    )
 
 
 def _piece(alike: Alike, signal: TestSignal) -> Array:
@@ -366,17 +374,21 @@ def _power(spectra: Complex) -> Array:
 def _sampled(alike: Alike, fleet: Fleet, signal: TestSignal, rng: np.random.Generator, draws: int) -> Sampled:
     plan = fleet.plan
     search = SvbNarx(
-        output_lags=plan.output_lags, input_lags=plan.input_lags, degree=plan.degree, rule=linear_in_output,
+        output_lags=plan.output_lags,
+        input_lags=plan.input_lags,
+        degree=plan.degree,
+        rule=linear_in_output,
         clean_up="none",
-    )  # fmt: skip
+    )
     model = search.fit(alike.sections[0]).model_
     drawn = rng.multivariate_normal(model.theta, model.theta_cov, size=draws, method="cholesky")
     return Sampled(
-        name=alike.name, model=model,
+        name=alike.name,
+        model=model,
         first=gfrf(model, 1, 2 * np.pi * FREQUENCIES, operating_input=OPERATING_INPUT),
         orders=_orders(model, signal),
         draws=np.array([[y.values for y in _orders(replace(model, theta=theta), signal)] for theta in drawn]),
-    )  # fmt: skip
+    )
 
 
 def _orders(model: NarxModel, signal: TestSignal) -> tuple[FrequencyResponse, ...]:

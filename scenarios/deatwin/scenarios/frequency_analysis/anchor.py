@@ -101,10 +101,13 @@ def anchor(alike: Alike, fleet: Fleet, frequency_Hz: tuple[float, ...] = FREQUEN
     found = fit(fleet.structure, record)
     models = {"least_squares": found, "refined": refine(found, record), "recorded": alike.model}
     return Anchor(
-        name=alike.name, frequency_Hz=np.array(frequency_Hz), film=_response(film, frequency_Hz, SMALL),
-        small=_response(gripped, frequency_Hz, SMALL), large=_response(gripped, frequency_Hz, LARGE),
+        name=alike.name,
+        frequency_Hz=np.array(frequency_Hz),
+        film=_response(film, frequency_Hz, SMALL),
+        small=_response(gripped, frequency_Hz, SMALL),
+        large=_response(gripped, frequency_Hz, LARGE),
         **{name: gfrf(model, 1, omega, operating_input=OPERATING_INPUT) for name, model in models.items()},
-    )  # fmt: skip
+    )
 
 
 def _response(plant: Plant, frequency_Hz: tuple[float, ...], size: float) -> Complex:

@@ -60,9 +60,7 @@ def filled(columns: Columns) -> Columns:
     dict of str to ndarray
     """
     longest = max(column.size for column in columns.values())
-    return {
-        name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()
-    }
+    return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}
 
 
 def map_of(axes: Axes, axis: Array, decibels: Array, levels: Array) -> object:
@@ -107,20 +105,28 @@ def _ranges(found: Sequence[Ranges]) -> tuple[Drawing, Columns]:
                 columns[f"{key}_Y{n}"] = order.gain
             there = np.abs(one.simulated) > SMALLEST * size
             axes.plot(
-                one.frequency_Hz[there], np.abs(one.simulated)[there], "s", color=INK, fillstyle="none", markersize=6,
-                markeredgewidth=0.6, label="simulated",
-            )  # fmt: skip
+                one.frequency_Hz[there],
+                np.abs(one.simulated)[there],
+                "s",
+                color=INK,
+                fillstyle="none",
+                markersize=6,
+                markeredgewidth=0.6,
+                label="simulated",
+            )
             axes.set(yscale="log", ylim=(5e-12 * size, 4 * size), xlabel="frequency (Hz)")
             axes.set_title(f"{one.system.name}: {one.system.shown}", loc="left", fontsize="medium")
         panels[0].set_ylabel("Fourier coefficient of the output")
         legend_above(figure, panels[0], 4)
         low, high = found[0].signal.band_Hz
         drawing = Drawing.of(
-            figure, "ranges", "Where the orders of an output have energy (in place of thesis figure 4.2)",
+            figure,
+            "ranges",
+            "Where the orders of an output have energy (in place of thesis figure 4.2)",
             f"The input holds {low:g} to {high:g} Hz at a sample time of 1 s. Order n reaches sums of n input "
             "frequencies of either sign, and nothing else. S2 has three orders. The Duffing oscillator has the odd "
             "ones, all of them: what is simulated beyond order 3 is of the fifth and later.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -146,11 +152,13 @@ def _gfrfs() -> tuple[Drawing, Columns]:
             axes.set_title(f"{system.name}{held}", loc="left", fontsize="medium")
         legend_above(figure, left, 2)
         drawing = Drawing.of(
-            figure, "benchmark_gfrfs", "Frequency responses of two systems (in place of thesis figure 4.4)",
+            figure,
+            "benchmark_gfrfs",
+            "Frequency responses of two systems (in place of thesis figure 4.4)",
             "Of the overdamped system the second order is largest where the sum of the frequencies is small, for there "
             "its pole is slow, and where both are small. Of the oscillator the third order is large where one of the "
             "three frequencies, or their sum, is at the resonance. Sample time 1 s.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -171,9 +179,10 @@ def _nofrfs(found: Sequence[Evaluated]) -> tuple[Drawing, Columns]:
                 n, direct, fitted = place + 1, one.direct[place], one.fitted.orders[place]
                 key = f"{one.system.name}_G{n}"
                 columns |= {
-                    f"{key}_frequency_Hz": direct.frequency_Hz, f"{key}_direct": direct.gain,
+                    f"{key}_frequency_Hz": direct.frequency_Hz,
+                    f"{key}_direct": direct.gain,
                     f"{key}_least_squares": fitted.gain,
-                }  # fmt: skip
+                }
                 axes.plot(direct.frequency_Hz, direct.gain, color=OF_ORDER[place], label="from the model")
                 axes.plot(fitted.frequency_Hz, fitted.gain, ".", color=INK, markersize=2.5, label="least squares")
                 axes.axvline(n * one.signal.band_Hz[1], color=MEASURED, linestyle=":", label="end of its range")
@@ -186,10 +195,12 @@ def _nofrfs(found: Sequence[Evaluated]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("frequency (Hz)")
         legend_above(figure, rows[0, 0], 3)
         drawing = Drawing.of(
-            figure, "benchmark_nofrfs", "NOFRFs of two systems (in place of thesis figure 4.5)",
+            figure,
+            "benchmark_nofrfs",
+            "NOFRFs of two systems (in place of thesis figure 4.5)",
             "By least squares over levels of the test signal, and directly. G₁ is H₁; the others are means of Hₙ over "
             "all ways to reach a frequency. The oscillator has no even orders.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -206,23 +217,28 @@ def _identified(one: Identified) -> tuple[Drawing, Columns]:
             relative.axhline(0, color=INK, linewidth=0.9)
             relative.set_xlabel("frequency (Hz)")
             axes.fill_between(
-                f[there], band.low[there], band.high[there], color=OF_ORDER[place], alpha=0.35, linewidth=0,
+                f[there],
+                band.low[there],
+                band.high[there],
+                color=OF_ORDER[place],
+                alpha=0.35,
+                linewidth=0,
                 label="95 % band",
-            )  # fmt: skip
+            )
             axes.plot(f[there], truth.gain[there], color=INK, linewidth=0.9, label="true")
             axes.set_title(f"|Y{SUBSCRIPTS[n]}|", loc="left", fontsize="medium")
             axes.set_ylim(0, None)
-            columns |= {
-                f"Y{n}": found.gain, f"Y{n}_low": band.low, f"Y{n}_high": band.high, f"Y{n}_true": truth.gain
-            }  # fmt: skip
+            columns |= {f"Y{n}": found.gain, f"Y{n}_low": band.low, f"Y{n}_high": band.high, f"Y{n}_true": truth.gain}
         panels[0].set_ylabel("Fourier coefficient")
         errors[0].set_ylabel("band less truth (% of largest)")
         legend_above(figure, panels[0], 2)
         drawing = Drawing.of(
-            figure, "identified", "Orders of the output of an identified system (in place of thesis figure 6.10)",
+            figure,
+            "identified",
+            "Orders of the output of an identified system (in place of thesis figure 6.10)",
             "S2, identified by SVB from one recording of 1000 samples, under the test signal. Below: how far the band "
             "reaches to either side of the truth, over the largest true line of the order. Over "
             f"{one.recordings} further recordings of 500 samples, fitted by least squares, the bands hold the truth at "
             f"{', '.join(f'{100 * c:.1f}' for c in one.coverage)} % of the lines.",
-        )  # fmt: skip
+        )
     return drawing, columns

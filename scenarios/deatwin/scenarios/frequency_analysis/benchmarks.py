@@ -250,19 +250,24 @@ def _ranges(system: ClosedForm) -> Ranges:
     orders = output_orders(system.model, signal.values, ORDERS)
     band = 2 * np.pi * np.array(signal.band_Hz)
     return Ranges(
-        system=system, signal=signal, frequency_Hz=orders[0].frequency_Hz,
-        simulated=settled(system.model, signal.values), orders=orders,
+        system=system,
+        signal=signal,
+        frequency_Hz=orders[0].frequency_Hz,
+        simulated=settled(system.model, signal.values),
+        orders=orders,
         bands_Hz=tuple(output_frequencies(band, n) / (2 * np.pi) for n in range(1, ORDERS + 1)),
-    )  # fmt: skip
+    )
 
 
 def _evaluated(system: ClosedForm) -> Evaluated:
     signal = design_excitation(BAND, system.model.sample_time, amplitude=PEAK, period=PERIOD)
     return Evaluated(
-        system=system, signal=signal, fitted=nofrf(system.model, signal, ORDERS),
+        system=system,
+        signal=signal,
+        fitted=nofrf(system.model, signal, ORDERS),
         direct=tuple(nofrf_exact(system.model, signal, n) for n in range(1, ORDERS + 1)),
         simulated=settled(system.model, signal.values),
-    )  # fmt: skip
+    )
 
 
 def _identified(rng: np.random.Generator, recordings: int) -> Identified:
@@ -270,14 +275,21 @@ def _identified(rng: np.random.Generator, recordings: int) -> Identified:
     signal = design_excitation(BAND, system.sample_time, amplitude=PEAK, period=PERIOD)
     found = SvbNarx(output_lags=2, input_lags=2, degree=3).fit(system.draw(rng, IDENTIFIED_ON).recording).model_
     true_orders = output_orders(system.model, signal.values, ORDERS, operating_input=0.0)
-    held = np.array([
-        [_held(y, truth) for y, truth in zip(_orders(model, signal), true_orders, strict=True)]
-        for model in (Fixed(terms=system.terms).fit(system.draw(rng).recording).model_ for _ in range(recordings))
-    ])  # fmt: skip
+    held = np.array(
+        [
+            [_held(y, truth) for y, truth in zip(_orders(model, signal), true_orders, strict=True)]
+            for model in (Fixed(terms=system.terms).fit(system.draw(rng).recording).model_ for _ in range(recordings))
+        ]
+    )
     return Identified(
-        model=found, truth=system.model, signal=signal, orders=_orders(found, signal), true_orders=true_orders,
-        coverage=held.mean(axis=0), recordings=recordings,
-    )  # fmt: skip
+        model=found,
+        truth=system.model,
+        signal=signal,
+        orders=_orders(found, signal),
+        true_orders=true_orders,
+        coverage=held.mean(axis=0),
+        recordings=recordings,
+    )
 
 
 def _orders(model: NarxModel, signal: TestSignal) -> tuple[FrequencyResponse, ...]:

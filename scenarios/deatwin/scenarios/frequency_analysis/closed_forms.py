@@ -111,24 +111,32 @@ def _duffing_3(w: Array) -> Complex:
 
 
 LINEAR = ClosedForm(
-    name="S1", shown="y = −1.7 y₁ − 0.8 y₂ + u₁ + 0.81 u₂",
+    name="S1",
+    shown="y = −1.7 y₁ − 0.8 y₂ + u₁ + 0.81 u₂",
     equation={"y(k-1)": -1.7, "y(k-2)": -0.8, "u(k-1)": 1.0, "u(k-2)": 0.81},
-    responses={1: _linear, 2: _zero, 3: _zero}, highest=1,
-)  # fmt: skip
+    responses={1: _linear, 2: _zero, 3: _zero},
+    highest=1,
+)
 HAMMERSTEIN = ClosedForm(
-    name="S2", shown="y = 0.8 y₁ + 0.4 (u₁ + u₁² + u₁³)",
+    name="S2",
+    shown="y = 0.8 y₁ + 0.4 (u₁ + u₁² + u₁³)",
     equation={"y(k-1)": 0.8, "u(k-1)": 0.4, "u(k-1)^2": 0.4, "u(k-1)^3": 0.4},
-    responses={1: _hammerstein, 2: _hammerstein, 3: _hammerstein, 4: _zero}, highest=3,
-)  # fmt: skip
+    responses={1: _hammerstein, 2: _hammerstein, 3: _hammerstein, 4: _zero},
+    highest=3,
+)
 QUADRATIC = ClosedForm(
-    name="quadratic", shown="y = 0.6 y₁ + 0.4 u₁ + 0.1 y₁²",
+    name="quadratic",
+    shown="y = 0.6 y₁ + 0.4 u₁ + 0.1 y₁²",
     equation={"y(k-1)": 0.6, "u(k-1)": 0.4, "y(k-1)^2": 0.1},
-    responses={1: _quadratic_1, 2: _quadratic_2, 3: _quadratic_3, 4: _quadratic_4}, highest=None,
-)  # fmt: skip
+    responses={1: _quadratic_1, 2: _quadratic_2, 3: _quadratic_3, 4: _quadratic_4},
+    highest=None,
+)
 DUFFING = ClosedForm(
-    name="Duffing", shown="y = 1.5 y₁ − 0.8 y₂ + 0.3 u₁ − 0.02 y₁³",
+    name="Duffing",
+    shown="y = 1.5 y₁ − 0.8 y₂ + 0.3 u₁ − 0.02 y₁³",
     equation={"y(k-1)": 1.5, "y(k-2)": -0.8, "u(k-1)": 0.3, "y(k-1)^3": -0.02},
-    responses={1: _duffing_1, 2: _zero, 3: _duffing_3, 4: _zero}, highest=None,
-)  # fmt: skip
+    responses={1: _duffing_1, 2: _zero, 3: _duffing_3, 4: _zero},
+    highest=None,
+)
 SYSTEMS = (LINEAR, HAMMERSTEIN, QUADRATIC, DUFFING)
 """A linear one, one of finite order, and two without a highest order: an overdamped and a resonant one."""

@@ -78,9 +78,11 @@ def _removal(one: Analysed) -> tuple[Drawing, Columns]:
     part = slice(0, round(ZOOM / section.sample_time))
     timepts = section.timepts[part]
     traces = {
-        "measured": section.outputs[0], "model": removal.run, "of_deviations": removal.shifted_run,
+        "measured": section.outputs[0],
+        "model": removal.run,
+        "of_deviations": removal.shifted_run,
         "not_expanded": removal.deleted_run,
-    }  # fmt: skip
+    }
     shown = {name: MICRO / 1e3 * values[part] for name, values in traces.items()}
     with draw((9.6, 5.0)) as figure:
         near, far = figure.subplots(2, 1, sharex=True)
@@ -93,11 +95,13 @@ def _removal(one: Analysed) -> tuple[Drawing, Columns]:
         far.set_xlabel("time (s)")
         legend_above(figure, far, 4)
         drawing = Drawing.of(
-            figure, "removal", f"Removal of the DC component of {one.name} (thesis section 4.2, table 4.3)",
+            figure,
+            "removal",
+            f"Removal of the DC component of {one.name} (thesis section 4.2, table 4.3)",
             "Free runs over the held-out section. Above: the model of deviations has other parameters and more terms, "
             "and runs as the model does. Below: the same terms without a constant, given deviations, are another system"
             + (", although this structure has no constant." if Term(()) not in removal.model.terms else "."),
-        )  # fmt: skip
+        )
     return drawing, {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
 
 
@@ -107,16 +111,16 @@ def _first(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
         gain, phase = figure.subplots(1, 2)
         for one, (colour, line) in zip(each, STYLES, strict=False):
             response, band = one.first, one.first.band()
-            gain.fill_between(
-                FREQUENCIES, MICRO * band.low, MICRO * band.high, color=colour, alpha=0.15, linewidth=0
-            )
+            gain.fill_between(FREQUENCIES, MICRO * band.low, MICRO * band.high, color=colour, alpha=0.15, linewidth=0)
             gain.plot(FREQUENCIES, MICRO * response.gain, color=colour, linestyle=line, label=one.name)
             phase.plot(FREQUENCIES, response.phase_deg, color=colour, linestyle=line)
             key = one.name.replace(" ", "")
             columns |= {
-                f"{key}_um_per_V": MICRO * response.gain, f"{key}_low": MICRO * band.low,
-                f"{key}_high": MICRO * band.high, f"{key}_phase_deg": response.phase_deg,
-            }  # fmt: skip
+                f"{key}_um_per_V": MICRO * response.gain,
+                f"{key}_low": MICRO * band.low,
+                f"{key}_high": MICRO * band.high,
+                f"{key}_phase_deg": response.phase_deg,
+            }
         for axes in (gain, phase):
             axes.axvspan(BAND[1], FREQUENCIES[-1], color=MEASURED, alpha=0.12, linewidth=0)
             axes.set(xscale="log", xlabel="frequency (Hz)", xlim=(FREQUENCIES[0], FREQUENCIES[-1]))
@@ -125,10 +129,12 @@ def _first(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
         phase.set_ylabel("phase (°)")
         legend_above(figure, gain, 6)
         drawing = Drawing.of(
-            figure, "gfrf1", "First-order frequency responses of the six (thesis figure 4.10 A)",
+            figure,
+            "gfrf1",
+            "First-order frequency responses of the six (thesis figure 4.10 A)",
             f"About {OPERATING_INPUT:g} V; the gain with 95 % bands that the parameters' covariance gives. Grey: "
             "beyond the noise that the models were identified with, where they extrapolate.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -151,10 +157,12 @@ def _second(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
             axes.set_ylabel("f₂ (Hz)")
         figure.colorbar(drawn, ax=panels, label="|H₂| (dB re 1 µm/V²)", shrink=0.8)  # type: ignore[arg-type]
         drawing = Drawing.of(
-            figure, "gfrf2", "Second-order frequency responses of the six (thesis figure 4.10 B)",
+            figure,
+            "gfrf2",
+            "Second-order frequency responses of the six (thesis figure 4.10 B)",
             f"About {OPERATING_INPUT:g} V. The ridge runs where f₁ + f₂ = 0: there the second order makes what is slow "
             "or constant.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -184,16 +192,20 @@ def _test_signal(side: Side, name: str) -> tuple[Drawing, Columns]:
                 key = "random" if colour == AFTER else "designed"
                 columns |= {f"{key}_G{order}_Hz": g.frequency_Hz, f"{key}_G{order}": MICRO * g.gain}
             axes.set(
-                yscale="log", xlabel="frequency (Hz)", ylabel=f"|G{SUBSCRIPTS[order]}| ({UNITS[order - 1]})",
+                yscale="log",
+                xlabel="frequency (Hz)",
+                ylabel=f"|G{SUBSCRIPTS[order]}| ({UNITS[order - 1]})",
                 xlim=(-0.1, order * BAND[1] + 0.1),
-            )  # fmt: skip
+            )
         legend_above(figure, left, 2)
         drawing = Drawing.of(
-            figure, "test_signal", "The record is no test signal (thesis figure 4.11)",
+            figure,
+            "test_signal",
+            "The record is no test signal (thesis figure 4.11)",
             f"The band-limited pulse beside as long a piece of the record of {name}, and with equal rms in the spectra "
             "of their powers. Lines of the record meet with arbitrary phases: U₂ and U₃ have deep dips, and what "
             "divides by them, G₂ and G₃ of this actuator's model, jumps from line to line.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -205,22 +217,23 @@ def _nofrfs(each: Sequence[Analysed], amplitude: float) -> tuple[Drawing, Column
             n = place + 1
             for one, (colour, line) in zip(each, STYLES, strict=False):
                 fitted, direct = one.fitted.orders[place], one.direct[place]
-                axes.plot(
-                    fitted.frequency_Hz, MICRO * fitted.gain, color=colour, linestyle=line, label=one.name
-                )
+                axes.plot(fitted.frequency_Hz, MICRO * fitted.gain, color=colour, linestyle=line, label=one.name)
                 axes.plot(direct.frequency_Hz, MICRO * direct.gain, ".", color=colour, markersize=2)
                 key = f"{one.name.replace(' ', '')}_G{n}"
                 columns |= {
-                    f"G{n}_Hz": fitted.frequency_Hz, f"{key}_least_squares": MICRO * fitted.gain,
+                    f"G{n}_Hz": fitted.frequency_Hz,
+                    f"{key}_least_squares": MICRO * fitted.gain,
                     f"{key}_direct": MICRO * direct.gain,
-                }  # fmt: skip
+                }
             axes.set(xlabel="frequency (Hz)", ylabel=f"|G{SUBSCRIPTS[n]}| ({UNITS[place]})", ylim=(0, None))
         legend_above(figure, panels[0], 6)
         drawing = Drawing.of(
-            figure, "nofrfs", "NOFRFs of the six (thesis figure 4.12)",
+            figure,
+            "nofrfs",
+            "NOFRFs of the six (thesis figure 4.12)",
             f"About {OPERATING_INPUT:g} V, for the test signal of 0 to {BAND[1]:g} Hz. Lines: least squares over "
             f"levels up to {amplitude:.2g} V. Dots: from the models, without truncation.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -241,12 +254,14 @@ def _series(found: Actuators) -> tuple[Drawing, Columns]:
         panels[0].set_ylabel("left of the free run (%)")
         legend_above(figure, panels[0], 6)
         drawing = Drawing.of(
-            figure, "series", "How many orders there are",
+            figure,
+            "series",
+            "How many orders there are",
             "Under a piece of the record at its own size, what the sum of the orders leaves of the settled free run. "
             "Left: the models of this page, whose series ends at their degree (what is below "
             f"{100 * NOTHING:.0e} % is rounding and drawn there). Right: the best common structure with products of "
             "past output and command, whose series has no end and diverges.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -261,25 +276,35 @@ def _sampled(one: Sampled) -> tuple[Drawing, Columns]:
             there = response.gain > 1e-9 * response.gain.max()
             low, high = np.quantile(np.abs(one.draws[:, place]), (0.025, 0.975), axis=0)
             axes.fill_between(
-                f[there], MICRO * band.low[there], MICRO * band.high[there], color=AFTER, alpha=0.35, linewidth=0,
+                f[there],
+                MICRO * band.low[there],
+                MICRO * band.high[there],
+                color=AFTER,
+                alpha=0.35,
+                linewidth=0,
                 label="95 % band, propagated",
-            )  # fmt: skip
+            )
             axes.plot(f[there], MICRO * response.gain[there], color=AFTER, label="posterior mean")
             axes.plot(f[there], MICRO * low[there], ":", color=INK, label="95 % of the draws")
             axes.plot(f[there], MICRO * high[there], ":", color=INK)
             axes.set_title(f"|Y{SUBSCRIPTS[n]}|", loc="left", fontsize="medium")
             axes.set(xlabel="frequency (Hz)", ylim=(0, None))
             columns |= {
-                f"Y{n}_um": MICRO * response.gain, f"Y{n}_low": MICRO * band.low, f"Y{n}_high": MICRO * band.high,
-                f"Y{n}_drawn_low": MICRO * low, f"Y{n}_drawn_high": MICRO * high,
-            }  # fmt: skip
+                f"Y{n}_um": MICRO * response.gain,
+                f"Y{n}_low": MICRO * band.low,
+                f"Y{n}_high": MICRO * band.high,
+                f"Y{n}_drawn_low": MICRO * low,
+                f"Y{n}_drawn_high": MICRO * high,
+            }
         panels[0].set_ylabel("Fourier coefficient (µm)")
         legend_above(figure, panels[0], 3)
         drawing = Drawing.of(
-            figure, "sampled", f"Orders of the output of {one.name} with bands (in place of thesis figure 6.13)",
+            figure,
+            "sampled",
+            f"Orders of the output of {one.name} with bands (in place of thesis figure 6.13)",
             f"The model that SVB finds among all candidates, {len(one.model.terms)} terms, under the test signal. "
             f"Bands: propagated from the posterior, and those of {len(one.draws)} draws of it.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -313,10 +338,12 @@ def _anchor(one: Anchor) -> tuple[Drawing, Columns]:
         _plain(axes)
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
-            figure, "anchor", f"What {one.name} itself answers, and what models say of it",
+            figure,
+            "anchor",
+            f"What {one.name} itself answers, and what models say of it",
             f"Tones about {OPERATING_INPUT:g} V in the simulated plant, without sensor noise. With hysteresis the gain "
             "depends on the size of the command, and no first-order response holds for all sizes.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 

@@ -99,7 +99,7 @@ def _apart(fleet: Actuators) -> Note:
             f"The largest |H₁| is {100 * low:.0f} % above the smallest at {LOW:g} Hz, and {100 * high:.0f} % at "
             f"{HIGH:g} Hz. {verdict}. The six differ in size first: under {OPERATING_INPUT:g} V they rest at "
             f"{rests.min():.3f} to {rests.max():.3f} mm, {fleet.each[far].name} furthest out{most}. What made the "
-            "thesis' six alike at low frequencies could not be read.",
+            "thesis' six alike at low frequencies could not be read."
         ],
     )
 

@@ -78,11 +78,18 @@ def remove(model: NarxModel, section: Recording) -> Removal:
     )
     kept = [place for place, term in enumerate(model.terms) if term != Term(())]
     deleted = replace(
-        model, terms=tuple(model.terms[i] for i in kept), theta=model.theta[kept],
-        theta_cov=model.theta_cov[np.ix_(kept, kept)], equations=(), operating=None,
-    )  # fmt: skip
+        model,
+        terms=tuple(model.terms[i] for i in kept),
+        theta=model.theta[kept],
+        theta_cov=model.theta_cov[np.ix_(kept, kept)],
+        equations=(),
+        operating=None,
+    )
     return Removal(
-        model=model, shifted=shifted, section=section, run=model.simulate(section).outputs[0],
+        model=model,
+        shifted=shifted,
+        section=section,
+        run=model.simulate(section).outputs[0],
         shifted_run=shifted.model.simulate(moved).outputs[0] + point.output,
         deleted_run=deleted.simulate(moved).outputs[0] + point.output,
-    )  # fmt: skip
+    )

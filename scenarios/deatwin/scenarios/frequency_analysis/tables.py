@@ -42,8 +42,9 @@ def _closed(found: Benchmarks) -> Table:
     ]
     return Table(
         title="Frequency responses against closed forms: largest error over the largest gain",
-        columns=["system", "equation", "H₁", "H₂", "H₃", "H₄"], rows=rows,
-    )  # fmt: skip
+        columns=["system", "equation", "H₁", "H₂", "H₃", "H₄"],
+        rows=rows,
+    )
 
 
 def _error(error: float | None) -> str:
@@ -61,11 +62,12 @@ def _removal(one: Analysed) -> Table:
     return Table(
         title=f"Removal of the DC component, {one.name} (thesis table 4.3)",
         columns=[
-            "term", f"parameter ({UNITS})",
+            "term",
+            f"parameter ({UNITS})",
             f"of deviations from {point.operating_input[0]:.3f} V and {1e3 * point.output:.3f} mm",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _deviations(each: Sequence[Analysed]) -> Table:
@@ -75,20 +77,32 @@ def _deviations(each: Sequence[Analysed]) -> Table:
         removal = one.removal
         point = removal.shifted.point
         model = removal.model
-        rows.append([
-            one.name, f"{point.operating_input[0]:.3f} V", f"{1e3 * point.output:.3f} mm",
-            "stable" if point.is_stable else "unstable",
-            f"{len(model.terms)} and {len(removal.shifted.model.terms)}", f"{removal.error:.0e}",
-            f"{removal.deleted_error:.2f}", f"{one.alike.fit_percent:.1f} %",
-        ])  # fmt: skip
+        rows.append(
+            [
+                one.name,
+                f"{point.operating_input[0]:.3f} V",
+                f"{1e3 * point.output:.3f} mm",
+                "stable" if point.is_stable else "unstable",
+                f"{len(model.terms)} and {len(removal.shifted.model.terms)}",
+                f"{removal.error:.0e}",
+                f"{removal.deleted_error:.2f}",
+                f"{one.alike.fit_percent:.1f} %",
+            ]
+        )
     return Table(
-        title="Removal of the DC component at the mean of each actuator's training commands", rows=rows,
+        title="Removal of the DC component at the mean of each actuator's training commands",
+        rows=rows,
         columns=[
-            "actuator", "mean command", "equilibrium", "there", "terms before and after",
-            "free run: largest change over the stroke", "with only a constant left out: rms change over the deviation",
+            "actuator",
+            "mean command",
+            "equilibrium",
+            "there",
+            "terms before and after",
+            "free run: largest change over the stroke",
+            "with only a constant left out: rms change over the deviation",
             "held-out fit of the free run",
         ],
-    )  # fmt: skip
+    )
 
 
 def _gains(each: Sequence[Analysed]) -> Table:
@@ -105,15 +119,25 @@ def _posed(each: Sequence[Analysed]) -> Table:
     rows = []
     for one in each:
         fitted = one.fitted
-        rows.append([
-            one.name, f"{fitted.highest} at {fitted.levels.size} levels", f"{fitted.condition:.0f}",
-            f"{fitted.residual[:, -1].max():.0e}", ", ".join(f"{e:.0e}" for e in one.errors),
-            fitted.status.value,
-        ])  # fmt: skip
+        rows.append(
+            [
+                one.name,
+                f"{fitted.highest} at {fitted.levels.size} levels",
+                f"{fitted.condition:.0f}",
+                f"{fitted.residual[:, -1].max():.0e}",
+                ", ".join(f"{e:.0e}" for e in one.errors),
+                fitted.status.value,
+            ]
+        )
     return Table(
-        title="How well the NOFRFs are posed", rows=rows,
+        title="How well the NOFRFs are posed",
+        rows=rows,
         columns=[
-            "actuator", "orders fitted", "condition of the levels", "largest share of an output that they leave",
-            "error of G₁, G₂, G₃ against the model's own, over the largest gain", "status",
+            "actuator",
+            "orders fitted",
+            "condition of the levels",
+            "largest share of an output that they leave",
+            "error of G₁, G₂, G₃ against the model's own, over the largest gain",
+            "status",
         ],
-    )  # fmt: skip
+    )

@@ -71,18 +71,22 @@ def _benchmarks(found: Benchmarks) -> list[Row]:
     return [
         Row(
             measure="H₁ to H₄ of four systems against their closed forms, over the largest gain of each",
-            demanded=f"below {ROUNDING:g}", reached=f"{closed:.0e}", passed=closed < ROUNDING,
+            demanded=f"below {ROUNDING:g}",
+            reached=f"{closed:.0e}",
+            passed=closed < ROUNDING,
         ),
         Row(
             measure=f"energy of each order outside its range, of {finite.system.name} and {endless.system.name}; "
             f"simulated energy of {finite.system.name} outside the ranges of its three orders",
-            demanded=f"shares below {EMPTY:g}", reached=f"{own:.0e}; {finite.simulated_outside:.0e}",
+            demanded=f"shares below {EMPTY:g}",
+            reached=f"{own:.0e}; {finite.simulated_outside:.0e}",
             passed=max(own, finite.simulated_outside) < EMPTY,
         ),
         Row(
             measure=f"{hammerstein.system.name}, of three orders: GₙUₙ of least squares against the model's, and their "
             "sum against the simulated spectrum, over the largest line",
-            demanded=f"below {SOLVED:g}", reached=f"{finite_error:.0e}; {hammerstein.sum_error:.0e}",
+            demanded=f"below {SOLVED:g}",
+            reached=f"{finite_error:.0e}; {hammerstein.sum_error:.0e}",
             passed=max(finite_error, hammerstein.sum_error) < SOLVED,
         ),
         Row(
@@ -94,23 +98,24 @@ def _benchmarks(found: Benchmarks) -> list[Row]:
         Row(
             measure=f"95 % bands of |Y₁| to |Y₃|: lines that hold the truth, over {found.identified.recordings} "
             "recordings of S2",
-            demanded="92 to 98 %", reached=", ".join(f"{100 * c:.1f}" for c in coverage) + " %",
+            demanded="92 to 98 %",
+            reached=", ".join(f"{100 * c:.1f}" for c in coverage) + " %",
             passed=bool(np.all((coverage >= 0.92) & (coverage <= 0.98))),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _dc(each: Iterable[Analysed]) -> list[Row]:
     removals = [one.removal for one in each]
     kept = max(removal.error for removal in removals)
     off = [removal.deleted_error for removal in removals]
-    own = [
-        float(np.std(removal.section.outputs[0] - removal.run) / removal.run.std()) for removal in removals
-    ]  # fmt: skip
+    own = [float(np.std(removal.section.outputs[0] - removal.run) / removal.run.std()) for removal in removals]
     return [
         Row(
             measure="free run of the model of deviations, put back, less that of the model itself, over the stroke",
-            demanded="below 1e-10 for each actuator", reached=f"{kept:.0e}", passed=kept < 1e-10,
+            demanded="below 1e-10 for each actuator",
+            reached=f"{kept:.0e}",
+            passed=kept < 1e-10,
         ),
         Row(
             measure="the same where nothing but a constant is left out, over the deviation of the run",
@@ -118,7 +123,7 @@ def _dc(each: Iterable[Analysed]) -> list[Row]:
             reached=f"{_range(off, '.2f')}; the model's own error is {_range(own, '.2f')}",
             passed=all(a > b for a, b in zip(off, own, strict=True)),
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _gfrfs(each: tuple[Analysed, ...]) -> list[Row]:
@@ -128,13 +133,16 @@ def _gfrfs(each: tuple[Analysed, ...]) -> list[Row]:
         Row(
             measure=f"|H₁|: largest of the actuators over the smallest, at {LOW:g} Hz and at {HIGH:g} Hz",
             demanded="alike at the low frequency and not at the high one, as the thesis saw: at most half as far apart",
-            reached=f"{100 * low:.0f} % and {100 * high:.0f} % apart", passed=low <= HALF * high,
+            reached=f"{100 * low:.0f} % and {100 * high:.0f} % apart",
+            passed=low <= HALF * high,
         ),
         Row(
-            measure="|H₂(f, −f)| over |H₂(f, f)|, mean over 0.1 to 0.3 Hz", demanded="a ridge: above 1 for each",
-            reached=_range(ridges, ".2f"), passed=min(ridges) > 1,
+            measure="|H₂(f, −f)| over |H₂(f, f)|, mean over 0.1 to 0.3 Hz",
+            demanded="a ridge: above 1 for each",
+            reached=_range(ridges, ".2f"),
+            passed=min(ridges) > 1,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _nofrfs(fleet: Actuators) -> list[Row]:
@@ -154,24 +162,29 @@ def _nofrfs(fleet: Actuators) -> list[Row]:
         ),
         Row(
             measure="sum of GₙUₙ against the simulated spectrum, over the largest line",
-            demanded=f"below {SOLVED:g} for each actuator", reached=f"{min(sums):.0e} to {max(sums):.0e}",
+            demanded=f"below {SOLVED:g} for each actuator",
+            reached=f"{min(sums):.0e} to {max(sums):.0e}",
             passed=max(sums) < SOLVED,
         ),
         Row(
             measure="G₁, G₂, G₃ of least squares against the models' own, over the largest gain",
-            demanded=f"below {SOLVED:g}", reached=", ".join(f"{e:.0e}" for e in fitted),
+            demanded=f"below {SOLVED:g}",
+            reached=", ".join(f"{e:.0e}" for e in fitted),
             passed=bool(fitted.max() < SOLVED),
         ),
         Row(
             measure="what the orders leave of the settled free run under a piece of the record at its own size",
-            demanded=f"below {SOLVED:g} for each actuator: the series ends", reached=f"at most {max(left):.0e}",
+            demanded=f"below {SOLVED:g} for each actuator: the series ends",
+            reached=f"at most {max(left):.0e}",
             passed=max(left) < SOLVED,
         ),
         Row(
-            measure=f"energy of the orders outside 0 to n times {BAND[1]:g} Hz", demanded=f"a share below {EMPTY:g}",
-            reached=f"{outside:.0e}", passed=outside < EMPTY,
+            measure=f"energy of the orders outside 0 to n times {BAND[1]:g} Hz",
+            demanded=f"a share below {EMPTY:g}",
+            reached=f"{outside:.0e}",
+            passed=outside < EMPTY,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _outside(one: Analysed) -> float:
@@ -192,15 +205,17 @@ def _bands(fleet: Actuators, truth: Anchor) -> list[Row]:
             measure=f"{fleet.sampled.name} by SVB: deviation of |Y₁| to |Y₃| among {len(fleet.sampled.draws)} draws "
             "over the propagated one, where the linear law is said to hold",
             demanded="0.85 to 1.15: the deviation of so many draws itself varies by 3.5 % at each line",
-            reached=_range(every.tolist(), ".2f"), passed=bool(every.size and 0.85 < every.min() < every.max() < 1.15),
+            reached=_range(every.tolist(), ".2f"),
+            passed=bool(every.size and 0.85 < every.min() < every.max() < 1.15),
         ),
         Row(
             measure=f"{truth.name} without hysteresis and history: |H₁| of the model of least free-run error against "
             "what the film itself answers",
             demanded="within 5 % at all tones",
-            reached=f"{100 * refined:.1f} %; least squares {100 * squares:.0f} %", passed=refined < 0.05,
+            reached=f"{100 * refined:.1f} %; least squares {100 * squares:.0f} %",
+            passed=refined < 0.05,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _range(values: Iterable[float], form: str) -> str:

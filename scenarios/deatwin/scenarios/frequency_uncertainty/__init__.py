@@ -57,9 +57,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
     for drawing, columns in made:
         setting.folder.csv(drawing.data, columns)
     page = StoryPage(
-        title="frequency-uncertainty", sentence=sentence, rows=rows, notes=notes(study),
-        figures=[drawing for drawing, _ in made], tables=tables(study),
-    )  # fmt: skip
+        title="frequency-uncertainty",
+        sentence=sentence,
+        rows=rows,
+        notes=notes(study),
+        figures=[drawing for drawing, _ in made],
+        tables=tables(study),
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
     setting.folder.text("frequency-uncertainty.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
@@ -86,13 +90,26 @@ def _plain(table: Comparison) -> dict[str, Any]:
     return {
         "level": table.level,
         "differences": [
-            {"first": d.first, "second": d.second, **{key: getattr(d, key) for key in place}, "size": d.size,
-             "p_value": d.p_value, "adjusted": d.adjusted, "agreement": d.agreement.name.lower()}
+            {
+                "first": d.first,
+                "second": d.second,
+                **{key: getattr(d, key) for key in place},
+                "size": d.size,
+                "p_value": d.p_value,
+                "adjusted": d.adjusted,
+                "agreement": d.agreement.name.lower(),
+            }
             for d in table.differences
         ],
         "drifts": [
-            {"name": d.name, **{key: getattr(d, key) for key in place}, "size": d.size, "p_value": d.p_value,
-             "adjusted": d.adjusted, "drifts": d.drifts}
+            {
+                "name": d.name,
+                **{key: getattr(d, key) for key in place},
+                "size": d.size,
+                "p_value": d.p_value,
+                "adjusted": d.adjusted,
+                "drifts": d.drifts,
+            }
             for d in table.drifts
         ],
-    }  # fmt: skip
+    }

@@ -16,9 +16,19 @@ from deatwin.scenarios.fleet_models.preparation import thinned
 from deatwin.scenarios.fleet_models.variants import STEADY, as_variant
 
 __all__ = [
-    "BANDS", "FACTOR", "INPUT_BAND", "OPERATING_INPUT", "ORDERS", "REPEATS", "SHARED", "STRUCTURE", "Records",
-    "collected", "recorded", "tasks",
-]  # fmt: skip
+    "BANDS",
+    "FACTOR",
+    "INPUT_BAND",
+    "OPERATING_INPUT",
+    "ORDERS",
+    "REPEATS",
+    "SHARED",
+    "STRUCTURE",
+    "Records",
+    "collected",
+    "recorded",
+    "tasks",
+]
 
 FACTOR = 6
 """Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""
@@ -99,9 +109,7 @@ def tasks(seed: int, n_repeats: int = REPEATS, duration: float = DURATION) -> di
     found |= {("fleet", one.name): one for one in six}
     found |= {("steady", name): one for name, one in steady.items()}
     found |= {("level", name): replace(one, seed=alike) for name, one in steady.items()}
-    found |= {
-        ("repeats", f"repeat {k}"): replace(still, seed=(*still.seed, 1000 + k)) for k in range(1, n_repeats + 1)
-    }
+    found |= {("repeats", f"repeat {k}"): replace(still, seed=(*still.seed, 1000 + k)) for k in range(1, n_repeats + 1)}
     found |= {
         ("shared", f"history {n}"): _made(specification().with_effects(*HISTORIES[n - 1].effects), (seed, 0, 2000 + n))
         for n in SHARED
@@ -151,9 +159,14 @@ def collected(found: Mapping[tuple[str, str], Recording]) -> Records:
     for (group, name), record in found.items():
         groups.setdefault(group, {})[name] = record
     return Records(
-        fleet=groups["fleet"], steady=groups["steady"], level=groups["level"], repeats=groups["repeats"],
-        shared=groups["shared"], tolerances=groups["tolerances"], specification=groups["specification"][""],
-    )  # fmt: skip
+        fleet=groups["fleet"],
+        steady=groups["steady"],
+        level=groups["level"],
+        repeats=groups["repeats"],
+        shared=groups["shared"],
+        tolerances=groups["tolerances"],
+        specification=groups["specification"][""],
+    )
 
 
 def _made(plant: Plant, seed: tuple[int, ...]) -> Actuator:

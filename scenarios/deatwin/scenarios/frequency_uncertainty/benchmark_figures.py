@@ -75,16 +75,20 @@ def _complex(spread: Spread) -> tuple[Drawing, Columns]:
         right.set_title("a complex one: an ellipse", loc="left", fontsize="medium")
         legend_above(figure, right, 3)
         drawing = Drawing.of(
-            figure, "complex", "What is known of a real and of a complex quantity (thesis figure 7.1)",
+            figure,
+            "complex",
+            "What is known of a real and of a complex quantity (thesis figure 7.1)",
             f"{spread.case}: {spread.symbol} at the frequency at which it is known worst. Left: histogram of "
             f"{len(spread.sampled.draws):,} draws, the propagated density and its 95 % interval. Right: real and "
             "imaginary part vary together, and not by as much; a circle of the same mean variance says too much one "
             "way and too little the other.",
-        )  # fmt: skip
+        )
     return drawing, {
-        "ellipse_real": edge.real, "ellipse_imaginary": edge.imag,
-        "circle_real": circle.real, "circle_imaginary": circle.imag,
-    }  # fmt: skip
+        "ellipse_real": edge.real,
+        "ellipse_imaginary": edge.imag,
+        "circle_real": circle.real,
+        "circle_imaginary": circle.imag,
+    }
 
 
 def _plane(spread: Spread) -> tuple[Drawing, Columns]:
@@ -104,10 +108,12 @@ def _plane(spread: Spread) -> tuple[Drawing, Columns]:
         right.set(xlim=_padded(points.real), ylim=_padded(points.imag))
         legend_above(figure, right, 3)
         drawing = Drawing.of(
-            figure, "plane", "H₁ of a linear system in the complex plane (thesis figure 7.2)",
+            figure,
+            "plane",
+            "H₁ of a linear system in the complex plane (thesis figure 7.2)",
             f"{spread.case}. Ellipses: 95 % regions from the covariance of the parameters. Points: {CLOUD} of "
             f"{len(spread.sampled.draws):,} draws.",
-        )  # fmt: skip
+        )
     return drawing, _columns([spread])
 
 
@@ -135,12 +141,14 @@ def _gain_and_phase(linear: Spread, notch: Spread) -> tuple[Drawing, Columns]:
         panels[1, 0].set_ylabel("phase (°)")
         legend_above(figure, panels[1, 1], 3)
         drawing = Drawing.of(
-            figure, "gain_phase", "Gain and phase with their bands (thesis figure 7.3)",
+            figure,
+            "gain_phase",
+            "Gain and phase with their bands (thesis figure 7.3)",
             "Left: the law of propagation gives what the draws give. Right: a system whose gain vanishes at one "
             "frequency. There the gain of a normal complex number is not normal and its phase may be anything: where "
             "the linear law of gain or phase fails (ochre), the band is the range of the ellipse, and there is none of "
             "the phase where the ellipse holds zero.",
-        )  # fmt: skip
+        )
     return drawing, _columns([linear, notch])
 
 
@@ -170,10 +178,12 @@ def _higher(found: Benchmarks) -> tuple[Drawing, Columns]:
             axes.grid(False)
         legend_above(figure, above[0], 3)
         drawing = Drawing.of(
-            figure, "higher_orders", "Regions of H₂ and H₃ (thesis figure 7.4)",
+            figure,
+            "higher_orders",
+            "Regions of H₂ and H₃ (thesis figure 7.4)",
             f"{second.case}. Above: at equal frequencies. Below: H₂ over both frequencies; the "
             "deviation is that along the longer axis of the ellipse.",
-        )  # fmt: skip
+        )
     return drawing, _columns([second, third])
 
 
@@ -199,10 +209,12 @@ def _spectra(spectra: Sequence[Spread]) -> tuple[Drawing, Columns]:
         panels[1, 0].set_ylabel("band, about the amplitude (%)")
         legend_above(figure, panels[1, 0], 2)
         drawing = Drawing.of(
-            figure, "spectra", "Orders of the output spectrum with their bands (thesis figure 7.5)",
+            figure,
+            "spectra",
+            "Orders of the output spectrum with their bands (thesis figure 7.5)",
             f"{spectra[0].case}, in the steady state of a random-phase multisine. Lines at which an order has no power "
             "are left out, as are those at zero and at half the sampling rate, whose values are real.",
-        )  # fmt: skip
+        )
     return drawing, _columns(spectra)
 
 
@@ -218,9 +230,11 @@ def _law(sweeps: Sequence[Sweep]) -> tuple[Drawing, Columns]:
                 axes.plot(sweep.indices[~sweep.holds], values[~sweep.holds], "x", color=colour, markersize=7)
             key = sweep.label.replace(" ", "_")
             columns |= {
-                f"{key}_scale": sweep.scales, f"{key}_nonlinearity": sweep.indices, f"{key}_held": sweep.held,
+                f"{key}_scale": sweep.scales,
+                f"{key}_nonlinearity": sweep.indices,
+                f"{key}_held": sweep.held,
                 f"{key}_variance_ratio": sweep.ratios,
-            }  # fmt: skip
+            }
         for axes in (left, right):
             axes.set(xscale="log", xlabel="nonlinearity")
         left.axhline(95, color=INK, linewidth=0.7, linestyle=":")
@@ -229,12 +243,14 @@ def _law(sweeps: Sequence[Sweep]) -> tuple[Drawing, Columns]:
         right.set(ylabel="deviation of the draws over that propagated", yscale="log")
         legend_above(figure, left, len(sweeps))
         drawing = Drawing.of(
-            figure, "law", "Where the linear law fails",
+            figure,
+            "law",
+            "Where the linear law fails",
             "The same systems with all deviations of their parameters halved, and up to 32 times as large; at the "
             "frequency, and right in the direction too, at which draws and propagation are furthest apart. Dots: "
             "propagation says that its law holds; crosses: it warns. Far beyond the warning the draws have no finite "
             "variance, as some of their poles come as near to the unit circle as one likes.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -278,9 +294,11 @@ def _columns(spreads: Sequence[Spread]) -> dict[str, Array]:
         of: dict[str, Array] = {
             "response": np.full(len(tones), float(number)),
             "order": np.full(len(tones), float(response.response.order)),
-            "output_frequency_Hz": tones.sum(axis=1), "real": response.values.real,
-            "imaginary": response.values.imag, "nonlinearity": response.nonlinearity,
-        }  # fmt: skip
+            "output_frequency_Hz": tones.sum(axis=1),
+            "real": response.values.real,
+            "imaginary": response.values.imag,
+            "nonlinearity": response.nonlinearity,
+        }
         for name, (i, j) in {"real_real": (0, 0), "real_imaginary": (0, 1), "imaginary_imaginary": (1, 1)}.items():
             of[f"propagated_{name}"] = response.covariance[:, i, j]
             of[f"drawn_{name}"] = spread.sampled.covariance[:, i, j]

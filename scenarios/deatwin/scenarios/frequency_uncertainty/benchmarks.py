@@ -180,11 +180,13 @@ def sweep(case: Case, order: int, seed: tuple[int, ...]) -> Sweep:
         for scale in SCALES
     ]
     return Sweep(
-        label=f"{rows[0].symbol} of {case.name.split(',')[0]}", scales=np.array(SCALES),
-        ratios=np.array([row.ratio for row in rows]), held=np.array([row.held for row in rows]),
+        label=f"{rows[0].symbol} of {case.name.split(',')[0]}",
+        scales=np.array(SCALES),
+        ratios=np.array([row.ratio for row in rows]),
+        held=np.array([row.held for row in rows]),
         indices=np.array([row.propagated.nonlinearity.max() for row in rows]),
         holds=np.array([bool(row.propagated.linear_law.all()) and row.propagated.lost == 0 for row in rows]),
-    )  # fmt: skip
+    )
 
 
 def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
@@ -208,8 +210,7 @@ def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
     angle = 2 * np.pi * np.arange(PERIOD) / PERIOD
     excitation = AMPLITUDE * sum(np.cos(n * angle + phase) for n, phase in zip(HARMONICS, phases, strict=True))
     return tuple(
-        spread_of(case.name, model, partial(_lines, excitation=excitation, order=order), rng)
-        for order in (1, 2, 3)
+        spread_of(case.name, model, partial(_lines, excitation=excitation, order=order), rng) for order in (1, 2, 3)
     )
 
 
@@ -238,9 +239,12 @@ def _lines(model: NarxModel, excitation: Array, order: int) -> FrequencyResponse
     inner = np.arange(1, whole.values.size - 1)
     kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]
     return replace(
-        whole, values=whole.values[kept], omega=whole.omega[kept],
-        differentiate=partial(_slopes, whole, kept), evaluate=partial(_drawn, whole, kept),
-    )  # fmt: skip
+        whole,
+        values=whole.values[kept],
+        omega=whole.omega[kept],
+        differentiate=partial(_slopes, whole, kept),
+        evaluate=partial(_drawn, whole, kept),
+    )
 
 
 def _slopes(whole: FrequencyResponse, kept: NDArray[np.intp]) -> NDArray[np.complex128]:

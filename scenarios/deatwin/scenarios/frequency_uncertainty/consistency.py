@@ -20,18 +20,21 @@ from deatwin.ident.frequency.uncertainty.propagate import Propagated, Uncertaint
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.robust import robust
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.frequency_uncertainty.actuators import (
-    BANDS,
-    INPUT_BAND,
-    OPERATING_INPUT,
-    ORDERS,
-    STRUCTURE,
-)
+from deatwin.scenarios.frequency_uncertainty.actuators import BANDS, INPUT_BAND, OPERATING_INPUT, ORDERS, STRUCTURE
 
 __all__ = [
-    "LEVEL", "SLOW", "Consistency", "Contrast", "compared", "contrast", "identified", "means_of", "responses",
-    "share_of", "shares_of",
-]  # fmt: skip
+    "LEVEL",
+    "SLOW",
+    "Consistency",
+    "Contrast",
+    "compared",
+    "contrast",
+    "identified",
+    "means_of",
+    "responses",
+    "share_of",
+    "shares_of",
+]
 
 Array = NDArray[np.float64]
 Means = tuple[BandMean, ...]
@@ -145,9 +148,15 @@ def compared(records: Mapping[str, Recording]) -> Comparison:
     Comparison
     """
     return compare_records(
-        records, STRUCTURE, ORDERS, BANDS,
-        operating_input=OPERATING_INPUT, input_band=INPUT_BAND, level=LEVEL, n_slow=SLOW,
-    )  # fmt: skip
+        records,
+        STRUCTURE,
+        ORDERS,
+        BANDS,
+        operating_input=OPERATING_INPUT,
+        input_band=INPUT_BAND,
+        level=LEVEL,
+        n_slow=SLOW,
+    )
 
 
 def identified(record: Recording) -> NarxModel:
@@ -178,11 +187,13 @@ def responses(record: Recording) -> tuple[Propagated, ...]:
     sums = 2 * np.pi * np.linspace(0.01, INPUT_BAND[1], POINTS)
     quantities = [
         partial(
-            gfrf, order=n, omega=sums if n == 1 else np.repeat(sums[:, None] / n, n, axis=1),
+            gfrf,
+            order=n,
+            omega=sums if n == 1 else np.repeat(sums[:, None] / n, n, axis=1),
             operating_input=OPERATING_INPUT,
         )
         for n in ORDERS
-    ]  # fmt: skip
+    ]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)  # the page says it
         return tuple(propagate(model, quantity) for quantity in quantities)
@@ -220,11 +231,14 @@ def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
         Standard deviation to first order, share of the gain.
     """
     return {
-        name: np.array([
-            np.linalg.norm(one.value - it.value) / (np.sqrt(3) * it.gain) for one, it in zip(made, wished, strict=True)
-        ])
+        name: np.array(
+            [
+                np.linalg.norm(one.value - it.value) / (np.sqrt(3) * it.gain)
+                for one, it in zip(made, wished, strict=True)
+            ]
+        )
         for name, made in off.items()
-    }  # fmt: skip
+    }
 
 
 def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean]) -> Contrast:
@@ -245,9 +259,11 @@ def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean
     scale = sum(mean.scatter.scale for mean in measured)
     test = equality(away - apart, [mean.scatter for mean in measured])
     return Contrast(
-        measured=float(along @ away) / gain, true=float(np.linalg.norm(apart)) / gain,
-        error=float(np.sqrt(along @ scale @ along)) / gain, inside=test.p_value > 0.05,
-    )  # fmt: skip
+        measured=float(along @ away) / gain,
+        true=float(np.linalg.norm(apart)) / gain,
+        error=float(np.sqrt(along @ scale @ along)) / gain,
+        inside=test.p_value > 0.05,
+    )
 
 
 def share_of(table: Comparison, agreement: Agreement) -> Array:

@@ -26,9 +26,10 @@ STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (GREY, "-"), (INK, "-"), (AF
 """Of the six."""
 FILLS = {Agreement.DIFFERENT: (BEFORE, 0.55), Agreement.DRIFT: (MARK, 0.3), Agreement.ALIKE: (GREY, 0.08)}
 NAMES = {
-    Agreement.DIFFERENT: "differ by more than drift explains", Agreement.DRIFT: "differ, and drift within the records "
-    "reaches that far", Agreement.ALIKE: "no significant difference",
-}  # fmt: skip
+    Agreement.DIFFERENT: "differ by more than drift explains",
+    Agreement.DRIFT: "differ, and drift within the records reaches that far",
+    Agreement.ALIKE: "no significant difference",
+}
 MILLI = 1e3
 """Millimetres to the metre."""
 
@@ -67,9 +68,11 @@ def _responses(found: Consistency) -> tuple[Drawing, Columns]:
                     axes.plot(frequency, middle, line, color=colour, linewidth=1.1, label=name)
                 key = f"H{place + 1}_{name.replace(' ', '').lower()}"
                 columns |= {
-                    "frequency_Hz": frequency, f"{key}_mm": MILLI * one.gain, f"{key}_low_mm": MILLI * band.low,
+                    "frequency_Hz": frequency,
+                    f"{key}_mm": MILLI * one.gain,
+                    f"{key}_low_mm": MILLI * band.low,
                     f"{key}_high_mm": MILLI * band.high,
-                }  # fmt: skip
+                }
             power = "" if place == 0 else f"{'⁰¹²³'[place + 1]}"
             above.set_title(f"H{'₁₂₃'[place]} (mm/V{power})", loc="left", fontsize="medium")
             below.set_xlabel("output frequency (Hz)")
@@ -80,10 +83,12 @@ def _responses(found: Consistency) -> tuple[Drawing, Columns]:
         panels[1, 0].set_ylabel("gain, from the mean of the six (%)")
         legend_above(figure, panels[0, 0], 6)
         drawing = Drawing.of(
-            figure, "fleet", "Responses of the six actuators with their bands (thesis figure 7.6)",
+            figure,
+            "fleet",
+            "Responses of the six actuators with their bands (thesis figure 7.6)",
             "As recorded, about 2.4 V; H₂ and H₃ with equal tones, over the sum of their frequencies. Bands: 95 % at "
             "each frequency, from the scatter of the parameters that each record shows.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -103,14 +108,16 @@ def _pairs(found: Consistency) -> tuple[Drawing, Columns]:
                 f"{key}_size": np.array([d.size for d in table.differences]),
                 f"{key}_adjusted_p": np.array([d.adjusted for d in table.differences]),
                 f"{key}_class": np.array([float(list(Agreement).index(d.agreement)) for d in table.differences]),
-            }  # fmt: skip
+            }
         figure.legend(handles=_patches(), loc="outside upper left", ncols=3, fontsize="small")
         drawing = Drawing.of(
-            figure, "pairs", "Where the actuators differ, by order and band",
+            figure,
+            "pairs",
+            "Where the actuators differ, by order and band",
             "Numbers: size of the difference, in % of the gain. Level 5 %, corrected for all tests of a panel (Holm). "
             "Left: the recordings as they are. Right: the same actuators, commands and noise without what happens to "
             "them while they are recorded, which only a simulation can show: what fabrication alone makes.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -156,12 +163,14 @@ def _spread(found: Consistency) -> tuple[Drawing, Columns]:
         axes.set_axisbelow(True)
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
-            figure, "spread", "How consistent fabrication is, by order and band",
+            figure,
+            "spread",
+            "How consistent fabrication is, by order and band",
             "Standard deviation of the six about their mean, less the scatter of the estimates. The prediction is "
             "to first order, from the specification with one quantity after the other at the end of its tolerance; "
             "six actuators may by chance (95 %) have 0.4 to 1.6 times the standard deviation that they are drawn "
             "from.",
-        )  # fmt: skip
+        )
     keys = ("predicted", "same_commands", "without_histories", "as_recorded")
     orders, low, high = (np.array(column, dtype=np.float64) for column in zip(*found.columns, strict=True))
     return drawing, {"order": orders, "from_Hz": low, "to_Hz": high} | {
@@ -179,8 +188,15 @@ def _truth(found: Consistency) -> tuple[Drawing, Columns]:
         for axes, order in zip(panels, sorted(set(orders.tolist())), strict=True):
             chosen = np.tile(orders == order, len(every) // width)
             axes.errorbar(
-                true[chosen], measured[chosen], 2 * error[chosen], fmt=".", color=AFTER, ecolor=GREY, elinewidth=0.8,
-                markersize=4, label="pair of actuators in a band, ± two standard errors",
+                true[chosen],
+                measured[chosen],
+                2 * error[chosen],
+                fmt=".",
+                color=AFTER,
+                ecolor=GREY,
+                elinewidth=0.8,
+                markersize=4,
+                label="pair of actuators in a band, ± two standard errors",
             )
             ends = np.array([0.0, true[chosen].max()])
             axes.plot(ends, ends, color=INK, linewidth=0.8, label="equal")
@@ -189,24 +205,30 @@ def _truth(found: Consistency) -> tuple[Drawing, Columns]:
         panels[0].set_ylabel("measured difference (%)")
         legend_above(figure, panels[0], 2)
         drawing = Drawing.of(
-            figure, "truth", "Differences as measured and as they are",
+            figure,
+            "truth",
+            "Differences as measured and as they are",
             "Without histories. Measured: each actuator under commands of its own. True: the same actuators under one "
             "command, with one sensor's noise, so that nothing differs but the actuators. Along the direction of the "
             "true difference in the complex plane.",
-        )  # fmt: skip
+        )
     pair = np.repeat(np.arange(1.0, len(every) // width + 1), width)
     return drawing, {
-        "pair": pair, "order": np.tile(orders.astype(np.float64), len(every) // width), "true_percent": true,
-        "measured_percent": measured, "standard_error_percent": error,
-    }  # fmt: skip
+        "pair": pair,
+        "order": np.tile(orders.astype(np.float64), len(every) // width),
+        "true_percent": true,
+        "measured_percent": measured,
+        "standard_error_percent": error,
+    }
 
 
 def _p_values(found: Consistency) -> tuple[Drawing, Columns]:
     """How the p-values are distributed where nothing differs, and where actuators do."""
     groups = {
-        "repeats of one stationary actuator": ("repeats", GREY), "six without histories": ("steady", AFTER),
+        "repeats of one stationary actuator": ("repeats", GREY),
+        "six without histories": ("steady", AFTER),
         "six as recorded": ("fleet", BEFORE),
-    }  # fmt: skip
+    }
     columns: dict[str, Array] = {}
     axis = np.linspace(0, 1, 201)
     with draw((9.6, 3.8)) as figure:
@@ -229,9 +251,11 @@ def _p_values(found: Consistency) -> tuple[Drawing, Columns]:
         left.set_ylabel("tests with a smaller one (%)")
         legend_above(figure, left, 4)
         drawing = Drawing.of(
-            figure, "p_values", "What the tests say where nothing differs",
+            figure,
+            "p_values",
+            "What the tests say where nothing differs",
             f"Before any correction. Repeats: {len(found.tables['repeats'].pairs)} pairs of records of one actuator "
             "without its history, each under commands of its own. A curve below the diagonal means that the tests are "
             "cautious, one above it that they find too much where nothing is.",
-        )  # fmt: skip
+        )
     return drawing, columns

@@ -148,7 +148,7 @@ def _figures() -> Note:
             "Control 64, 2019, doi:10.1109/TAC.2018.2866474) they take normally distributed parameters to frequency "
             "responses of synthetic systems and of one real system, and hold that against Monte Carlo sampling. The "
             "numbers 7.2 to 7.6 here follow the chapter's course, and the systems are benchmark systems of the "
-            "identification literature: whether figure for figure the same is drawn is not known.",
+            "identification literature: whether figure for figure the same is drawn is not known."
         ],
     )
 

@@ -90,9 +90,14 @@ def speed(case: Case, order: int, seed: tuple[int, ...]) -> Speed:
     thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
     alone = _timed(lambda: [quantity(replace(model, theta=theta)) for theta in thetas]) / LOOP
     return Speed(
-        label=f"{symbol_of(quantity(model))} of {case.name.split(',')[0]}", propagated=own, drawn=together,
-        alone=alone * DRAWS, error=error, drawn_error=drawn_error, equal=float(equal),
-    )  # fmt: skip
+        label=f"{symbol_of(quantity(model))} of {case.name.split(',')[0]}",
+        propagated=own,
+        drawn=together,
+        alone=alone * DRAWS,
+        error=error,
+        drawn_error=drawn_error,
+        equal=float(equal),
+    )
 
 
 def _timed(work: Callable[[], object]) -> float:

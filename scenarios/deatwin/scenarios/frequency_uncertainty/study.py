@@ -18,23 +18,9 @@ from deatwin.scenarios.frequency_uncertainty.benchmarks import (
     surface,
     sweep,
 )
-from deatwin.scenarios.frequency_uncertainty.consistency import (
-    Consistency,
-    compared,
-    means_of,
-    responses,
-    shares_of,
-)
+from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, compared, means_of, responses, shares_of
 from deatwin.scenarios.frequency_uncertainty.speed import speed
-from deatwin.scenarios.frequency_uncertainty.systems import (
-    BILINEAR,
-    CASES,
-    LINEAR,
-    NOTCH,
-    POWERS,
-    PRODUCT,
-    SHORT,
-)
+from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR, NOTCH, POWERS, PRODUCT, SHORT
 from deatwin.scenarios.voice import Progress
 
 __all__ = ["Plan", "Study", "carry_out"]
@@ -140,27 +126,30 @@ def _work(seed: int, plan: Plan, records: Records) -> dict[Key, Job]:
 
 def _benchmarks(done: dict[Key, Any]) -> Benchmarks:
     return Benchmarks(
-        cases=_group(done, "case"), fragile=_group(done, "fragile"),
+        cases=_group(done, "case"),
+        fragile=_group(done, "fragile"),
         coverage={(name, order): f for name, by in _group(done, "covered").items() for order, f in by.items()},
-        sweeps=tuple(_group(done, "sweep").values()), spectra=done["spectra", ""], surface=done["surface", ""],
+        sweeps=tuple(_group(done, "sweep").values()),
+        spectra=done["spectra", ""],
+        surface=done["surface", ""],
         speeds=tuple(_group(done, "speed").values()),
-    )  # fmt: skip
+    )
 
 
 def _consistency(done: dict[Key, Any]) -> Consistency:
     return Consistency(
-        tables=_group(done, "table"), means={group: _group(done, group) for group in WEIGHED[:-1]},
-        shares=shares_of(done["specification", ""], _group(done, "tolerances")), responses=_group(done, "responses"),
-    )  # fmt: skip
+        tables=_group(done, "table"),
+        means={group: _group(done, group) for group in WEIGHED[:-1]},
+        shares=shares_of(done["specification", ""], _group(done, "tolerances")),
+        responses=_group(done, "responses"),
+    )
 
 
 def _group(done: dict[Key, Any], group: str) -> dict[str, Any]:
     return {name: value for (its, name), value in done.items() if its == group}
 
 
-def _all(
-    work: dict[Key, Job], jobs: int, progress: Progress, first: float, last: float, doing: str
-) -> dict[Key, Any]:
+def _all(work: dict[Key, Job], jobs: int, progress: Progress, first: float, last: float, doing: str) -> dict[Key, Any]:
     """Do all work, telling what share of everything it is."""
 
     def tell(n: int) -> None:

@@ -99,20 +99,24 @@ def _case(name: str, system: BenchmarkSystem, noise: float, n_samples: int, orde
 
 
 _NOTCH = BenchmarkSystem(
-    name="notch", equation={"y(k-1)": 1.2, "y(k-2)": -0.5, "u(k-1)": 1.0, "u(k-2)": -0.72, "u(k-3)": 1.0},
-    draw_input=lambda rng, n: rng.uniform(-1, 1, n), noise_std=0.3,
+    name="notch",
+    equation={"y(k-1)": 1.2, "y(k-2)": -0.5, "u(k-1)": 1.0, "u(k-2)": -0.72, "u(k-3)": 1.0},
+    draw_input=lambda rng, n: rng.uniform(-1, 1, n),
+    noise_std=0.3,
     source="made for this page: its zeros lie on the unit circle at 1.2 rad a sample",
-)  # fmt: skip
+)
 
-CASES: Mapping[str, Case] = MappingProxyType({
-    case.name: case
-    for case in (
-        _case("S1, linear", SYSTEMS["S1"], 0.1, 500, (1,)),
-        _case("S2, powers of the input", SYSTEMS["S2"], 0.01, 500, (1, 2, 3)),
-        _case("S6, bilinear", SYSTEMS["S6"], 0.01, 4000, (1, 2, 3)),
-        _case("E0, product of outputs", SYSTEMS["E0"], 0.1, 4000, (1, 2, 3)),
-    )
-})  # fmt: skip
+CASES: Mapping[str, Case] = MappingProxyType(
+    {
+        case.name: case
+        for case in (
+            _case("S1, linear", SYSTEMS["S1"], 0.1, 500, (1,)),
+            _case("S2, powers of the input", SYSTEMS["S2"], 0.01, 500, (1, 2, 3)),
+            _case("S6, bilinear", SYSTEMS["S6"], 0.01, 4000, (1, 2, 3)),
+            _case("E0, product of outputs", SYSTEMS["E0"], 0.1, 4000, (1, 2, 3)),
+        )
+    }
+)
 """Those whose parameters are known well enough that the law of propagation, which is linear, should hold."""
 LINEAR, POWERS, BILINEAR, PRODUCT = CASES
 NOTCH = _case("notch", _NOTCH, 0.3, 300, (1,))

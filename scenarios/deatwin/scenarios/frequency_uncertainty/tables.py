@@ -18,10 +18,12 @@ from deatwin.scenarios.report.story import Table
 __all__ = ["tables"]
 
 _SAYS = {
-    UncertaintyStatus.OK: "its law holds", UncertaintyStatus.LOW_GAIN: "a gain is near zero",
-    UncertaintyStatus.BENT: "warns: too nonlinear", UncertaintyStatus.LOST: "warns: an equilibrium is lost",
+    UncertaintyStatus.OK: "its law holds",
+    UncertaintyStatus.LOW_GAIN: "a gain is near zero",
+    UncertaintyStatus.BENT: "warns: too nonlinear",
+    UncertaintyStatus.LOST: "warns: an equilibrium is lost",
     UncertaintyStatus.CERTAIN: "no covariance",
-}  # fmt: skip
+}
 _MARKS = {Agreement.DIFFERENT: "differ", Agreement.DRIFT: "drift", Agreement.ALIKE: "–"}
 
 
@@ -58,23 +60,32 @@ def _by_column(fleet: Consistency) -> Table:
     rows = [
         [
             column_of(column),
-            f"{100 * single['repeats'][i]:.1f} %", _percent(1 - found["repeats", Agreement.ALIKE][i]),
-            _percent(1 - found["steady", Agreement.ALIKE][i]), _percent(found["fleet", Agreement.DIFFERENT][i]),
-            _percent(found["fleet", Agreement.DRIFT][i]), f"{100 * fleet.predicted[i]:.1f} %",
-            f"{100 * spreads['steady'][i]:.1f} %", f"{100 * spreads['fleet'][i]:.1f} %",
+            f"{100 * single['repeats'][i]:.1f} %",
+            _percent(1 - found["repeats", Agreement.ALIKE][i]),
+            _percent(1 - found["steady", Agreement.ALIKE][i]),
+            _percent(found["fleet", Agreement.DIFFERENT][i]),
+            _percent(found["fleet", Agreement.DRIFT][i]),
+            f"{100 * fleet.predicted[i]:.1f} %",
+            f"{100 * spreads['steady'][i]:.1f} %",
+            f"{100 * spreads['fleet'][i]:.1f} %",
         ]
         for i, column in enumerate(fleet.columns)
-    ]  # fmt: skip
+    ]
     return Table(
         title="How consistent fabrication is, by order and band",
         columns=[
-            "order, output band", "null: repeats that differ, single tests at 5 %", "null: corrected",
-            "pairs that differ, without histories", "pairs that differ beyond drift, as recorded",
-            "pairs that differ, as drift explains", "spread that the tolerances predict",
-            "spread without histories", "spread as recorded",
+            "order, output band",
+            "null: repeats that differ, single tests at 5 %",
+            "null: corrected",
+            "pairs that differ, without histories",
+            "pairs that differ beyond drift, as recorded",
+            "pairs that differ, as drift explains",
+            "spread that the tolerances predict",
+            "spread without histories",
+            "spread as recorded",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _pairs(title: str, table: Comparison) -> Table:
@@ -94,13 +105,12 @@ def _drifts(table: Comparison) -> Table:
     rows = []
     for name in names:
         of = [drift for drift in table.drifts if drift.name == name]
-        rows.append([
-            name, *(f"{100 * d.size:.0f} %, {'drifts' if d.drifts else '–'}, p {_p(d.adjusted)}" for d in of)
-        ])  # fmt: skip
+        rows.append([name, *(f"{100 * d.size:.0f} %, {'drifts' if d.drifts else '–'}, p {_p(d.adjusted)}" for d in of)])
     return Table(
         title="Drift within the records as they are: largest difference between two times",
-        columns=["actuator", *(column_of(c) for c in table.columns)], rows=rows,
-    )  # fmt: skip
+        columns=["actuator", *(column_of(c) for c in table.columns)],
+        rows=rows,
+    )
 
 
 def _tolerances(fleet: Consistency) -> Table:
@@ -112,46 +122,69 @@ def _tolerances(fleet: Consistency) -> Table:
     rows.append(["all together", "", *(f"{100 * value:.1f} %" for value in fleet.predicted)])
     return Table(
         title="What each tolerance of fabrication makes of the responses: standard deviation, to first order",
-        columns=["quantity", "tolerance", *(column_of(column) for column in fleet.columns)], rows=rows,
-    )  # fmt: skip
+        columns=["quantity", "tolerance", *(column_of(column) for column in fleet.columns)],
+        rows=rows,
+    )
 
 
 def _systems(benchmarks: Benchmarks) -> Table:
     rows = []
     for spread in [s for group in (benchmarks.cases, benchmarks.fragile) for each in group.values() for s in each]:
         longest = np.sqrt(np.linalg.eigvalsh(spread.propagated.covariance)[:, -1]) / spread.propagated.gain
-        rows.append([
-            spread.case, spread.symbol, f"{100 * longest.min():.2g} to {100 * longest.max():.2g} %",
-            f"{spread.propagated.nonlinearity.max():.2g}", f"{np.sqrt(spread.ratio):.3g}", f"{100 * spread.held:.1f} %",
-            _SAYS[spread.propagated.status],
-        ])  # fmt: skip
+        rows.append(
+            [
+                spread.case,
+                spread.symbol,
+                f"{100 * longest.min():.2g} to {100 * longest.max():.2g} %",
+                f"{spread.propagated.nonlinearity.max():.2g}",
+                f"{np.sqrt(spread.ratio):.3g}",
+                f"{100 * spread.held:.1f} %",
+                _SAYS[spread.propagated.status],
+            ]
+        )
     return Table(
         title="Propagation beside draws",
         columns=[
-            "system", "response", "standard deviation over gain", "largest nonlinearity",
-            "deviation of the draws over that propagated, worst", "draws in the 95 % region, worst", "propagation says",
+            "system",
+            "response",
+            "standard deviation over gain",
+            "largest nonlinearity",
+            "deviation of the draws over that propagated, worst",
+            "draws in the 95 % region, worst",
+            "propagation says",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _speeds(benchmarks: Benchmarks) -> Table:
     rows = [
         [
-            one.label, f"{1e3 * one.propagated:.1f} ms", f"{1e3 * one.drawn:.0f} ms", f"{one.alone:.0f} s",
-            f"{100 * one.error:.1f} %", f"{100 * one.drawn_error:.1f} %", f"{one.equal:,.0f}", f"{one.ratio:.0f}",
+            one.label,
+            f"{1e3 * one.propagated:.1f} ms",
+            f"{1e3 * one.drawn:.0f} ms",
+            f"{one.alone:.0f} s",
+            f"{100 * one.error:.1f} %",
+            f"{100 * one.drawn_error:.1f} %",
+            f"{one.equal:,.0f}",
+            f"{one.ratio:.0f}",
         ]
         for one in benchmarks.speeds
-    ]  # fmt: skip
+    ]
     return Table(
         title="What propagation and draws cost, in processor time (it differs from run to run)",
         columns=[
-            "response", "propagation, with its nonlinearity", "20,000 draws at once", "20,000 draws one by one",
-            "largest error of propagation", "of 20,000 draws", "draws of equal accuracy",
+            "response",
+            "propagation, with its nonlinearity",
+            "20,000 draws at once",
+            "20,000 draws one by one",
+            "largest error of propagation",
+            "of 20,000 draws",
+            "draws of equal accuracy",
             "their time over propagation's",
         ],
         rows=rows,
-    )  # fmt: skip
+    )
 
 
 def _columnwise(flags: Sequence[bool], table: Comparison) -> np.ndarray:

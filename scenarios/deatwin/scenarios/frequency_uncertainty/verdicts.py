@@ -71,7 +71,7 @@ def _monte_carlo(what: str, spreads: Iterable[Spread]) -> Row:
         reached=f"{len(every) - len(out)} of {len(every)} responses; the worst departs by {worst.largest:.2f} standard "
         f"errors of {worst.allowed:.2f} allowed ({worst.symbol} of {worst.case})",
         passed=not out,
-    )  # fmt: skip
+    )
 
 
 def _coverage(benchmarks: Benchmarks) -> list[Row]:
@@ -80,12 +80,14 @@ def _coverage(benchmarks: Benchmarks) -> list[Row]:
         of = {order: flags for (case, order), flags in benchmarks.coverage.items() if case == name}
         shares = {order: float(flags.mean()) for order, flags in of.items()}
         sets = len(next(iter(of.values())))
-        rows.append(Row(
-            measure=f"{name}: true response in the 95 % region, mean over frequency, {sets} identified data sets",
-            demanded="92 to 98 %",
-            reached=", ".join(f"H{'₁₂₃'[order - 1]} {100 * share:.1f} %" for order, share in shares.items()),
-            passed=all(COVERED[0] <= share <= COVERED[1] for share in shares.values()),
-        ))  # fmt: skip
+        rows.append(
+            Row(
+                measure=f"{name}: true response in the 95 % region, mean over frequency, {sets} identified data sets",
+                demanded="92 to 98 %",
+                reached=", ".join(f"H{'₁₂₃'[order - 1]} {100 * share:.1f} %" for order, share in shares.items()),
+                passed=all(COVERED[0] <= share <= COVERED[1] for share in shares.values()),
+            )
+        )
     return rows
 
 
@@ -101,16 +103,17 @@ def _warned(benchmarks: Benchmarks) -> Row:
         reached=f"of {held.size} it warns of {int(np.sum(~holds))}; {int(wrong.sum())} are so, {missed} of them "
         "without a warning",
         passed=missed == 0,
-    )  # fmt: skip
+    )
 
 
 def _speed(benchmarks: Benchmarks) -> Row:
     ratios = {one.label: one.ratio for one in benchmarks.speeds}
     return Row(
         measure="processor time of draws of equal accuracy, all computed at once, over that of propagation",
-        demanded=f"at least {FASTER:g}", reached=", ".join(f"{name} {ratio:.0f}" for name, ratio in ratios.items()),
+        demanded=f"at least {FASTER:g}",
+        reached=", ".join(f"{name} {ratio:.0f}" for name, ratio in ratios.items()),
         passed=min(ratios.values()) >= FASTER,
-    )  # fmt: skip
+    )
 
 
 def _null(table: Comparison) -> list[Row]:
@@ -120,22 +123,27 @@ def _null(table: Comparison) -> list[Row]:
     return [
         Row(
             measure=f"repeats of one stationary actuator, {counted}: single tests that find a difference at 5 %",
-            demanded="at most 5 %", reached=f"{100 * single:.1f} %", passed=single <= FALSE,
+            demanded="at most 5 %",
+            reached=f"{100 * single:.1f} %",
+            passed=single <= FALSE,
         ),
         Row(
             measure="the same, corrected for their number (Holm), as in the table of the fleet",
-            demanded="at most 5 %; none with a probability of 95 %", reached=f"{len(table.significant)} tests",
+            demanded="at most 5 %; none with a probability of 95 %",
+            reached=f"{len(table.significant)} tests",
             passed=table.share <= FALSE,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _no_drift(table: Comparison) -> Row:
     found = [drift for drift in table.drifts if drift.drifts]
     return Row(
-        measure="drifts within the records of the six without their histories (Holm)", demanded="none",
-        reached=f"{len(found)} of {len(table.drifts)} tests", passed=not found,
-    )  # fmt: skip
+        measure="drifts within the records of the six without their histories (Holm)",
+        demanded="none",
+        reached=f"{len(found)} of {len(table.drifts)} tests",
+        passed=not found,
+    )
 
 
 def _drift(table: Comparison) -> Row:
@@ -143,14 +151,15 @@ def _drift(table: Comparison) -> Row:
     return Row(
         measure="actuators in whose record, as it is, drift is found (Holm)",
         demanded=f"{', '.join(DRIFTING)}, whose histories go on, and not DEA 6, whose is over",
-        reached=", ".join(found) or "none", passed=found == list(DRIFTING),
-    )  # fmt: skip
+        reached=", ".join(found) or "none",
+        passed=found == list(DRIFTING),
+    )
 
 
 def _shared(table: Comparison) -> Row:
-    different, drift = (int(sum(d.agreement is kind for d in table.differences)) for kind in (
-        Agreement.DIFFERENT, Agreement.DRIFT
-    ))  # fmt: skip
+    different, drift = (
+        int(sum(d.agreement is kind for d in table.differences)) for kind in (Agreement.DIFFERENT, Agreement.DRIFT)
+    )
     total = len(table.differences)
     return Row(
         measure="one fabrication with each of the five histories that go on: tests that find a difference which drift "
@@ -158,7 +167,7 @@ def _shared(table: Comparison) -> Row:
         demanded="at most 5 %: these actuators share all parameters",
         reached=f"{different} of {total} ({100 * different / total:.0f} %); {drift} more are put down to drift",
         passed=different <= FALSE * total,
-    )  # fmt: skip
+    )
 
 
 def _truth(fleet: Consistency) -> Row:
@@ -166,8 +175,9 @@ def _truth(fleet: Consistency) -> Row:
     return Row(
         measure="true difference of a pair in the 95 % region of the measured one, six without histories",
         demanded="at least 90 % of all pairs, orders and bands",
-        reached=f"{100 * np.mean(inside):.0f} % of {len(inside)}", passed=float(np.mean(inside)) >= 0.9,
-    )  # fmt: skip
+        reached=f"{100 * np.mean(inside):.0f} % of {len(inside)}",
+        passed=float(np.mean(inside)) >= 0.9,
+    )
 
 
 def _tolerances(fleet: Consistency) -> Row:
@@ -178,6 +188,4 @@ def _tolerances(fleet: Consistency) -> Row:
         demanded=f"{CHANCE[0]:g} to {CHANCE[1]:g} in each: what chance makes of six",
         reached=f"{ratios.min():.2f} to {ratios.max():.2f}",
         passed=bool(np.all((ratios >= CHANCE[0]) & (ratios <= CHANCE[1]))),
-    )  # fmt: skip
-
-
+    )

@@ -41,9 +41,12 @@ class Comparison:
         from deatwin.scenarios.report.quantities import three_digits
 
         environment = Environment(
-            loader=PackageLoader("deatwin.scenarios.live"), autoescape=True, undefined=StrictUndefined,
-            trim_blocks=True, lstrip_blocks=True,
-        )  # fmt: skip
+            loader=PackageLoader("deatwin.scenarios.live"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
         environment.filters["number"] = three_digits
         pictures = [
             _drawn(number, verdict, limit) if limit else ""

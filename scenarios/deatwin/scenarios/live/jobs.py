@@ -75,10 +75,15 @@ class Order:
         files = [f"./{name}" if name.startswith("-") else name for name in (self.rig, *self.recordings)]
         columns = (("--input-column", self.input_column), ("--output-column", self.output_column))
         return [
-            "diagnose", *files, "--out", self.out, "--seed", str(self.seed),
+            "diagnose",
+            *files,
+            "--out",
+            self.out,
+            "--seed",
+            str(self.seed),
             *(f"{option}={name}" for option, name in columns if name),
             *(["--allow-gaps"] if self.allow_gaps else []),
-        ]  # fmt: skip
+        ]
 
 
 class Job:
@@ -108,11 +113,17 @@ class Job:
         self._cancelled = False
         self._complaints: deque[str] = deque(maxlen=LAST_LINES)
         self._process = subprocess.Popen(
-            [*program, *order.arguments], cwd=root, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace",
+            [*program, *order.arguments],
+            cwd=root,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
             env={**os.environ, "PYTHONSAFEPATH": "1", "PYTHONIOENCODING": "utf-8"},  # imports nothing from the folder
             **_apart(),
-        )  # fmt: skip
+        )
         self._watch = threading.Thread(target=self._follow, daemon=True)
         self._watch.start()
 

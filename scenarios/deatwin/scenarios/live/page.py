@@ -106,12 +106,17 @@ class View:
         megabytes = self.most_bytes / MEGABYTE
         self.upload = (
             ui.upload(
-                multiple=True, auto_upload=True, max_file_size=self.most_bytes, on_upload=self.take,
+                multiple=True,
+                auto_upload=True,
+                max_file_size=self.most_bytes,
+                on_upload=self.take,
                 on_rejected=lambda: self.complain(
                     f"not taken: larger than {megabytes:g} MB (--upload-limit), or none of {', '.join(UPLOADS)}"
                 ),
-            ).props(f'accept="{",".join(UPLOADS)}" flat color="transparent" text-color="inherit"').classes("drop")
-        )  # fmt: skip
+            )
+            .props(f'accept="{",".join(UPLOADS)}" flat color="transparent" text-color="inherit"')
+            .classes("drop")
+        )
         self.upload.add_slot("header", INVITATION % f"{megabytes:g}")
         self.recordings = _choice("Recordings of one experiment", multiple=True)
         self.rig = _choice("Rig file or calibrated model")
@@ -155,9 +160,14 @@ class View:
         try:
             content = await event.file.read()
             name = await run.io_bound(
-                keep_upload, self.board.root, event.file.name, content, most_bytes=self.most_bytes,
-                input_column=self.input_column.value or None, output_column=self.output_column.value or None,
-            )  # fmt: skip
+                keep_upload,
+                self.board.root,
+                event.file.name,
+                content,
+                most_bytes=self.most_bytes,
+                input_column=self.input_column.value or None,
+                output_column=self.output_column.value or None,
+            )
         except (DeatwinError, OSError) as error:
             self.complain(_told(error))
             return
@@ -171,11 +181,17 @@ class View:
     def start(self) -> None:
         """Start the diagnosis that is chosen."""
         try:
-            self.board.start(Order(
-                rig=self.rig.value or "", recordings=tuple(self.recordings.value or ()), out=self.out.value.strip(),
-                input_column=self.input_column.value, output_column=self.output_column.value,
-                allow_gaps=self.allow_gaps.value, seed=int(self.seed.value or 0),
-            ))  # fmt: skip
+            self.board.start(
+                Order(
+                    rig=self.rig.value or "",
+                    recordings=tuple(self.recordings.value or ()),
+                    out=self.out.value.strip(),
+                    input_column=self.input_column.value,
+                    output_column=self.output_column.value,
+                    allow_gaps=self.allow_gaps.value,
+                    seed=int(self.seed.value or 0),
+                )
+            )
         except (DeatwinError, OSError) as error:
             self.complain(_told(error))
             return

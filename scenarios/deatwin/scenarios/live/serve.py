@@ -22,9 +22,12 @@ from deatwin.scenarios.live.uploads import MEGABYTE
 __all__ = ["serve"]
 
 SERVED = {
-    ".html": "text/html; charset=utf-8", ".csv": "text/csv; charset=utf-8", ".json": "application/json",
-    ".svg": "image/svg+xml", ".nc": "application/x-netcdf",
-}  # fmt: skip
+    ".html": "text/html; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".nc": "application/x-netcdf",
+}
 """What of a folder of results is sent, and as what."""
 SANDBOX = "sandbox allow-scripts allow-downloads allow-popups"
 """A report is a page of a file: it runs without the rights of the live view, whoever wrote it."""
@@ -78,9 +81,11 @@ def serve(
         key = secrets.token_urlsafe(24)
         app = application(board, most_bytes=most_bytes, send_file=_sender(root))
         guard = Guard(app, port=taken, key=key, most_bytes=most_bytes)
-        server = uvicorn.Server(uvicorn.Config(
-            guard, log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=PATIENCE
-        ))  # fmt: skip
+        server = uvicorn.Server(
+            uvicorn.Config(
+                guard, log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=PATIENCE
+            )
+        )
         address = f"http://{LOOPBACK}:{taken}/?key={key}"
         started(address)
         if open_browser:
@@ -134,8 +139,11 @@ def _sender(root: Path) -> Callable[[str], Any]:
             return PlainTextResponse(f"{name}: there is no such file of results\n", 404)
         shown = path.suffix.lower() == ".html"
         return FileResponse(
-            path, media_type=kind, filename=path.name, content_disposition_type="inline" if shown else "attachment",
+            path,
+            media_type=kind,
+            filename=path.name,
+            content_disposition_type="inline" if shown else "attachment",
             headers={"Content-Security-Policy": SANDBOX, "Cache-Control": "no-store"},
-        )  # fmt: skip
+        )
 
     return send

@@ -129,19 +129,24 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     fit = {part: diagnosis.fit.get(part) or {} for part in ("fitted", "unseen")}
     causes = (
         Left(
-            effect=cause.effect, probability=cause.probability,
+            effect=cause.effect,
+            probability=cause.probability,
             parameters=tuple(
                 (name, *with_interval(x.value, x.low, x.high, x.unit)) for name, x in cause.parameters.items()
             ),
         )
         for cause in diagnosis.causes
-    )  # fmt: skip
+    )
     return {
-        "verdict": diagnosis.verdict.value, "tone": TONES.get(diagnosis.verdict.value, "bad"),
-        "sentence": diagnosis.sentence, "unit": "µm" if unit == "um" else unit, "noise": diagnosis.noise,
-        "causes": tuple(causes), "possible": tuple(diagnosis.names),
+        "verdict": diagnosis.verdict.value,
+        "tone": TONES.get(diagnosis.verdict.value, "bad"),
+        "sentence": diagnosis.sentence,
+        "unit": "µm" if unit == "um" else unit,
+        "noise": diagnosis.noise,
+        "causes": tuple(causes),
+        "possible": tuple(diagnosis.names),
         **{part: (errors.get("before"), errors.get("after")) for part, errors in fit.items()},
-    }  # fmt: skip
+    }
 
 
 def _run(path: Path) -> dict[str, Any]:

@@ -61,9 +61,13 @@ def _diagnose(arguments: Sequence[str]) -> None:
         asked["rig"], input_column=asked["input_column"], output_column=asked["output_column"], dt=asked["dt"]
     )
     task = DiagnosisTask(
-        plant=plant.model.plant, experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],
-        files=[asked["rig"], *files], command=["deatwin", *arguments], jobs=asked["jobs"], seed=asked["seed"],
-    )  # fmt: skip
+        plant=plant.model.plant,
+        experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],
+        files=[asked["rig"], *files],
+        command=["deatwin", *arguments],
+        jobs=asked["jobs"],
+        seed=asked["seed"],
+    )
     diagnosis = task.run(ResultFolder(asked["out"]), _progress)
     _tell(share=1.0, verdict=diagnosis.verdict.value, sentence=diagnosis.sentence)
 

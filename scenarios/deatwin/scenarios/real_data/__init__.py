@@ -29,9 +29,9 @@ __all__ = ["LARGEST_ERROR", "MOST_TERMS", "SETS", "judge", "run"]
 
 LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
 """Demanded of the Silverbox, V and terms."""
-SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType({
-    "silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps,
-})  # fmt: skip
+SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType(
+    {"silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps}
+)
 """By the name of the set's folder, in the order of the page."""
 Outcomes = Mapping[str, Mapping[str, Outcome]]
 
@@ -56,15 +56,19 @@ def run(setting: Setting) -> Mapping[str, Any]:
     """
     sets = [load(data_folder(setting.data, name)) for name, load in SETS.items()]
     record = RunRecord(
-        command=setting.command, inputs=hashes(path for data in sets for path in data.files), seed=setting.seed,
+        command=setting.command,
+        inputs=hashes(path for data in sets for path in data.files),
+        seed=setting.seed,
         jobs=setting.jobs,
-    )  # fmt: skip
+    )
     tasks = [(method, data) for data in sets for method in reversed(list(METHODS))]  # the longest first
     setting.progress(0.0, f"{len(tasks)} models")
     done = run_jobs(
-        attempt, tasks, workers=setting.jobs,
+        attempt,
+        tasks,
+        workers=setting.jobs,
         finished=lambda count: setting.progress(0.9 * count / len(tasks), f"{count} of {len(tasks)} models"),
-    )  # fmt: skip
+    )
     outcomes = {data.name: {o.method: o for o in reversed(done) if o.data == data.name} for data in sets}
     setting.progress(0.9, "drawing")
     return _written(setting, sets, outcomes, record)
@@ -80,20 +84,25 @@ def _written(setting: Setting, sets: Sequence[DataSet], outcomes: Outcomes, reco
     )
     made = [
         figures.comparison(sets, [o for own in outcomes.values() for o in own.values()]),
-        figures.arrow_head(data, outcomes["silverbox"]), figures.arrow_head_spectra(data, outcomes["silverbox"]),
+        figures.arrow_head(data, outcomes["silverbox"]),
+        figures.arrow_head_spectra(data, outcomes["silverbox"]),
         figures.converter(sets[1], outcomes["buck"]),
         *(figures.free_runs(d, outcomes[d.name], (LINEAR, REFINED, GROWN)) for d in sets[2:]),
-    ]  # fmt: skip
+    ]
     for drawing, columns in made:
         setting.folder.csv(drawing.data, columns)
     page = StoryPage(
-        title="real-data", sentence=sentence, rows=rows, notes=_notes(sets),
+        title="real-data",
+        sentence=sentence,
+        rows=rows,
+        notes=_notes(sets),
         figures=[drawing for drawing, _ in made],
         tables=[
-            *(_table(d, outcomes[d.name]) for d in sets), _quoted(),
+            *(_table(d, outcomes[d.name]) for d in sets),
+            _quoted(),
             origins(setting.data, {name: data.files for name, data in zip(SETS, sets, strict=True)}),
         ],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {
         "sentence": sentence,
@@ -135,18 +144,23 @@ def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Row]:
         ),
         Row(
             measure="Silverbox: SEMP against FRO from the same candidates with as many terms",
-            demanded=f"below {simple:.4f} mV", reached=f"{semp:.4f} mV with {box[SEMP].terms}", passed=semp < simple,
+            demanded=f"below {simple:.4f} mV",
+            reached=f"{semp:.4f} mV with {box[SEMP].terms}",
+            passed=semp < simple,
         ),
         Row(
             measure=f"Silverbox: {GROWN}, against a linear model (output error)",
-            demanded=f"below a tenth of {linear:.2f} mV", reached=f"{best:.4f} mV", passed=best < 0.1 * linear,
+            demanded=f"below a tenth of {linear:.2f} mV",
+            reached=f"{best:.4f} mV",
+            passed=best < 0.1 * linear,
         ),
         Row(
             measure=f"Buck converter, {REFINED}: free run on buck_valid, candidates as in SysIdentPy's documentation",
             demanded=f"at most {documented:.4f} V rms, the least of its six documented models",
-            reached=f"{refined:.4f} V with {converter[REFINED].terms} terms", passed=refined <= documented,
+            reached=f"{refined:.4f} V with {converter[REFINED].terms} terms",
+            passed=refined <= documented,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _notes(sets: Sequence[DataSet]) -> list[Note]:
@@ -181,15 +195,23 @@ def _table(data: DataSet, outcomes: Mapping[str, Outcome]) -> Table:
 
     rows = [
         [
-            o.method, str(o.terms), shown(o.one_step), o.failure or shown(o.free_run), shown(o.training),
+            o.method,
+            str(o.terms),
+            shown(o.one_step),
+            o.failure or shown(o.free_run),
+            shown(o.training),
             f"{o.seconds:.1f}",
         ]
         for o in outcomes.values()
-    ]  # fmt: skip
+    ]
     columns = [
-        "method", "parameters", f"one step, test ({data.unit})", f"free run, test ({data.unit})",
-        f"free run, training ({data.unit})", "time to learn (s)",
-    ]  # fmt: skip
+        "method",
+        "parameters",
+        f"one step, test ({data.unit})",
+        f"free run, test ({data.unit})",
+        f"free run, training ({data.unit})",
+        "time to learn (s)",
+    ]
     return Table(title=f"{data.title}: root mean square errors", columns=columns, rows=rows)
 
 

@@ -81,10 +81,12 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         legend_above(figure, middle, 2)
         drawing = Drawing.of(
-            figure, "arrow_head", "Silverbox: free run over the growing amplitude",
+            figure,
+            "arrow_head",
+            "Silverbox: free run over the growing amplitude",
             "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
             "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -127,10 +129,12 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
         legend_above(figure, axes, 4)
         drawing = Drawing.of(
-            figure, "arrow_head_spectra", "Silverbox: spectra of the errors",
+            figure,
+            "arrow_head_spectra",
+            "Silverbox: spectra of the errors",
             "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
             "its frequency, where the cube of the output comes close to half the sample rate.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -155,11 +159,14 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, 
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
     runs = {LINEAR: outcomes[LINEAR].outputs, name: theirs, REFINED: outcomes[REFINED].outputs}
     return _runs(
-        data, runs, "converter", "Buck converter: free run on buck_valid",
+        data,
+        runs,
+        "converter",
+        "Buck converter: free run on buck_valid",
         f"{REFINED} has the terms of SysIdentPy's first documented model and other parameters: those of the least "
         "free-run error on buck_id.",
         start="start",
-    )  # fmt: skip
+    )
 
 
 def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> tuple[Drawing, Columns]:
@@ -236,16 +243,26 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
                 columns[f"{data.name}_{kind}"] = values
             for i, method in enumerate(methods):
                 if own[method].failure:
-                    axes.text(0.97, i, "diverges", transform=axes.get_yaxis_transform(), ha="right", va="center",
-                              color=BEFORE, fontsize="small")  # fmt: skip
+                    axes.text(
+                        0.97,
+                        i,
+                        "diverges",
+                        transform=axes.get_yaxis_transform(),
+                        ha="right",
+                        va="center",
+                        color=BEFORE,
+                        fontsize="small",
+                    )
             axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])
             axes.set_title(data.title, loc="left", fontsize="medium")
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
-            figure, "comparison", "All methods on all recordings",
+            figure,
+            "comparison",
+            "All methods on all recordings",
             "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
             "of one step says little about the free run.",
-        )  # fmt: skip
+        )
     return drawing, columns

@@ -30,8 +30,12 @@ Array = NDArray[np.float64]
 Model = NarxModel | LinearModel
 
 LINEAR, FRO, SEMP, REFINED, GROWN = (
-    "output error, linear", "FRO", "SEMP", "FRO, refined", "grown by the free-run error",
-)  # fmt: skip
+    "output error, linear",
+    "FRO",
+    "SEMP",
+    "FRO, refined",
+    "grown by the free-run error",
+)
 
 
 def _arx(data: DataSet) -> Model:
@@ -106,10 +110,18 @@ def _grown(data: DataSet) -> NarxModel:
     return min(models, key=lambda model: model.simulate(data.train).rms_error)
 
 
-METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType({
-    "ARX, linear": _arx, LINEAR: _output_error, FRO: _fro, "LASSO": _lasso, SEMP: _semp, "SVB": _svb,
-    REFINED: _refined, GROWN: _grown,
-})  # fmt: skip
+METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
+    {
+        "ARX, linear": _arx,
+        LINEAR: _output_error,
+        FRO: _fro,
+        "LASSO": _lasso,
+        SEMP: _semp,
+        "SVB": _svb,
+        REFINED: _refined,
+        GROWN: _grown,
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,9 +165,13 @@ class Outcome:
         numbers = {"one_step": self.one_step, "free_run": self.free_run, "training": self.training}
         finite = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
         return {
-            "data": self.data, "method": self.method, "terms": self.terms, **finite, "failure": self.failure,
+            "data": self.data,
+            "method": self.method,
+            "terms": self.terms,
+            **finite,
+            "failure": self.failure,
             "model": str(self.model) if self.model is not None else "",
-        }  # fmt: skip
+        }
 
 
 def attempt(method: str, data: DataSet) -> Outcome:
@@ -177,10 +193,17 @@ def attempt(method: str, data: DataSet) -> Outcome:
         model = METHODS[method](data)
     except ModelError as error:
         return Outcome(
-            data=data.name, method=method, terms=0, one_step=np.nan, free_run=np.nan, training=np.nan,
-            seconds=time.perf_counter() - begun, failure=str(error), model=None,
+            data=data.name,
+            method=method,
+            terms=0,
+            one_step=np.nan,
+            free_run=np.nan,
+            training=np.nan,
+            seconds=time.perf_counter() - begun,
+            failure=str(error),
+            model=None,
             outputs=np.full(data.test.n_samples, np.nan),
-        )  # fmt: skip
+        )
     return _judged(method, data, model, time.perf_counter() - begun)
 
 
@@ -204,11 +227,17 @@ def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome
     """
     run = _free(model, data.test)
     return Outcome(
-        data=data.name, method=method, terms=model.theta.size, seconds=seconds, model=model,
-        one_step=model.predict(data.test).rms_error, free_run=run.rms_error if run.status.ok else np.nan,
-        training=_free(model, data.train).rms_error, outputs=run.outputs[0],
+        data=data.name,
+        method=method,
+        terms=model.theta.size,
+        seconds=seconds,
+        model=model,
+        one_step=model.predict(data.test).rms_error,
+        free_run=run.rms_error if run.status.ok else np.nan,
+        training=_free(model, data.train).rms_error,
+        outputs=run.outputs[0],
         failure="" if run.status.ok else f"the free run diverges at {run.failed_at_s:.4g} s",
-    )  # fmt: skip
+    )
 
 
 def _free(model: Model, recording: Recording) -> Any:

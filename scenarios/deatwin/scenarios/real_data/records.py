@@ -58,8 +58,11 @@ class Candidates:
     def arguments(self) -> dict[str, object]:
         """For an estimator, without the number of terms."""
         return {
-            "output_lags": self.output_lags, "input_lags": self.input_lags, "degree": self.degree, "rule": self.rule,
-        }  # fmt: skip
+            "output_lags": self.output_lags,
+            "input_lags": self.input_lags,
+            "degree": self.degree,
+            "rule": self.rule,
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,10 +115,16 @@ def buck(folder: Path) -> DataSet:
     tables = [csv_columns(file, ("input", "y")) for file in files]
     train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
     return DataSet(
-        name="buck", title="Buck converter", train=train, test=test, unit="V", scale=1.0, files=files,
+        name="buck",
+        title="Buck converter",
+        train=train,
+        test=test,
+        unit="V",
+        scale=1.0,
+        files=files,
         candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
         note="Learned from buck_id, judged on buck_valid, as they are.",
-    )  # fmt: skip
+    )
 
 
 def silverbox(folder: Path) -> DataSet:
@@ -134,13 +143,19 @@ def silverbox(folder: Path) -> DataSet:
     require_samples(file, len(table), MULTISINE.stop)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
     return DataSet(
-        name="silverbox", title="Silverbox", unit="mV", scale=1e-3, files=(file,), parts=4,
-        train=whole.section(MULTISINE.start, MULTISINE.stop), test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
+        name="silverbox",
+        title="Silverbox",
+        unit="mV",
+        scale=1e-3,
+        files=(file,),
+        parts=4,
+        train=whole.section(MULTISINE.start, MULTISINE.stop),
+        test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
         note="Learned from the multisine (samples 40,650 to 127,400), judged on the arrow-head (the first 40,000), "
         "whose amplitude grows beyond what was learned from. The input is band-limited, so that its present value "
         "counts.",
-    )  # fmt: skip
+    )
 
 
 def silverbox_table(folder: Path) -> tuple[Array, Path]:
@@ -176,10 +191,16 @@ def cascaded_tanks(folder: Path) -> DataSet:
     table, file = _columns(folder, "dataBenchmark", ("uEst", "uVal", "yEst", "yVal"))
     train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
     return DataSet(
-        name="tanks", title="Cascaded tanks", train=train, test=test, unit="V", scale=1.0, files=(file,),
+        name="tanks",
+        title="Cascaded tanks",
+        train=train,
+        test=test,
+        unit="V",
+        scale=1.0,
+        files=(file,),
         candidates=Candidates(output_lags=3, input_lags=(1, 2, 3), degree=3, max_terms=15),
         note="Learned from the estimation record, judged on the validation record. A polynomial has no overflow.",
-    )  # fmt: skip
+    )
 
 
 def emps(folder: Path) -> DataSet:
@@ -197,13 +218,19 @@ def emps(folder: Path) -> DataSet:
     files = tuple(folder / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
     train, test = (_emps(path) for path in files)
     return DataSet(
-        name="emps", title="EMPS", train=train, test=test, unit="mm/s", scale=1e-3, files=files,
+        name="emps",
+        title="EMPS",
+        train=train,
+        test=test,
+        unit="mm/s",
+        scale=1e-3,
+        files=files,
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
         note="Motor force in, which holds the pulses of the validation record, and velocity out (differences of the "
         "position), both decimated from 1 kHz to 50 Hz. The free run is in open loop, from force to velocity. "
         "Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
         "are biased. A polynomial has no Coulomb friction.",
-    )  # fmt: skip
+    )
 
 
 def _emps(path: Path) -> Recording:
@@ -222,9 +249,15 @@ def _emps(path: Path) -> Recording:
 
 def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str], path: Path) -> Recording:
     return Recording.from_arrays(
-        inputs, outputs, step, input_names=("input",), output_names=("output",), input_units=units[:1],
-        output_units=units[1:], provenance={"file": path.name},
-    )  # fmt: skip
+        inputs,
+        outputs,
+        step,
+        input_names=("input",),
+        output_names=("output",),
+        input_units=units[:1],
+        output_units=units[1:],
+        provenance={"file": path.name},
+    )
 
 
 def _columns(folder: Path, stem: str, names: Sequence[str]) -> tuple[Array, Path]:

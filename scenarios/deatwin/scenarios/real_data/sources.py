@@ -39,30 +39,35 @@ class Source:
     loader: str = ""
 
 
-SOURCES: Mapping[str, Source] = MappingProxyType({
-    "silverbox": Source(
-        title="Silverbox", loader="Silverbox",
-        published="Wigren & Schoukens, European Control Conference 2013; nonlinearbenchmark.org",
-    ),
-    "emps": Source(
-        title="EMPS", loader="EMPS",
-        published="Janot, Gautier & Brunot, Workshop on Nonlinear System Identification Benchmarks 2019; "
-        "nonlinearbenchmark.org",
-    ),
-    "cascaded_tanks": Source(
-        title="Cascaded tanks", loader="Cascaded_Tanks",
-        published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
-        "nonlinearbenchmark.org",
-    ),
-    # The package has the test signals of this benchmark only; those to learn from come out of a MATLAB program.
-    "boucwen_benchmark_h5": Source(
-        title="Bouc-Wen benchmark (simulated)",
-        published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
-        "github.com/forgi86/dynonet, examples/BW",
-    ),
-    "buck_converter": Source(title="Buck converter", published="github.com/wilsonrljr/sysidentpy-data"),
-    "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
-})  # fmt: skip
+SOURCES: Mapping[str, Source] = MappingProxyType(
+    {
+        "silverbox": Source(
+            title="Silverbox",
+            loader="Silverbox",
+            published="Wigren & Schoukens, European Control Conference 2013; nonlinearbenchmark.org",
+        ),
+        "emps": Source(
+            title="EMPS",
+            loader="EMPS",
+            published="Janot, Gautier & Brunot, Workshop on Nonlinear System Identification Benchmarks 2019; "
+            "nonlinearbenchmark.org",
+        ),
+        "cascaded_tanks": Source(
+            title="Cascaded tanks",
+            loader="Cascaded_Tanks",
+            published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
+            "nonlinearbenchmark.org",
+        ),
+        # The package has the test signals of this benchmark only; those to learn from come out of a MATLAB program.
+        "boucwen_benchmark_h5": Source(
+            title="Bouc-Wen benchmark (simulated)",
+            published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
+            "github.com/forgi86/dynonet, examples/BW",
+        ),
+        "buck_converter": Source(title="Buck converter", published="github.com/wilsonrljr/sysidentpy-data"),
+        "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
+    }
+)
 """By the name of the set's folder."""
 
 

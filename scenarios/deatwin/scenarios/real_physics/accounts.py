@@ -36,17 +36,20 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
         Row(
             measure="The physics that is documented is named, and no other",
             demanded=f"named: {' or '.join(case.documented)}",
-            reached=f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}", passed=right,
+            reached=f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
+            passed=right,
         )
-    ]  # fmt: skip
+    ]
     for trial in trials:
         base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
         rows.append(
             Row(
                 measure=f"{trial.held_out.name}: free run, rms error, against the base plant's",
-                demanded=f"below {base:.4g} {case.unit}", reached=f"{amended:.4g} {case.unit}", passed=amended < base,
+                demanded=f"below {base:.4g} {case.unit}",
+                reached=f"{amended:.4g} {case.unit}",
+                passed=amended < base,
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -75,8 +78,9 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
         ]
     return Table(
         title=f"Free runs in {case.loop} over held-out recordings: root mean square errors",
-        columns=["recording", "model", f"error ({case.unit})"], rows=rows,
-    )  # fmt: skip
+        columns=["recording", "model", f"error ({case.unit})"],
+        rows=rows,
+    )
 
 
 def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
@@ -95,11 +99,15 @@ def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
     """
     tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
     rows = [
-        [" and ".join(c.effects).replace("_", " ") or "none", f"{c.fitted / case.scale:.4g}",
-         f"{c.unseen / case.scale:.4g}"]
+        [
+            " and ".join(c.effects).replace("_", " ") or "none",
+            f"{c.fitted / case.scale:.4g}",
+            f"{c.unseen / case.scale:.4g}",
+        ]
         for c in sorted(tried, key=lambda c: c.fitted)
-    ]  # fmt: skip
+    ]
     return Table(
-        title="Effects that were built in", rows=rows,
+        title="Effects that were built in",
+        rows=rows,
         columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
-    )  # fmt: skip
+    )

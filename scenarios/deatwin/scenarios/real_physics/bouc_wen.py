@@ -171,25 +171,40 @@ def case(folder: Path) -> Case:
     """
     train, test = (folder / f"{part}.h5" for part in ("train", "test"))
     (force, motion), (tested, moved), (swept, followed) = (
-        _signals(train, "multisine", 4 * PERIOD), _signals(test, "multisine", PERIOD),
+        _signals(train, "multisine", 4 * PERIOD),
+        _signals(test, "multisine", PERIOD),
         _signals(test, "sinesweep", PERIOD),
-    )  # fmt: skip
+    )
     fitted = _experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD])
     rival = DataSet(
-        name="bouc_wen", title="Bouc-Wen", unit="mm", scale=1e-3, files=(train, test), note="",
+        name="bouc_wen",
+        title="Bouc-Wen",
+        unit="mm",
+        scale=1e-3,
+        files=(train, test),
+        note="",
         train=_experiment(force[: 2 * PERIOD], motion[: 2 * PERIOD]).recordings[0],
         test=_experiment(tested, moved).recordings[0],
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
-    )  # fmt: skip
+    )
     # The test multisine is one period of a steady state: two periods before it lead in.
     multisine = HeldOut(
-        name="The test multisine", experiment=_experiment(held(np.tile(tested, 3)), np.tile(moved, 3)),
-        first=2 * PERIOD, rival=rival,
-    )  # fmt: skip
+        name="The test multisine",
+        experiment=_experiment(held(np.tile(tested, 3)), np.tile(moved, 3)),
+        first=2 * PERIOD,
+        rival=rival,
+    )
     sweep = HeldOut(name="The test sweep", experiment=_experiment(held(swept), followed))
     return Case(
-        name="bouc-wen", title="Bouc-Wen benchmark", documented=("hysteresis",), plant=Plant(rig=LinearOscillator()),
-        fitted=(fitted,), held_out=(multisine, sweep), unit="µm", scale=1e-6, files=(train, test),
+        name="bouc-wen",
+        title="Bouc-Wen benchmark",
+        documented=("hysteresis",),
+        plant=Plant(rig=LinearOscillator()),
+        fitted=(fitted,),
+        held_out=(multisine, sweep),
+        unit="µm",
+        scale=1e-6,
+        files=(train, test),
         law=lambda amended: _law(amended, motion, force),
         notes=(
             "A simulated benchmark. Diagnosed: the first two periods of the training multisine, from rest. Judged: "
@@ -200,7 +215,7 @@ def case(folder: Path) -> Case:
             "The benchmark has a mass of 2 kg, 10 N s/m and 5·10⁴ N/m, and in the plant's terms a hysteretic force of "
             "62.5 N over 1.25 mm with a hardening of 1.375.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
@@ -211,9 +226,14 @@ def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
 
 def _experiment(force: Array, motion: Array) -> Experiment:
     record = Recording.from_arrays(
-        force, motion, 1 / RATE, input_names=("force",), output_names=("displacement",), input_units=("N",),
+        force,
+        motion,
+        1 / RATE,
+        input_names=("force",),
+        output_names=("displacement",),
+        input_units=("N",),
         output_units=("m",),
-    )  # fmt: skip
+    )
     return Experiment(recordings=(record,))
 
 
@@ -224,10 +244,11 @@ def _law(amended: Plant, motion: Array, force: Array) -> Law:
     x, v, a = derivatives(motion[later], 1 / RATE, BAND)
     run = amended.simulate(_experiment(held(force), motion)).require().watched[0]
     return Law(
-        state="displacement (m)", force="force on the mass (N)",
+        state="displacement (m)",
+        force="force on the mass (N)",
         measured=(x, mass * a + damping * v + stiffness * x - force[later]),
         modelled=(run["displacement"][later], run["missing"][later]),
         caption="A period of the training record that was not diagnosed: what its acceleration needs beyond drive, "
         f"spring and damper, each differentiated up to {BAND:g} Hz; the amended plant: the force of the effect that "
         "was built in.",
-    )  # fmt: skip
+    )

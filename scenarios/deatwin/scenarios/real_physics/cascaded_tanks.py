@@ -185,10 +185,16 @@ def case(folder: Path) -> Case:
     data = black_box_data(folder)
     fitted, judged = (Experiment(recordings=(_named(record),)) for record in (data.train, data.test))
     return Case(
-        name="cascaded-tanks", title="Cascaded tanks", documented=("overflow", "sensor_saturation"),
-        plant=Plant(rig=Tanks()), fitted=(fitted,),
+        name="cascaded-tanks",
+        title="Cascaded tanks",
+        documented=("overflow", "sensor_saturation"),
+        plant=Plant(rig=Tanks()),
+        fitted=(fitted,),
         held_out=(HeldOut(name="The validation record", experiment=judged, rival=data),),
-        unit="V", scale=1.0, files=data.files, law=lambda amended: _law(amended, judged),
+        unit="V",
+        scale=1.0,
+        files=data.files,
+        law=lambda amended: _law(amended, judged),
         notes=(
             "Diagnosed: the estimation record, 1024 samples of 4 s. Judged: the validation record, which begins at "
             "the same unknown levels.",
@@ -199,14 +205,20 @@ def case(folder: Path) -> Case:
             "Each time the level falls through some 5.5 V the reading drops by 0.4 V within one sample, in both "
             "records, and never when it rises: no effect here has that, and it stays in what is left.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _named(record: Recording) -> Recording:
     return Recording.from_arrays(
-        record.inputs[0], record.outputs[0], record.sample_time, input_names=("pump",), output_names=("level",),
-        input_units=("V",), output_units=("V",), provenance=record.provenance,
-    )  # fmt: skip
+        record.inputs[0],
+        record.outputs[0],
+        record.sample_time,
+        input_names=("pump",),
+        output_names=("level",),
+        input_units=("V",),
+        output_units=("V",),
+        provenance=record.provenance,
+    )
 
 
 def _law(amended: Plant, judged: Experiment) -> Law:
@@ -216,10 +228,11 @@ def _law(amended: Plant, judged: Experiment) -> Law:
     signals, level = run.watched[0], judged.recordings[0].outputs[0]
     flow = p["area_ratio"] * p["upper_outlet"] * np.sqrt(signals["upper_level"]) - p["lower_outlet"] * np.sqrt(level)
     return Law(
-        state="level of the upper tank (V)", force="missing inflow of the lower tank (V/s)",
+        state="level of the upper tank (V)",
+        force="missing inflow of the lower tank (V/s)",
         measured=(signals["upper_level"], np.gradient(level, amended.rig.sample_time) - flow),
         modelled=(signals["upper_level"], signals["missing"]),
         caption="Held-out recording: the rate of the measured level less the flows through the outlets; the level of "
         "the upper tank, which nobody measured, is the amended plant's. Amended plant: what the lower tank catches "
         "and spills.",
-    )  # fmt: skip
+    )

@@ -239,9 +239,13 @@ def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Di
     Diagnosis
     """
     task = DiagnosisTask(
-        plant=case.plant, experiments=case.fitted, files=case.files, command=setting.command, jobs=setting.jobs,
+        plant=case.plant,
+        experiments=case.fitted,
+        files=case.files,
+        command=setting.command,
+        jobs=setting.jobs,
         seed=setting.seed,
-    )  # fmt: skip
+    )
     with ResultFolder(setting.folder.path / name) as own:
         diagnosis = task.run(own, progress)
     setting.folder.written.extend(f"{name}/{written}" for written in own.written)
@@ -296,20 +300,26 @@ def _written(
         setting.folder.csv(drawing.data, columns)
     source = FOLDERS.get(case.name, case.name)
     page = StoryPage(
-        title=case.name, sentence=sentence, rows=rows, figures=[drawing for drawing, _ in made],
+        title=case.name,
+        sentence=sentence,
+        rows=rows,
+        figures=[drawing for drawing, _ in made],
         notes=[
             Note(title="The recordings and the plant", paragraphs=case.notes),
             Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
         ],
         tables=[error_table(case, trials), tried_table(case, diagnosis), origins(setting.data, {source: case.files})],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {
-        "sentence": sentence, "verdict": diagnosis.verdict.value,
-        "causes": [cause.effect for cause in diagnosis.causes], "set": list(diagnosis.names),
-        "right": page.rows[0].passed, "measures": [asdict(row) for row in rows],
+        "sentence": sentence,
+        "verdict": diagnosis.verdict.value,
+        "causes": [cause.effect for cause in diagnosis.causes],
+        "set": list(diagnosis.names),
+        "right": page.rows[0].passed,
+        "measures": [asdict(row) for row in rows],
         "held_out": {t.held_out.name: _plain(t) for t in trials},
-    }  # fmt: skip
+    }
     setting.folder.text(f"{case.name}.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])
     setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")

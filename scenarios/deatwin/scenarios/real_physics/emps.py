@@ -72,10 +72,11 @@ class ControlledCarriage(Rig):
             Parameter(name="viscosity", value=100.0, unit="N s/m", lower=0.0, upper=1e4),
             Parameter(name="offset", value=0.0, unit="N", lower=-100.0, upper=100.0),
             Parameter(name="position_gain", value=160.18, unit="1/s", lower=1.0, upper=1e3, known=True, source=source),
-            Parameter(name="velocity_gain", value=243.45, unit="V s/m", lower=1.0, upper=1e3, known=True,
-                      source=source),
+            Parameter(
+                name="velocity_gain", value=243.45, unit="V s/m", lower=1.0, upper=1e3, known=True, source=source
+            ),
             Parameter(name="motor", value=35.15, unit="N/V", lower=1.0, upper=1e3, known=True, source=source),
-        )  # fmt: skip
+        )
 
     @property
     def start(self) -> StartProcedure:
@@ -137,17 +138,30 @@ def case(folder: Path) -> Case:
     files = tuple(folder / name for name in FILES)
     estimation, validation = (_recording(file) for file in files)
     pulsed = HeldOut(
-        name="The validation record, with force pulses", experiment=Experiment(recordings=(validation,)),
-        rival=_black_box(estimation, validation, files, 0), follows=True,
-    )  # fmt: skip
+        name="The validation record, with force pulses",
+        experiment=Experiment(recordings=(validation,)),
+        rival=_black_box(estimation, validation, files, 0),
+        follows=True,
+    )
     rest = HeldOut(
-        name="The rest of the estimation record", experiment=Experiment(recordings=(estimation,)), first=FITTED,
-        rival=_black_box(estimation, estimation, files, FITTED), follows=True,
-    )  # fmt: skip
+        name="The rest of the estimation record",
+        experiment=Experiment(recordings=(estimation,)),
+        first=FITTED,
+        rival=_black_box(estimation, estimation, files, FITTED),
+        follows=True,
+    )
     return Case(
-        name="emps", title="EMPS", documented=("coulomb_friction",), plant=Plant(rig=ControlledCarriage()),
-        fitted=(Experiment(recordings=(estimation.section(0, FITTED),)),), held_out=(pulsed, rest), unit="µm",
-        scale=1e-6, files=files, loop="closed loop", law=lambda amended: _law(amended, validation, files[1]),
+        name="emps",
+        title="EMPS",
+        documented=("coulomb_friction",),
+        plant=Plant(rig=ControlledCarriage()),
+        fitted=(Experiment(recordings=(estimation.section(0, FITTED),)),),
+        held_out=(pulsed, rest),
+        unit="µm",
+        scale=1e-6,
+        files=files,
+        loop="closed loop",
+        law=lambda amended: _law(amended, validation, files[1]),
         notes=(
             f"Diagnosed: the first {FITTED / 1000:g} s of the estimation record, from rest, at 1 kHz. Judged: the "
             "validation record, in which force pulses disturb the carriage, and the rest of the estimation record.",
@@ -163,7 +177,7 @@ def case(folder: Path) -> Case:
             "Black boxes get the reference's velocity and predict the deviation from the reference, 100 times a "
             "second; they have one input, and so know nothing of the pulses.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _recording(file: Path) -> Recording:
@@ -172,10 +186,16 @@ def _recording(file: Path) -> Recording:
     require_samples(file, position.size, FITTED + 1)
     extras = {"pulse_V": data["pulses_N"]} if "pulses_N" in data else {}
     return Recording.from_arrays(
-        np.append((reference[1:] + reference[:-1]) / 2, reference[-1]), position, 1e-3, input_names=("reference",),
-        output_names=("position",), input_units=("m",), output_units=("m",), extras=extras,
+        np.append((reference[1:] + reference[:-1]) / 2, reference[-1]),
+        position,
+        1e-3,
+        input_names=("reference",),
+        output_names=("position",),
+        input_units=("m",),
+        output_units=("m",),
+        extras=extras,
         provenance={"file": file.name},
-    )  # fmt: skip
+    )
 
 
 def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first: int) -> DataSet:
@@ -185,15 +205,26 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
         reference, position = record.inputs[0], record.outputs[0]
         velocity = np.gradient(reference, record.sample_time)
         return Recording.from_arrays(
-            velocity[::STEP], (position - reference)[::STEP], STEP * record.sample_time, input_names=("velocity",),
-            output_names=("deviation",), input_units=("m/s",), output_units=("m",),
-        )  # fmt: skip
+            velocity[::STEP],
+            (position - reference)[::STEP],
+            STEP * record.sample_time,
+            input_names=("velocity",),
+            output_names=("deviation",),
+            input_units=("m/s",),
+            output_units=("m",),
+        )
 
     return DataSet(
-        name=f"emps_{first}", title="EMPS", unit="µm", scale=1e-6, files=files, note="",
-        train=deviation(train.section(0, FITTED)), test=deviation(test.section(first, test.n_samples)),
+        name=f"emps_{first}",
+        title="EMPS",
+        unit="µm",
+        scale=1e-6,
+        files=files,
+        note="",
+        train=deviation(train.section(0, FITTED)),
+        test=deviation(test.section(first, test.n_samples)),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-    )  # fmt: skip
+    )
 
 
 def _law(amended: Plant, judged: Recording, file: Path) -> Law:
@@ -209,9 +240,11 @@ def _law(amended: Plant, judged: Recording, file: Path) -> Law:
     inside = slice(200, -200)
     signals = amended.simulate(Experiment(recordings=(judged,))).require().watched[0]
     return Law(
-        state="velocity (m/s)", force="force on the carriage (N)", measured=(velocity[inside], force[inside]),
+        state="velocity (m/s)",
+        force="force on the carriage (N)",
+        measured=(velocity[inside], force[inside]),
         modelled=(signals["velocity"], signals["missing"]),
         caption="Held-out recording: inertia and viscous friction less the recorded motor force, all up to "
         f"{SMOOTH:g} Hz; no part of this is used by the fit, which sees positions only. Amended plant: the force of "
         "the effect that was built in.",
-    )  # fmt: skip
+    )

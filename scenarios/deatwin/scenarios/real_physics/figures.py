@@ -60,10 +60,12 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
         bottom.set(ylabel=label, xlabel="time (s)")
         legend_above(figure, bottom, 3)
         drawing = Drawing.of(
-            figure, "held_out", f"{case.title}: {trial.held_out.name}",
+            figure,
+            "held_out",
+            f"{case.title}: {trial.held_out.name}",
             "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre "
             "part, around the largest error of the base plant.",
-        )  # fmt: skip
+        )
     columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
     return drawing, {name: values[near] for name, values in columns.items()}
 
@@ -103,9 +105,11 @@ def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
         bottom.set(ylabel=f"density ({case.unit}/√Hz)", xlabel="frequency (Hz)")
         legend_above(figure, top, 2)
         drawing = Drawing.of(
-            figure, "residuals", f"{case.title}: what is left of {trial.held_out.name}",
+            figure,
+            "residuals",
+            f"{case.title}: what is left of {trial.held_out.name}",
             "Measured minus simulated, in free run, without and with the physics that was found.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 

@@ -127,9 +127,15 @@ def case(folder: Path) -> Case:
 
     def section(part: slice) -> Experiment:
         record = Recording.from_arrays(
-            command[part], output[part], rig.sample_time, input_names=("input",), output_names=("output",),
-            input_units=("V",), output_units=("V",), provenance={"file": data.files[0].name},
-        )  # fmt: skip
+            command[part],
+            output[part],
+            rig.sample_time,
+            input_names=("input",),
+            output_names=("output",),
+            input_units=("V",),
+            output_units=("V",),
+            provenance={"file": data.files[0].name},
+        )
         return Experiment(recordings=(record,))
 
     def law(amended: Plant) -> Law:
@@ -137,8 +143,16 @@ def case(folder: Path) -> Case:
 
     judged = HeldOut(name="The arrow-head", experiment=section(ARROW_HEAD), rival=data)
     return Case(
-        name="silverbox", title="Silverbox", documented=("cubic_stiffness",), plant=Plant(rig=rig),
-        fitted=(section(FITTED),), held_out=(judged,), unit="mV", scale=1e-3, files=data.files, law=law,
+        name="silverbox",
+        title="Silverbox",
+        documented=("cubic_stiffness",),
+        plant=Plant(rig=rig),
+        fitted=(section(FITTED),),
+        held_out=(judged,),
+        unit="mV",
+        scale=1e-3,
+        files=data.files,
+        law=law,
         notes=(
             f"Diagnosed: two realisations of the multisine (samples {FITTED.start:,} to {FITTED.stop:,}), from rest. "
             "Judged: the arrow-head (the first 40,000 samples), whose amplitude grows beyond theirs. The black boxes "
@@ -147,7 +161,7 @@ def case(folder: Path) -> Case:
             "stated, so that the top of the spectrum shows it, and its own error is taken as 2 % of the motion. The "
             "input is band-limited: it is turned into held samples that have its spectrum up to half the rate.",
         ),
-    )  # fmt: skip
+    )
 
 
 def _law(amended: Plant, table: Array, judged: HeldOut) -> Law:
@@ -156,8 +170,10 @@ def _law(amended: Plant, table: Array, judged: HeldOut) -> Law:
     x, v, a = (d[ARROW_HEAD] for d in derivatives(table[:, 1] - zero, amended.rig.sample_time, BAND))
     signals = amended.simulate(judged.experiment).require().watched[0]
     return Law(
-        state="displacement (V)", force="force (V/s²)", measured=(x, a + c * v + k * x - b * table[ARROW_HEAD, 0]),
+        state="displacement (V)",
+        force="force (V/s²)",
+        measured=(x, a + c * v + k * x - b * table[ARROW_HEAD, 0]),
         modelled=(signals["displacement"], signals["missing"]),
         caption="Held-out recording: what its acceleration needs beyond drive, spring and damper, each differentiated "
         f"up to {BAND:g} Hz; the amended plant: the force of the effect that was built in.",
-    )  # fmt: skip
+    )

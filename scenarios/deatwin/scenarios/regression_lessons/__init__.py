@@ -47,14 +47,20 @@ def run(setting: Setting) -> Mapping[str, Any]:
     spread = occam.spread(generators[6])
     setting.progress(0.9, "drawing")
     rows = [
-        *verdicts.constraint_rows(plane, structure), *verdicts.shrinkage_rows(orthogonal, risks),
-        *verdicts.bias_rows(degrees, penalties), *verdicts.occam_rows(found, spread),
-    ]  # fmt: skip
+        *verdicts.constraint_rows(plane, structure),
+        *verdicts.shrinkage_rows(orthogonal, risks),
+        *verdicts.bias_rows(degrees, penalties),
+        *verdicts.occam_rows(found, spread),
+    ]
     made = [
-        figures.constraint(plane), figures.paths(plane, structure), figures.shrinking(orthogonal, risks),
-        figures.overfitting(degrees), figures.bias_and_variance(degrees, penalties), figures.razor(found),
+        figures.constraint(plane),
+        figures.paths(plane, structure),
+        figures.shrinking(orthogonal, risks),
+        figures.overfitting(degrees),
+        figures.bias_and_variance(degrees, penalties),
+        figures.razor(found),
         figures.two_models(spread),
-    ]  # fmt: skip
+    ]
     for drawing, columns in made:
         setting.folder.csv(drawing.data, columns)
     sentence = (
@@ -62,9 +68,12 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "measures agree with their closed forms."
     )
     page = StoryPage(
-        title="regression-lessons", sentence=sentence, rows=rows, notes=_notes(),
+        title="regression-lessons",
+        sentence=sentence,
+        rows=rows,
+        notes=_notes(),
         figures=[drawing for drawing, _ in made],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows]}
     setting.folder.text("regression-lessons.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
@@ -88,5 +97,5 @@ def _notes() -> list[Note]:
                 "has spread its probability over many readings and is outdone by a simpler one that allows them as "
                 "well. That is an average over experiments: in some of them one term too many has the largest one.",
             ],
-        ),
+        )
     ]

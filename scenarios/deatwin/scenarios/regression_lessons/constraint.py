@@ -111,9 +111,14 @@ def plane(rng: np.random.Generator) -> Plane:
 
     path = np.array([Ridge(float(penalty))(rows, target).theta for penalty in PENALTIES]).T
     return Plane(
-        gram=gram, least=least, ridge=ridge, lasso=lasso, ridge_path=path, lasso_path=knots,
+        gram=gram,
+        least=least,
+        ridge=ridge,
+        lasso=lasso,
+        ridge_path=path,
+        lasso_path=knots,
         shares=np.linalg.norm(path, axis=0) / np.linalg.norm(least),
-    )  # fmt: skip
+    )
 
 
 def _lasso(rows: Array, target: Array) -> tuple[Array, Array]:
@@ -200,9 +205,12 @@ def structure(rng: np.random.Generator) -> Structure:
     complete = int(np.argmax(entered)) if entered.any() else None
     active = path.coefficients[:, -1 if complete is None else complete] != 0
     return Structure(
-        path=path, true=true, complete=complete, violation=_violation(path, rows, beginning.outputs[0, first:]),
+        path=path,
+        true=true,
+        complete=complete,
+        violation=_violation(path, rows, beginning.outputs[0, first:]),
         false_terms=int(active.sum()) - len(true) if complete is not None else int(active.sum()),
-    )  # fmt: skip
+    )
 
 
 def _violation(path: LassoPath, rows: Array, target: Array) -> float:

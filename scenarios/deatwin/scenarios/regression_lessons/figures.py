@@ -50,9 +50,13 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
     corners = plane.lasso.size * np.array([(1.0, 0), (0, 1.0), (-1.0, 0), (0, -1.0), (1.0, 0)]).T
     with draw((9.6, 4.6)) as figure:
         for axes, found, edge, path, name in zip(
-            figure.subplots(1, 2), (plane.ridge, plane.lasso), (circle, corners),
-            (plane.ridge_path, plane.lasso_path), ("ridge", "LASSO"), strict=True,
-        ):  # fmt: skip
+            figure.subplots(1, 2),
+            (plane.ridge, plane.lasso),
+            (circle, corners),
+            (plane.ridge_path, plane.lasso_path),
+            ("ridge", "LASSO"),
+            strict=True,
+        ):
             _ellipses(axes, plane, found)
             axes.fill(*edge, facecolor=MEASURED, alpha=0.15)
             axes.plot(*edge, color=MEASURED, linewidth=1.4, label="constraint")
@@ -66,11 +70,13 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
             axes.set_title(name, loc="left", fontsize="medium")
         legend_above(figure, axes, 4)
         drawing = Drawing.of(
-            figure, "constraint", "A circle and a diamond against the ellipses of least squares",
+            figure,
+            "constraint",
+            "A circle and a diamond against the ellipses of least squares",
             "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
             f"The circle is touched where both parameters are kept ({plane.ridge.point[0]:.3f}, "
             f"{plane.ridge.point[1]:.3f}), the diamond at ({plane.lasso.point[0]:.3f}, {plane.lasso.point[1]:.3f}).",
-        )  # fmt: skip
+        )
     first, second = plane.ridge_path
     return drawing, {"ridge_share": plane.shares, "ridge_first": first, "ridge_second": second}
 
@@ -124,12 +130,17 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
         right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
         right.legend(fontsize="small")
         drawing = Drawing.of(
-            figure, "paths", "Coefficients along the constraint",
+            figure,
+            "paths",
+            "Coefficients along the constraint",
             "Left: ridge shrinks both parameters at once, the LASSO lets the second in late. Right: the LASSO among "
             f"{len(path.terms)} candidate terms of a benchmark system, its true terms in colour. "
-            + ("They never are all in." if structure.complete is None else
-               f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."),
-        )  # fmt: skip
+            + (
+                "They never are all in."
+                if structure.complete is None
+                else f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
+            ),
+        )
     columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
     return drawing, {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns}
 
@@ -167,15 +178,18 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
         legend_above(figure, right, 3)
         drawing = Drawing.of(
-            figure, "shrinking", "Shrinking and thresholding",
+            figure,
+            "shrinking",
+            "Shrinking and thresholding",
             "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
             "squared error of each in squares of the standard error, in closed form (lines) and drawn (marks); dotted: "
             "least squares. Small parameters gain, and some larger ones pay: ridge without bound.",
-        )  # fmt: skip
+        )
     return drawing, {
-        "size": risks.sizes, **{f"{n}_expected": risks.expected[n] for n in RULES},
+        "size": risks.sizes,
+        **{f"{n}_expected": risks.expected[n] for n in RULES},
         **{f"{n}_drawn": risks.drawn[n] for n in RULES},
-    }  # fmt: skip
+    }
 
 
 def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
@@ -206,10 +220,12 @@ def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
             columns[f"degree_{degree}"] = degrees.fits[row]
         legend_above(figure, axes, 3)
         drawing = Drawing.of(
-            figure, "overfitting", "Too stiff, right, and too flexible",
+            figure,
+            "overfitting",
+            "Too stiff, right, and too flexible",
             "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
             "and not to the truth.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -236,25 +252,36 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
             axes.axhline(found.noise, color=INK, linestyle=":", linewidth=0.9, label="noise")
             axes.plot(found.complexity, found.expected, color=BEFORE, linewidth=1.8, label="their sum")
             axes.errorbar(
-                found.complexity, found.test, 2 * found.test_error, fmt="o", color=BEFORE, markersize=4,
+                found.complexity,
+                found.test,
+                2 * found.test_error,
+                fmt="o",
+                color=BEFORE,
+                markersize=4,
                 label="error on new readings, drawn",
-            )  # fmt: skip
+            )
             axes.plot(found.complexity, found.training, "--", color=MEASURED, label="error on fitted readings, drawn")
         left.set(xlabel="degree", ylabel="mean square", ylim=(0, 1.05))
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
         legend_above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
         drawing = Drawing.of(
-            figure, "bias_and_variance", "Bias and variance",
+            figure,
+            "bias_and_variance",
+            "Bias and variance",
             f"Closed forms (lines) and {variance.DRAWS} repeated experiments (marks, two standard errors). Least "
             f"squares is best at degree {degrees.complexity[np.argmin(degrees.expected)]:.0f}; ridge with a penalty of "
             f"{penalties.complexity[best]:.2g}, which leaves {penalties.freedom[best]:.1f} of "
             f"{variance.RIDGE_DEGREE + 1} parameters free.",
-        )  # fmt: skip
+        )
     return drawing, {
-        "penalty": penalties.complexity, "freedom": penalties.freedom, "bias": penalties.bias,
-        "variance": penalties.variance, "expected": penalties.expected, "drawn": penalties.test,
-    }  # fmt: skip
+        "penalty": penalties.complexity,
+        "freedom": penalties.freedom,
+        "bias": penalties.bias,
+        "variance": penalties.variance,
+        "expected": penalties.expected,
+        "drawn": penalties.test,
+    }
 
 
 def razor(found: Occam) -> tuple[Drawing, Columns]:
@@ -290,17 +317,23 @@ def razor(found: Occam) -> tuple[Drawing, Columns]:
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
         drawing = Drawing.of(
-            figure, "razor", "Occam's razor",
+            figure,
+            "razor",
+            "Occam's razor",
             "Readings of a cubic (dotted). The training error falls with every degree, the error on new readings does "
             "not; the evidence has a peak. Middle: noise known; the gap between the lines is what the evidence charges "
             f"for parameters, {np.diff(found.occam_factor)[TRUE_DEGREE:].mean():.1f} nats for each beyond the cubic's. "
             "Right: noise and size of the parameters not known.",
-        )  # fmt: skip
+        )
     return drawing, {
-        "degree": found.degrees.astype(float), "training": found.training, "test": found.test,
-        "log_evidence_drawn": found.evidence, "log_evidence_expected": found.expected,
-        "best_log_likelihood": found.best_fit, "share_of_peaks": counts,
-    }  # fmt: skip
+        "degree": found.degrees.astype(float),
+        "training": found.training,
+        "test": found.test,
+        "log_evidence_drawn": found.evidence,
+        "log_evidence_expected": found.expected,
+        "best_log_likelihood": found.best_fit,
+        "share_of_peaks": counts,
+    }
 
 
 def two_models(found: Spread) -> tuple[Drawing, Columns]:
@@ -327,8 +360,10 @@ def two_models(found: Spread) -> tuple[Drawing, Columns]:
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
         legend_above(figure, axes, 2)
         drawing = Drawing.of(
-            figure, "two_models", "Why the simpler model wins where both fit",
+            figure,
+            "two_models",
+            "Why the simpler model wins where both fit",
             "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "
             f"less where a line will do: within {found.crossing:.2f} standard errors.",
-        )  # fmt: skip
+        )
     return drawing, {"curvature": found.bends, "line": found.line, "parabola": found.parabola}

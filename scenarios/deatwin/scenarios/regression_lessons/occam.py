@@ -94,14 +94,20 @@ def occam(rng: np.random.Generator) -> Occam:
     fit = -N / 2 * np.log(2 * np.pi * NOISE**2) - N * training.mean(axis=1) / (2 * NOISE**2)
     unknown = np.array([[Bayesian()(rows, y).log_evidence for y in readings[:JUDGED]] for rows in designs])
     return Occam(
-        degrees=DEGREES, training=training.mean(axis=1), test=test.mean(axis=1),
+        degrees=DEGREES,
+        training=training.mean(axis=1),
+        test=test.mean(axis=1),
         monotone=bool(np.all(np.diff(training, axis=0) < 0)),
-        evidence=known.mean(axis=1), evidence_error=known.std(axis=1) / np.sqrt(DRAWS),
+        evidence=known.mean(axis=1),
+        evidence_error=known.std(axis=1) / np.sqrt(DRAWS),
         expected=np.array([_expected(law, truth) for law in laws]),
-        best_fit=fit, occam_factor=fit - known.mean(axis=1),
-        peaks=DEGREES[np.argmax(unknown, axis=0)], largest_fit=DEGREES[np.argmin(training, axis=0)],
-        agreement=_agreement(designs, readings[0]), example=readings[0],
-    )  # fmt: skip
+        best_fit=fit,
+        occam_factor=fit - known.mean(axis=1),
+        peaks=DEGREES[np.argmax(unknown, axis=0)],
+        largest_fit=DEGREES[np.argmin(training, axis=0)],
+        agreement=_agreement(designs, readings[0]),
+        example=readings[0],
+    )
 
 
 def _log_density(law: Array, y: Array) -> float:
@@ -182,6 +188,11 @@ def spread(rng: np.random.Generator) -> Spread:
     expected = float(2 * norm.sf(crossing))
     bends = np.linspace(-12.0, 12.0, 481)
     return Spread(
-        bends=bends, line=norm.pdf(bends), parabola=norm.pdf(bends, scale=np.sqrt(variance)), crossing=crossing,
-        drawn=float(wins.mean()), drawn_error=float(np.sqrt(expected * (1 - expected) / draws)), expected=expected,
-    )  # fmt: skip
+        bends=bends,
+        line=norm.pdf(bends),
+        parabola=norm.pdf(bends, scale=np.sqrt(variance)),
+        crossing=crossing,
+        drawn=float(wins.mean()),
+        drawn_error=float(np.sqrt(expected * (1 - expected) / draws)),
+        expected=expected,
+    )

@@ -181,7 +181,11 @@ def _decomposition(
         bias=np.array([np.mean((hat @ truth - truth) ** 2) for hat in hats]),
         variance=np.array([NOISE**2 * np.sum(hat**2) / N for hat in hats]),
         noise=NOISE**2,
-        test=test.mean(axis=1), test_error=test.std(axis=1) / np.sqrt(DRAWS), training=training.mean(axis=1),
-        covariance=along.mean(axis=1), covariance_error=along.std(axis=1) / np.sqrt(DRAWS),
-        example=truth + noises[0], fits=fits,
-    )  # fmt: skip
+        test=test.mean(axis=1),
+        test_error=test.std(axis=1) / np.sqrt(DRAWS),
+        training=training.mean(axis=1),
+        covariance=along.mean(axis=1),
+        covariance_error=along.std(axis=1) / np.sqrt(DRAWS),
+        example=truth + noises[0],
+        fits=fits,
+    )

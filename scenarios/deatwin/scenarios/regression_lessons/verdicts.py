@@ -37,11 +37,15 @@ def constraint_rows(plane: Plane, structure: Structure) -> list[Row]:
     return [
         Row(
             measure="ridge: minimum on the circle, and the estimate for Lagrange's multiplier as penalty",
-            demanded="equal to 1e-6", reached=f"{apart[0]:.1e}", passed=apart[0] < 1e-6,
+            demanded="equal to 1e-6",
+            reached=f"{apart[0]:.1e}",
+            passed=apart[0] < 1e-6,
         ),
         Row(
             measure="LASSO: minimum on the diamond, and the point of the path at the multiplier",
-            demanded="equal to 1e-9", reached=f"{apart[1]:.1e}", passed=apart[1] < 1e-9,
+            demanded="equal to 1e-9",
+            reached=f"{apart[1]:.1e}",
+            passed=apart[1] < 1e-9,
         ),
         Row(
             measure="smaller parameter where the constraint allows 60 % of the norm",
@@ -50,16 +54,19 @@ def constraint_rows(plane: Plane, structure: Structure) -> list[Row]:
             passed=zero == 0 and bool(np.abs(plane.ridge.point).min() > 0),
         ),
         Row(
-            measure="norm of the ridge parameters as the penalty grows", demanded="falls at every step",
-            reached="falls" if shrunk else "does not", passed=bool(shrunk),
+            measure="norm of the ridge parameters as the penalty grows",
+            demanded="falls at every step",
+            reached="falls" if shrunk else "does not",
+            passed=bool(shrunk),
         ),
         Row(
             measure=f"LASSO among {len(structure.path.terms)} NARX candidates: optimality conditions at "
             f"{structure.path.penalties.size} knots",
-            demanded="met to 1e-9 of the first penalty", reached=f"{structure.violation:.1e}",
+            demanded="met to 1e-9 of the first penalty",
+            reached=f"{structure.violation:.1e}",
             passed=structure.violation < 1e-9,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Row]:
@@ -81,22 +88,29 @@ def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Row]:
         Row(
             measure="orthogonal regressors: ridge is z / (1 + penalty), the LASSO the soft threshold of z, the best of "
             "all subsets the hard one",
-            demanded="equal to 1e-9", reached=f"{orthogonal.worst:.1e}", passed=orthogonal.worst < 1e-9,
+            demanded="equal to 1e-9",
+            reached=f"{orthogonal.worst:.1e}",
+            passed=orthogonal.worst < 1e-9,
         ),
         Row(
             measure="expected squared error of each, drawn, against its closed form",
-            demanded=_WITHIN, reached=f"at most {risks.worst:.1f}", passed=risks.worst < SURE,
+            demanded=_WITHIN,
+            reached=f"at most {risks.worst:.1f}",
+            passed=risks.worst < SURE,
         ),
         Row(
             measure="share of parameters that the LASSO sets to zero, drawn, against its closed form",
-            demanded=_WITHIN, reached=f"at most {risks.worst_zeros:.1f}", passed=risks.worst_zeros < SURE,
+            demanded=_WITHIN,
+            reached=f"at most {risks.worst_zeros:.1f}",
+            passed=risks.worst_zeros < SURE,
         ),
         Row(
             measure="expected squared error where the true parameter is zero, over that of least squares",
-            demanded="below 1 for all three", reached=", ".join(f"{n} {v:.2f}" for n, v in at_zero.items()),
+            demanded="below 1 for all three",
+            reached=", ".join(f"{n} {v:.2f}" for n, v in at_zero.items()),
             passed=max(at_zero.values()) < 1,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
@@ -115,10 +129,12 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
     rows = [
         Row(
             measure=f"by {name}: bias² + variance + noise, against the error on new readings in repeated experiments",
-            demanded=_WITHIN, reached=f"at most {found.worst:.1f}", passed=found.worst < SURE,
+            demanded=_WITHIN,
+            reached=f"at most {found.worst:.1f}",
+            passed=found.worst < SURE,
         )
         for name, found in both
-    ]  # fmt: skip
+    ]
     freedom = max(found.worst_freedom for _, found in both)
     # Least squares is the penalty of zero; it has no bias beyond the degree's own, and the largest variance.
     least, best = float(penalties.expected[0]), float(penalties.expected.min())
@@ -129,7 +145,9 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
         Row(
             measure="effective number of parameters: trace of the hat matrix, against the covariance of fitted values "
             "and readings",
-            demanded=_WITHIN, reached=f"at most {freedom:.1f}", passed=freedom < SURE,
+            demanded=_WITHIN,
+            reached=f"at most {freedom:.1f}",
+            passed=freedom < SURE,
         ),
         Row(
             measure="bias² as the ridge penalty grows, and variance",
@@ -141,7 +159,8 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
         Row(
             measure="expected error of ridge at its best, over that with the smallest penalty",
             demanded="below 1: some penalty is always better than none (Hoerl and Kennard 1970)",
-            reached=f"{best / least:.3f}", passed=best < least,
+            reached=f"{best / least:.3f}",
+            passed=best < least,
         ),
         Row(
             measure="by degree: error on fitted readings, and on new ones",
@@ -149,7 +168,7 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
             reached=f"{'falls' if falls else 'does not fall'}; least at degree {degrees.complexity[lowest]:.0f}",
             passed=falls and 0 < lowest < degrees.complexity.size - 1,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def occam_rows(found: Occam, spread: Spread) -> list[Row]:
@@ -175,23 +194,32 @@ def occam_rows(found: Occam, spread: Spread) -> list[Row]:
     return [
         Row(
             measure="log evidence of the estimator, against the multivariate t density of the readings",
-            demanded="equal to 1e-8 nats", reached=f"{found.agreement:.1e}", passed=found.agreement < 1e-8,
+            demanded="equal to 1e-8 nats",
+            reached=f"{found.agreement:.1e}",
+            passed=found.agreement < 1e-8,
         ),
         Row(
             measure="mean log evidence with known noise, drawn, against its closed form",
-            demanded=_WITHIN, reached=f"at most {worst:.1f}", passed=worst < SURE,
+            demanded=_WITHIN,
+            reached=f"at most {worst:.1f}",
+            passed=worst < SURE,
         ),
         Row(
             measure="degree at which its closed form has the peak, for readings of a cubic",
-            demanded=str(TRUE_DEGREE), reached=str(peak), passed=peak == TRUE_DEGREE,
+            demanded=str(TRUE_DEGREE),
+            reached=str(peak),
+            passed=peak == TRUE_DEGREE,
         ),
         Row(
             measure=f"experiments in which the evidence, noise and prior estimated, peaks there ({found.peaks.size})",
-            demanded="at least 80 %", reached=f"{100 * share:.0f} %", passed=share >= 0.8,
+            demanded="at least 80 %",
+            reached=f"{100 * share:.0f} %",
+            passed=share >= 0.8,
         ),
         Row(
             measure="training error: falls with every degree in every experiment, so that it chooses the largest",
-            demanded=f"always degree {largest}", reached=f"in {100 * np.mean(found.largest_fit == largest):.0f} %",
+            demanded=f"always degree {largest}",
+            reached=f"in {100 * np.mean(found.largest_fit == largest):.0f} %",
             passed=found.monotone and bool(np.all(found.largest_fit == largest)),
         ),
         Row(
@@ -200,4 +228,4 @@ def occam_rows(found: Occam, spread: Spread) -> list[Row]:
             reached=f"{100 * spread.drawn:.2f} %, {off:.1f} standard errors off; density of area {area:.4f}",
             passed=off < SURE,
         ),
-    ]  # fmt: skip
+    ]

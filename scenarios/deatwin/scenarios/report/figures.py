@@ -158,11 +158,7 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
         svg = inline(figure, "frequency", "Residual over frequency")
     caption = "Amplitude spectral density of the residual. Ochre: bands above the sensor's noise."
     return Drawing(
-        name="frequency",
-        title="Residual over frequency",
-        caption=caption,
-        svg=svg,
-        data="figures/frequency.csv",
+        name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
     )
 
 
@@ -237,9 +233,11 @@ def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
     for track in candidates:
         n = track.measured.size
         width = min(n, max(ZOOM_SAMPLES, round(n * ZOOM_SHARE)))
-        square = np.where(track.unseen, (track.measured - track.base) ** 2, 0) if has_unseen else (
-            track.measured - track.base
-        ) ** 2  # fmt: skip
+        square = (
+            np.where(track.unseen, (track.measured - track.base) ** 2, 0)
+            if has_unseen
+            else (track.measured - track.base) ** 2
+        )
         sums = np.concatenate([[0.0], np.cumsum(square)])
         means = (sums[width:] - sums[:-width]) / width
         first = int(np.argmax(means))
@@ -260,12 +258,7 @@ def _whole(view: _View) -> Drawing:
 
             upper.plot(*envelope(track.axis, track.measured), color=MEASURED, label=label("measured"), linewidth=2.2)
             for name, text, colour in view.models:
-                upper.plot(
-                    *envelope(track.axis, getattr(track, name)),
-                    color=colour,
-                    label=label(text),
-                    linewidth=0.7,
-                )
+                upper.plot(*envelope(track.axis, getattr(track, name)), color=colour, label=label(text), linewidth=0.7)
             lower.plot(*envelope(track.axis, track.command), color=INK, linewidth=0.7)
         upper.set_ylabel(view.reading)
         lower.set(xlabel=view.time, ylabel=view.command)

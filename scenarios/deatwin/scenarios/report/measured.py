@@ -42,18 +42,46 @@ class _System:
     loop: str = "open"
 
 
-SYSTEMS: Mapping[str, _System] = MappingProxyType({
-    "silverbox": _System(recording="Silverbox (Wigren & Schoukens 2013)", lacks="a cubic spring",
-                         documented="cubic spring", unit="mV", scale=1e-3),
-    "emps": _System(recording="EMPS (Janot, Gautier & Brunot 2019)", lacks="dry friction", documented="20.4 N",
-                    unit="µm", scale=1e-6, loop="closed"),
-    "cascaded-tanks": _System(recording="cascaded tanks (Schoukens et al. 2016)", lacks="a brim",
-                              documented="level saturates at 10 V", unit="V", scale=1.0),
-    "bouc-wen": _System(recording="Bouc-Wen (Noël & Schoukens 2016, simulated)", lacks="hysteresis",
-                        documented="1.25 mm, 62.5 N", unit="µm", scale=1e-6),
-    "vhb4910": _System(recording="VHB 4910 coupons (C. Zhao's data)", lacks="relaxation", documented="viscoelasticity",
-                       unit="N", scale=1.0),
-})  # fmt: skip
+SYSTEMS: Mapping[str, _System] = MappingProxyType(
+    {
+        "silverbox": _System(
+            recording="Silverbox (Wigren & Schoukens 2013)",
+            lacks="a cubic spring",
+            documented="cubic spring",
+            unit="mV",
+            scale=1e-3,
+        ),
+        "emps": _System(
+            recording="EMPS (Janot, Gautier & Brunot 2019)",
+            lacks="dry friction",
+            documented="20.4 N",
+            unit="µm",
+            scale=1e-6,
+            loop="closed",
+        ),
+        "cascaded-tanks": _System(
+            recording="cascaded tanks (Schoukens et al. 2016)",
+            lacks="a brim",
+            documented="level saturates at 10 V",
+            unit="V",
+            scale=1.0,
+        ),
+        "bouc-wen": _System(
+            recording="Bouc-Wen (Noël & Schoukens 2016, simulated)",
+            lacks="hysteresis",
+            documented="1.25 mm, 62.5 N",
+            unit="µm",
+            scale=1e-6,
+        ),
+        "vhb4910": _System(
+            recording="VHB 4910 coupons (C. Zhao's data)",
+            lacks="relaxation",
+            documented="viscoelasticity",
+            unit="N",
+            scale=1.0,
+        ),
+    }
+)
 
 
 def measured_data(folder: Path | str, remark: str = "", before: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -131,17 +159,28 @@ def _told(folder: Path, name: str, remark: str) -> dict[str, list[dict[str, Any]
         return {
             "stories": [{**story, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark}],
             "measures": [
-                {**story, **{key: str(row[key]) for key in ("measure", "demanded", "reached")},
-                 "passed": bool(row["passed"])}
+                {
+                    **story,
+                    **{key: str(row[key]) for key in ("measure", "demanded", "reached")},
+                    "passed": bool(row["passed"]),
+                }
                 for row in result["measures"]
             ],
             "recordings": [
-                {**story, "verdict": result["verdict"], "causes": list(result["causes"]), "recording": recording,
-                 "base": float(errors["base"]), "amended": float(errors["amended"]),
-                 "black_boxes": dict(errors["black_boxes"])}
+                {
+                    **story,
+                    "verdict": result["verdict"],
+                    "causes": list(result["causes"]),
+                    "recording": recording,
+                    "base": float(errors["base"]),
+                    "amended": float(errors["amended"]),
+                    "black_boxes": dict(errors["black_boxes"]),
+                }
                 for recording, errors in result["held_out"].items()
-            ] if name in SYSTEMS else [],
-        }  # fmt: skip
+            ]
+            if name in SYSTEMS
+            else [],
+        }
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise DataError(f"{folder}: its {name}.json or run.json is not that scenario's: {error!r}") from None
 
@@ -158,17 +197,29 @@ def _recordings(rows: Rows) -> list[str]:
         ahead += best is not None and best < row["amended"]
         beside += best is not None
         named = ", ".join(row["causes"]).replace("_", " ") if row["verdict"] == "named" else row["verdict"]
-        cells.append([
-            f"{system.recording}, `{name}`", system.lacks, system.documented, named, system.loop,
-            f"{row['base'] / system.scale:.3g} to {row['amended'] / system.scale:.3g} {system.unit}",
-            UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",
-        ])  # fmt: skip
+        cells.append(
+            [
+                f"{system.recording}, `{name}`",
+                system.lacks,
+                system.documented,
+                named,
+                system.loop,
+                f"{row['base'] / system.scale:.3g} to {row['amended'] / system.scale:.3g} {system.unit}",
+                UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",
+            ]
+        )
     head = [
-        "recording, scenario", "plant lacks", "documented", "named", "loop", "held-out error, before and after",
+        "recording, scenario",
+        "plant lacks",
+        "documented",
+        "named",
+        "loop",
+        "held-out error, before and after",
         "black box",
-    ]  # fmt: skip
+    ]
     return [
-        *markdown_table(head, cells), "",
+        *markdown_table(head, cells),
+        "",
         "The black box is the NARX model with the least error over the same held-out record, chosen on it in its "
         f"favour; it is ahead on {ahead} of {beside}. In a closed loop the recording's controller runs with the model "
         "and corrects its errors: such an error must not be compared with an open-loop one, as most published errors "

@@ -43,12 +43,22 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         folder.text(name, table)
     unit = diagnosis.output["unit"]
     write_page(
-        folder, "diagnosis.html.j2", [*figures, *filter(None, steps.values())], origin, diagnosis=diagnosis,
-        unit="µm" if unit == "um" else unit, figures={figure.name: figure for figure in figures}, steps=steps,
-        noise_source=noise_source(diagnosis), parameters=parameters(diagnosis), forms=forms(diagnosis),
-        verified=verification(diagnosis.verification), causes=_causes(diagnosis), candidates=_candidates(diagnosis),
+        folder,
+        "diagnosis.html.j2",
+        [*figures, *filter(None, steps.values())],
+        origin,
+        diagnosis=diagnosis,
+        unit="µm" if unit == "um" else unit,
+        figures={figure.name: figure for figure in figures},
+        steps=steps,
+        noise_source=noise_source(diagnosis),
+        parameters=parameters(diagnosis),
+        forms=forms(diagnosis),
+        verified=verification(diagnosis.verification),
+        causes=_causes(diagnosis),
+        candidates=_candidates(diagnosis),
         located=_located(diagnosis.locate),
-    )  # fmt: skip
+    )
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:

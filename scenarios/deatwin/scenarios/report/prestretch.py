@@ -43,11 +43,14 @@ def write_sweep(
         _panels(figure, columns, ratios)
         folder.text("prestretch.svg", standalone(figure))
         drawing = Drawing(
-            name="prestretch", title=title, svg=inline(figure, "prestretch", title), data="prestretch.csv",
+            name="prestretch",
+            title=title,
+            svg=inline(figure, "prestretch", title),
+            data="prestretch.csv",
             further=("unequal.csv",),
             caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
             "thesis' rig.",
-        )  # fmt: skip
+        )
     write_page(folder, "prestretch.html.j2", [drawing], Origin.of(record), result=result, figure=drawing)
 
 

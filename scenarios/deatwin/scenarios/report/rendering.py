@@ -45,17 +45,25 @@ def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing],
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("deatwin.scenarios.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+        loader=PackageLoader("deatwin.scenarios.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     environment.filters["number"] = three_digits
     environment.filters["risk"] = risk
     script = files("deatwin.scenarios.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
     figures = list(drawings)
     page = environment.get_template(template).render(
-        **shown, origin=origin, versions=versions(), colours=COLOURS, script=script, script_hash=_hash(script),
+        **shown,
+        origin=origin,
+        versions=versions(),
+        colours=COLOURS,
+        script=script,
+        script_hash=_hash(script),
         data=packed(folder.path, figures),
-    )  # fmt: skip
+    )
     folder.text("report.html", page)
 
 

@@ -60,51 +60,63 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
     found: dict[str, Drawable] = {}
     if (checked := evidence.checked) is not None:
         found["checked"] = (
-            (WIDTH, 3.2), "The readings", "As recorded, with whatever was found in them.",
+            (WIDTH, 3.2),
+            "The readings",
+            "As recorded, with whatever was found in them.",
             lambda figure: checked.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
     if (detection := evidence.detection) is not None:
         found["detection"] = (
-            (WIDTH, 8.4), "Beyond chance",
+            (WIDTH, 8.4),
+            "Beyond chance",
             "Spectrum, cumulated periodogram and correlations of the calibrated plant's residual, beside what chance "
             "allows.",
             lambda figure: detection.plot(list(figure.subplots(3, 1))),
-        )  # fmt: skip
+        )
     if (location := evidence.location) is not None:
         found["region"] = (
-            (WIDTH, 3.6), "The operating region",
+            (WIDTH, 3.6),
+            "The operating region",
             "Mean residual over each signal, from its lowest to its highest value.",
             lambda figure: location.region.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
         found["place"] = (
-            (WIDTH, 4.2), "Signals that predict the mismatch",
+            (WIDTH, 4.2),
+            "Signals that predict the mismatch",
             "Share of the mismatch that an unknown function of the signals at each place predicts, before any effect "
             "is tried.",
             lambda figure: location.place.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
         if (lines := location.lines) is not None:
             found["lines"] = (
-                (WIDTH, 3.4), "Lines of the periodic input", "The mismatch on its lines and between them.",
+                (WIDTH, 3.4),
+                "Lines of the periodic input",
+                "The mismatch on its lines and between them.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
-            )  # fmt: skip
+            )
     if (discovery := evidence.discovery) is not None:
         found["free_form"] = (
-            (WIDTH, 4.0), "The free form", "A description of what is missing, not physics: force against state.",
+            (WIDTH, 4.0),
+            "The free form",
+            "A description of what is missing, not physics: force against state.",
             lambda figure: discovery.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
     if (advice := evidence.advice) is not None:
         found["advice"] = (
-            (WIDTH, 4.4), "The next experiment", "The input, and what the rivals predict for it.",
+            (WIDTH, 4.4),
+            "The next experiment",
+            "The input, and what the rivals predict for it.",
             lambda figure: advice.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
     if (held := evidence.verification) is not None:
         rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
         found["verification"] = (
-            (WIDTH, 1.3 + ROW * rows), "On data that no fit saw",
+            (WIDTH, 1.3 + ROW * rows),
+            "On data that no fit saw",
             "Free runs before and after; without each effect, the rest fitted anew; and with each effect's shams in "
             "its place, which must not do as well.",
             lambda figure: held.plot(figure.add_subplot()),
-        )  # fmt: skip
+        )
     return found
 
 
@@ -187,6 +199,8 @@ def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[
         for sham in found["shams"]
     ]
     return {
-        "transfer": found["transfer"], "ablation": found["ablation"], "shams": shams,
+        "transfer": found["transfer"],
+        "ablation": found["ablation"],
+        "shams": shams,
         "constancy": found.get("constancy", []),  # former versions did not look
-    }  # fmt: skip
+    }

@@ -45,9 +45,9 @@ def drawn_table(figure: Figure) -> str:
         for series, kind, points in _series(axes):
             shown = "" if series.startswith("_") else series
             for x, y in np.asarray(points, dtype=float).reshape(-1, 2).tolist():
-                writer.writerow([
-                    number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)
-                ])  # fmt: skip
+                writer.writerow(
+                    [number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)]
+                )
     return text.getvalue()
 
 

@@ -128,7 +128,7 @@ def _notes(study: Study) -> list[Note]:
                 "degree of the candidates, and nothing else unless their line says so. A structure is exact if it "
                 "holds the true terms and no others, not even a constant. Behind each rate stands its 95 % interval "
                 "after Clopper and Pearson. Times are processor times, with one "
-                "thread for the linear algebra.",
+                "thread for the linear algebra."
             ],
         ),
         Note(
@@ -139,7 +139,7 @@ def _notes(study: Study) -> list[Note]:
                 "time. It is tabled as the weaker reference. The stricter oracle looks from the true terms: how often "
                 "is the truth better, at the best price per term, than every set that differs from it by one term "
                 "more, one less, or one exchanged? A choice by sum of squares and price cannot do better, unless it "
-                "is told the number of terms.",
+                "is told the number of terms."
             ],
         ),
     ]
@@ -154,7 +154,7 @@ def _notes(study: Study) -> list[Note]:
                     "above that of the noise, where the thesis says about 20 dB; these are reached at 0.001. The "
                     f"system is stable near rest only: {redraws} of {redraws + len(draws)} runs diverged and were "
                     "replaced, so that all rates are of runs that stay bounded. Levels and system of the thesis' "
-                    "sweep are not known to us; the sweep here takes this system, with levels around its own.",
+                    "sweep are not known to us; the sweep here takes this system, with levels around its own."
                 ],
             )
         )

@@ -65,14 +65,20 @@ def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
     sizes, output_size = statistics.root_mean_squares, statistics.output_size
     priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
     found = fit_relevance(
-        statistics.divided(sizes, output_size), priors, np.full(sizes.size, priors.c0 / priors.d0),
-        tolerance=usual.tolerance, max_iterations=usual.max_iterations,
-    ).posterior  # fmt: skip
+        statistics.divided(sizes, output_size),
+        priors,
+        np.full(sizes.size, priors.c0 / priors.d0),
+        tolerance=usual.tolerance,
+        max_iterations=usual.max_iterations,
+    ).posterior
     scales = sizes / output_size
     return data.model(
-        found.mean / scales, found.covariance / np.outer(scales, scales), found.noise_variance * output_size**2,
-        identifier=usual, theta_dof=2 * found.a,
-    )  # fmt: skip
+        found.mean / scales,
+        found.covariance / np.outer(scales, scales),
+        found.noise_variance * output_size**2,
+        identifier=usual,
+        theta_dof=2 * found.a,
+    )
 
 
 def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
@@ -112,12 +118,14 @@ def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxMode
     return Narmax(Fixed(terms=system.terms)).fit(recording).model_
 
 
-ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType({
-    "least squares": least_squares,
-    VARIATIONAL: variational,
-    "least prediction error, true noise terms": with_true_noise,
-    "least prediction error, chosen noise terms": with_chosen_noise,
-})  # fmt: skip
+ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType(
+    {
+        "least squares": least_squares,
+        VARIATIONAL: variational,
+        "least prediction error, true noise terms": with_true_noise,
+        "least prediction error, chosen noise terms": with_chosen_noise,
+    }
+)
 """How the parameters of a known structure are estimated, by name."""
 
 

@@ -24,9 +24,13 @@ INK, GRID, MEASURED, BEFORE, AFTER, MARK = (
     COLOURS[role][0] for role in ("ink", "grid", "measured", "before", "after", "mark")
 )
 STYLES = {
-    "fro": (MEASURED, "v"), "fro-told": (MEASURED, "^"), "lasso": (MARK, "D"), "semp": (BEFORE, "s"),
-    "svb": (AFTER, "o"), "svb-clean": (AFTER, "*"),
-}  # fmt: skip
+    "fro": (MEASURED, "v"),
+    "fro-told": (MEASURED, "^"),
+    "lasso": (MARK, "D"),
+    "semp": (BEFORE, "s"),
+    "svb": (AFTER, "o"),
+    "svb-clean": (AFTER, "*"),
+}
 COVER_STYLES = ((MEASURED, "v"), (AFTER, "o"), (BEFORE, "s"), (MARK, "D"))
 """Of the estimators, in their order."""
 COLOURED = ["S5"]
@@ -103,10 +107,12 @@ def _rates(study: Study) -> tuple[Drawing, str]:
         panels[0].plot([], [], color=INK, linestyle=":", label="oracle from the true terms")
         figure.legend(loc="outside upper left", ncols=4, markerscale=1)
         drawing = Drawing.of(
-            figure, "rates", "How often the structure is found",
+            figure,
+            "rates",
+            "How often the structure is found",
             f"{plan.draws} draws of each system, with 95 % intervals (Clopper and Pearson). Dotted: how often the "
             "truth is the best of its neighbours, at the best threshold.",
-        )  # fmt: skip
+        )
     header = ("system", "method", "what", "share_percent", "low_percent", "high_percent")
     return drawing, table_text(header, rows)
 
@@ -136,9 +142,11 @@ def _outcomes(study: Study) -> tuple[Drawing, str]:
         axes.grid(axis="y", visible=False)
         figure.legend(loc="outside upper left", ncols=4)
         drawing = Drawing.of(
-            figure, "outcomes", f"{system}: what the methods keep (thesis table 6.1)",
+            figure,
+            "outcomes",
+            f"{system}: what the methods keep (thesis table 6.1)",
             f"{study.plan.draws} draws of {system}.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("method", "outcome", "share_percent"), rows)
 
 
@@ -165,11 +173,13 @@ def _coverage(study: Study) -> tuple[Drawing, str]:
             axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
             axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
         drawing = Drawing.of(
-            figure, "coverage", "Do the 95 % intervals cover?",
+            figure,
+            "coverage",
+            "Do the 95 % intervals cover?",
             f"Given the right structure, {study.plan.draws} draws. Ochre: {100 * COVERAGE[0]:g} to "
             f"{100 * COVERAGE[1]:g} %, which is demanded of all parameters on the left together. Right: the system "
             "with coloured noise, without and with a noise model.",
-        )  # fmt: skip
+        )
     header = ("system and term", "estimator", "share_percent", "low_percent", "high_percent")
     return drawing, table_text(header, rows)
 
@@ -198,10 +208,12 @@ def _sweep(study: Study) -> tuple[Drawing, str]:
             axes.minorticks_off()
         left.legend(loc="lower left", markerscale=1)
         drawing = Drawing.of(
-            figure, "sweep", "Noise sweep (thesis section 6.5.2)",
+            figure,
+            "sweep",
+            "Noise sweep (thesis section 6.5.2)",
             f"{SWEPT} at five variances around its own, {study.plan.swept_draws} draws each, with 95 % intervals. "
             "Right: all parameters, given the right structure.",
-        )  # fmt: skip
+        )
     return drawing, table_text(("variance", "what", "share_percent", "low_percent", "high_percent"), rows)
 
 
@@ -216,9 +228,16 @@ def _line(
     shares = np.array([100 * rate.share for rate in rates])
     ends = np.array([[100 * end for end in rate.interval] for rate in rates]).T
     axes.errorbar(
-        [aside * level.variance for level in study.levels], shares, np.abs(ends - shares), color=colour, label=label,
-        fmt=f"{marker}-", markersize=9 if marker == "*" else 5, capsize=2, elinewidth=0.9,
-    )  # fmt: skip
+        [aside * level.variance for level in study.levels],
+        shares,
+        np.abs(ends - shares),
+        color=colour,
+        label=label,
+        fmt=f"{marker}-",
+        markersize=9 if marker == "*" else 5,
+        capsize=2,
+        elinewidth=0.9,
+    )
 
 
 def _rows(study: Study, what: str, rates: list[Rate]) -> list[tuple[object, ...]]:
@@ -246,8 +265,9 @@ def _sampler(study: Study) -> tuple[Drawing, str]:
             own = (first.low[place], first.high[place])
             sampled = (first.sampled_low[place], first.sampled_high[place])
             for ends, offset, colour, label in (
-                (own, -0.13, AFTER, "SVB"), (sampled, 0.13, BEFORE, "sampler, over all structures")
-            ):  # fmt: skip
+                (own, -0.13, AFTER, "SVB"),
+                (sampled, 0.13, BEFORE, "sampler, over all structures"),
+            ):
                 shift = np.array(ends) - true.get(term, 0.0)
                 right.plot(shift, [place + offset] * 2, color=colour, linewidth=3, label=None if place else label)
         right.axvline(0, color=INK, linestyle=":", linewidth=0.9)
@@ -256,9 +276,11 @@ def _sampler(study: Study) -> tuple[Drawing, str]:
         right.grid(axis="y", visible=False)
         figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
         drawing = Drawing.of(
-            figure, "sampler", "A spike-and-slab sampler beside SVB, on S4",
+            figure,
+            "sampler",
+            "A spike-and-slab sampler beside SVB, on S4",
             f"The first draw. Left: the {len(shown)} most likely of {len(first.terms)} terms; blue are those that SVB "
             "keeps. Right: the sampler's intervals also hold what it does not know of the structure.",
-        )  # fmt: skip
+        )
     rows = [(first.terms[i], first.inclusion[i], int(first.terms[i] in first.chosen)) for i in shown]
     return drawing, table_text(("term", "probability", "kept_by_svb"), rows)

@@ -243,6 +243,4 @@ def sample_structures(
             total += rest
         flip = int(rng.choice(posterior.n_terms, p=rates / rates.sum()))
         terms = terms ^ {flip}
-    return Structures(
-        inclusion=inclusion / total, weights={terms: weight / total for terms, weight in weights.items()}
-    )
+    return Structures(inclusion=inclusion / total, weights={terms: weight / total for terms, weight in weights.items()})

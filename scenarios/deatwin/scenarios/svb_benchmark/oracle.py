@@ -200,9 +200,7 @@ def consult(margins: Sequence[Margin]) -> Oracle:
     thresholds = np.sort(false)
     exact = [(false <= threshold) & (threshold < true) for threshold in thresholds]
     best = int(np.argmax([flags.sum() for flags in exact]))
-    return Oracle(
-        threshold=float(thresholds[best]), exact=Rate.of(exact[best]), kept=Rate.of(true > thresholds[best])
-    )
+    return Oracle(threshold=float(thresholds[best]), exact=Rate.of(exact[best]), kept=Rate.of(true > thresholds[best]))
 
 
 def _gains(rows: Array, target: Array, chosen: Indices) -> tuple[float, Array]:

@@ -43,9 +43,11 @@ class Draws(CaseStore[SweepSeal]):
 
     def __init__(self, folder: Path, seed: int, plan: Mapping[str, Any]) -> None:
         parts = {
-            "seed": seed, "plan": dict(plan), "versions": versions(VERSIONS),
+            "seed": seed,
+            "plan": dict(plan),
+            "versions": versions(VERSIONS),
             "code": sources_digest(PACKAGES, [Path(__file__).parent / name for name in OWN]),
-        }  # fmt: skip
+        }
         super().__init__(folder, SweepSeal(schema=SCHEMA, parts=parts), cases=CASES)
 
     def answer(self, name: str) -> Answer:

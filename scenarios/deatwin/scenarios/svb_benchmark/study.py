@@ -194,9 +194,7 @@ def _covering(plan: Plan) -> list[Covering]:
 
 
 def _noisy(plan: Plan, variance: float) -> list[Noisy]:
-    return [
-        Noisy(system=SWEPT, variance=variance, number=n, methods=plan.bayesian) for n in range(plan.swept_draws)
-    ]
+    return [Noisy(system=SWEPT, variance=variance, number=n, methods=plan.bayesian) for n in range(plan.swept_draws)]
 
 
 def _sampled(plan: Plan) -> list[Sampled]:
@@ -214,13 +212,14 @@ def _study(plan: Plan, found: Mapping[Case, Answer]) -> Study:
         },
         covered={
             (case.system, estimator): flags
-            for case in _covering(plan) for estimator, flags in found[case].covered.items()
+            for case in _covering(plan)
+            for estimator, flags in found[case].covered.items()
         },
         levels=tuple(_level(variance, [found[case] for case in _noisy(plan, variance)]) for variance in plan.levels),
         comparisons=tuple(
             answer.comparison for answer in map(found.__getitem__, _sampled(plan)) if answer.comparison is not None
         ),
-    )  # fmt: skip
+    )
 
 
 def _level(variance: float, answers: Sequence[Answer]) -> Level:

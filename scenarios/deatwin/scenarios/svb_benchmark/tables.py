@@ -43,11 +43,16 @@ def _method(study: Study, method: str) -> Table:
     rows = []
     for system in study.plan.systems:
         trials = study.of(system, method)
-        rows.append([
-            system, str(kept(study, system, method)), str(exact(study, system, method)),
-            f"{np.mean([t.missed for t in trials]):.2f}", f"{np.mean([t.false for t in trials]):.2f}",
-            three_digits(float(np.median([t.seconds for t in trials]))),
-        ])  # fmt: skip
+        rows.append(
+            [
+                system,
+                str(kept(study, system, method)),
+                str(exact(study, system, method)),
+                f"{np.mean([t.missed for t in trials]):.2f}",
+                f"{np.mean([t.false for t in trials]):.2f}",
+                three_digits(float(np.median([t.seconds for t in trials]))),
+            ]
+        )
     columns = ["system", "every true term kept", "exact structure", "missed", "false", "median processor time (s)"]
     return Table(title=f"{METHODS[method].label}: {METHODS[method].line}", columns=columns, rows=rows)
 
@@ -101,15 +106,23 @@ def _intervals(study: Study) -> Table:
             at = trial.terms.index(term)
             low, high = trial.low[at], trial.high[at]
             inside = Rate.of(_holds(other, term, value) for other in right)
-            rows.append([
-                METHODS[method].label, term, f"{value:g}", f"{trial.theta[at]:.4f}", f"{low:.4f} to {high:.4f}",
-                "yes" if low <= value <= high else "no", str(inside),
-            ])  # fmt: skip
+            rows.append(
+                [
+                    METHODS[method].label,
+                    term,
+                    f"{value:g}",
+                    f"{trial.theta[at]:.4f}",
+                    f"{low:.4f} to {high:.4f}",
+                    "yes" if low <= value <= high else "no",
+                    str(inside),
+                ]
+            )
     columns = ["method", "term", "true", "mean", "95 % interval", "holds it", "in all draws with the right structure"]
     return Table(
         title=f"{SWEPT}: intervals of the first draw whose structure is found (thesis table 6.2)",
-        columns=columns, rows=rows,
-    )  # fmt: skip
+        columns=columns,
+        rows=rows,
+    )
 
 
 def _coverage(study: Study) -> Table:
@@ -142,18 +155,29 @@ def _sweep(study: Study) -> Table:
 def _sampler(study: Study) -> Table:
     rows = [
         [
-            str(draw.number + 1), "yes" if draw.agrees else "no", f"{np.sort(draw.inclusion)[-len(draw.sampled)]:.3f}",
-            f"{np.sort(draw.inclusion)[-len(draw.sampled) - 1]:.3f}", f"{draw.unsettled:.4f}",
-            f"{100 * draw.mass_given.mean():.1f} %", f"{100 * draw.mass.mean():.1f} %",
-            three_digits(draw.seconds), three_digits(draw.sampled_seconds),
+            str(draw.number + 1),
+            "yes" if draw.agrees else "no",
+            f"{np.sort(draw.inclusion)[-len(draw.sampled)]:.3f}",
+            f"{np.sort(draw.inclusion)[-len(draw.sampled) - 1]:.3f}",
+            f"{draw.unsettled:.4f}",
+            f"{100 * draw.mass_given.mean():.1f} %",
+            f"{100 * draw.mass.mean():.1f} %",
+            three_digits(draw.seconds),
+            three_digits(draw.sampled_seconds),
         ]
         for draw in study.comparisons
-    ]  # fmt: skip
+    ]
     columns = [
-        "draw", "same terms", "least likely kept", "most likely other", "two chains differ by",
-        "mass of SVB's intervals, same structure", "over all structures", "SVB, processor time (s)",
+        "draw",
+        "same terms",
+        "least likely kept",
+        "most likely other",
+        "two chains differ by",
+        "mass of SVB's intervals, same structure",
+        "over all structures",
+        "SVB, processor time (s)",
         "one chain, processor time (s)",
-    ]  # fmt: skip
+    ]
     return Table(title="S4: a spike-and-slab sampler beside SVB", columns=columns, rows=rows)
 
 
@@ -162,16 +186,26 @@ def _systems(study: Study) -> Table:
     for name in study.plan.systems:
         system, draws = system_of(name), study.contrasts[name]
         redraws = sum(draw.redraws for draw in draws)
-        rows.append([
-            name, str(system.model), str(system.n_samples),
-            f"{np.median([draw.snr_db for draw in draws]):.1f} dB", f"{redraws} of {redraws + len(draws)}",
-            f"{np.median([draw.condition for draw in draws]):.1e}",
-            system.source,
-        ])  # fmt: skip
+        rows.append(
+            [
+                name,
+                str(system.model),
+                str(system.n_samples),
+                f"{np.median([draw.snr_db for draw in draws]):.1f} dB",
+                f"{redraws} of {redraws + len(draws)}",
+                f"{np.median([draw.condition for draw in draws]):.1e}",
+                system.source,
+            ]
+        )
     columns = [
-        "system", "equation", "samples", "output over noise, median", "diverged", "condition of the candidates, median",
+        "system",
+        "equation",
+        "samples",
+        "output over noise, median",
+        "diverged",
+        "condition of the candidates, median",
         "source",
-    ]  # fmt: skip
+    ]
     return Table(title="Systems", columns=columns, rows=rows)
 
 

@@ -77,8 +77,10 @@ class Study:
             raise DataError('results as an array need xarray: pip install "xarray>=2024.6"') from None
         found = list(self)
         results = [each.get("result", {}) for each in found]
-        coords = {key: ("case", _column(key, [each["case"].get(key) for each in found]))
-                  for key in _keys(each["case"] for each in found)}  # fmt: skip
+        coords = {
+            key: ("case", _column(key, [each["case"].get(key) for each in found]))
+            for key in _keys(each["case"] for each in found)
+        }
         variables: dict[str, Any] = {}
         for key in _keys(results):
             column = _column(key, [result.get(key) for result in results])
@@ -89,8 +91,9 @@ class Study:
         if ERROR in variables or (both := set(coords) & set(variables)):
             name = ERROR if ERROR in variables else min(both)
             raise DataError(f"a result is called {name}, as something else is already: rename it in the work function")
-        return xarray.Dataset({**variables, ERROR: ("case", messages)}, coords={"case": list(self.names), **coords},
-                              attrs=attributes)  # fmt: skip
+        return xarray.Dataset(
+            {**variables, ERROR: ("case", messages)}, coords={"case": list(self.names), **coords}, attrs=attributes
+        )
 
     def to_netcdf(self, path: Path | str) -> None:
         """Write `to_xarray` into one NetCDF file, whole or not at all.

@@ -88,9 +88,12 @@ def run_sweep(
 
 
 def _run_all(
-    work: Callable[[Case], Mapping[str, Any]], cases: Mapping[str, Case], store: CaseStore[Any], jobs: int | None,
+    work: Callable[[Case], Mapping[str, Any]],
+    cases: Mapping[str, Case],
+    store: CaseStore[Any],
+    jobs: int | None,
     progress: _Progress,
-) -> None:  # fmt: skip
+) -> None:
     """Run turn by turn until nothing is missing; after a death those that were being run have to wait."""
     deaths: Counter[str] = Counter()
     while missing := store.missing(list(cases)):
@@ -120,9 +123,11 @@ def _run_all(
 
 
 def _turn(
-    work: Callable[[Case], Mapping[str, Any]], cases: Iterable[tuple[str, Case]], store: CaseStore[Any],
+    work: Callable[[Case], Mapping[str, Any]],
+    cases: Iterable[tuple[str, Case]],
+    store: CaseStore[Any],
     jobs: int | None,
-) -> Iterator[str]:  # fmt: skip
+) -> Iterator[str]:
     """Run cases, and give the name of each as soon as it is through."""
     from joblib import Parallel, delayed
 

@@ -100,8 +100,7 @@ def run_study(
 
     known = _named(cases)
     seal = SweepSeal(
-        schema=CASE_SCHEMA,
-        parts={"seed": seed, "settings": dict(settings or {}), **_function(work), **_environment()},
+        schema=CASE_SCHEMA, parts={"seed": seed, "settings": dict(settings or {}), **_function(work), **_environment()}
     )
     store = CaseStore(folder, seal, expected=len(known))
     with Voice().progress("study") as bar:

@@ -50,9 +50,10 @@ def run(setting: Setting) -> Mapping[str, Any]:
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     setting.progress(0.0, "recording six actuators")
     study = carry_out(
-        setting.seed, jobs=setting.jobs,
+        setting.seed,
+        jobs=setting.jobs,
         finished=lambda count, total: setting.progress(0.9 * count / total, "recording six actuators"),
-    )  # fmt: skip
+    )
     setting.progress(0.9, "measuring and drawing")
     wished = specification()
     step = wished.rig.chain.reading_step  # type: ignore[union-attr]
@@ -71,9 +72,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
     for name, columns in files.items():
         setting.folder.csv(name, columns)
     page = StoryPage(
-        title="thesis-data", sentence=sentence, rows=rows, notes=_notes(study, rests, bands), figures=figures,
+        title="thesis-data",
+        sentence=sentence,
+        rows=rows,
+        notes=_notes(study, rests, bands),
+        figures=figures,
         tables=[_fabrications(study.benches), _histories(study.benches), _tolerances()],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {
         "sentence": sentence,
@@ -107,7 +112,7 @@ def _notes(study: Study, rests: Mapping[str, SmallVoltages], bands: SideBands) -
                 f"as long as the motion is smaller than its distance: the power is {ends[2]:.3f} first and "
                 f"{ends[3]:.2f} where it begins to give way. Two things look like a threshold. The sensor reads in "
                 f"steps, the first of which is reached at {small.visible:.0f} V; and the straight line through the "
-                f"curve below 2.5 V meets zero at {zero:.0f} V.",
+                f"curve below 2.5 V meets zero at {zero:.0f} V."
             ],
         ),
         Note(
@@ -118,7 +123,7 @@ def _notes(study: Study, rests: Mapping[str, SmallVoltages], bands: SideBands) -
                 f"bands of {bands.reached[0]:.4f} and {bands.reached[1]:.4f} (in closed form {bands.expected[0]:.4f} "
                 f"and {bands.expected[1]:.4f}), though it obeys superposition to {bands.superposition:.0e}. What tells "
                 "the two apart is how far the power moves: a slow drift moves it by no more than its own frequency, "
-                "the square of the voltage up to twice the highest of the input. Above 1 Hz it is the nonlinearity.",
+                "the square of the voltage up to twice the highest of the input. Above 1 Hz it is the nonlinearity."
             ],
         ),
     ]

@@ -11,16 +11,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 
-__all__ = [
-    "GainChange",
-    "Shift",
-    "at_same_input",
-    "fast_part",
-    "gain_change",
-    "mean_shift",
-    "moving_mean",
-    "roughness",
-]
+__all__ = ["GainChange", "Shift", "at_same_input", "fast_part", "gain_change", "mean_shift", "moving_mean", "roughness"]
 
 Array = np.ndarray
 Window = tuple[float, float]
@@ -145,9 +136,14 @@ def at_same_input(commands: ArrayLike, readings: ArrayLike, sample_time: float) 
 
 
 def gain_change(
-    commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window,
-    at: tuple[float, float] = (2.0, 3.0), blocks: int = 10,
-) -> GainChange:  # fmt: skip
+    commands: ArrayLike,
+    readings: ArrayLike,
+    sample_time: float,
+    early: Window,
+    late: Window,
+    at: tuple[float, float] = (2.0, 3.0),
+    blocks: int = 10,
+) -> GainChange:
     """Change of gain and of nonlinearity from one time to another.
 
     The readings of each window are set against those that command and rate explain over the whole record: the slope of
@@ -236,9 +232,7 @@ def roughness(readings: ArrayLike, sample_time: float, window: Window, between: 
     timepts = sample_time * np.arange(y.size)
     there = (timepts >= window[0]) & (timepts < window[1]) & (y > between[0]) & (y < between[1])
     if not there.any():
-        raise DataError(
-            f"no reading from {between[0]:g} to {between[1]:g} m between {window[0]:g} and {window[1]:g} s"
-        )
+        raise DataError(f"no reading from {between[0]:g} to {between[1]:g} m between {window[0]:g} and {window[1]:g} s")
     return float(np.sqrt(np.mean(fast_part(y, sample_time)[there] ** 2)))
 
 

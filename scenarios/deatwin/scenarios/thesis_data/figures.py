@@ -85,10 +85,12 @@ def _excitation(bench: Bench) -> tuple[Drawing, Columns]:
         right.plot(share.frequencies, share.inputs, color=AFTER)
         right.set(xlabel="frequency (Hz)", ylabel="spectral density (V²/Hz)", yscale="log", xlim=(0, 5), ylim=(1e-7, 2))
         drawing = Drawing.of(
-            figure, "excitation", "Excitation and its spectrum (thesis figure 2.5)",
+            figure,
+            "excitation",
+            "Excitation and its spectrum (thesis figure 2.5)",
             f"{bench.actuator.name}, the first {ZOOM:.0f} s. Dotted: the limits. Clipping at them, and nothing else, "
             f"puts {100 * share.above(1.0)[0] / share.above(0.0)[0]:.2f} % of the power above 1 Hz.",
-        )  # fmt: skip
+        )
     return drawing, {"frequency_Hz": share.frequencies, "density_V2_per_Hz": share.inputs}
 
 
@@ -105,11 +107,13 @@ def _curve(bench: Bench) -> tuple[Drawing, Columns]:
         axes.set(xlabel=COMMAND, ylabel=DISPLACEMENT)
         figure.legend(loc="outside upper left", ncols=3)
         drawing = Drawing.of(
-            figure, "curve", "Displacement over voltage (thesis figure 2.6)",
+            figure,
+            "curve",
+            "Displacement over voltage (thesis figure 2.6)",
             f"{bench.actuator.name}. The mean curve leaves the line by at most {100 * line.misfit:.2f} % of the full "
             f"stroke below 2.5 V; its slope is {local_gain(u, y, 2.0):.3f} mm/V at 2 V and "
             f"{local_gain(u, y, 3.5):.2f} mm/V at 3.5 V.",
-        )  # fmt: skip
+        )
     return drawing, {"command_V": levels, "displacement_mm": means}
 
 
@@ -159,10 +163,12 @@ def _drifts(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
         figure.supylabel("moving mean less the mean of all (µm)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         drawing = Drawing.of(
-            figure, "drifts", "The drifts of the means, enlarged",
+            figure,
+            "drifts",
+            "The drifts of the means, enlarged",
             "The mean of 100 s of noise wanders of itself. At the same input: what the command and its rate explain "
             "over the whole record is taken off.",
-        )  # fmt: skip
+        )
     return drawing, _complete(columns)
 
 
@@ -183,10 +189,12 @@ def _ridge(bench: Bench) -> tuple[Drawing, Columns]:
         lower.set(xlabel="time (s)", ylabel="above 5 Hz (µm)")
         figure.align_ylabels()
         drawing = Drawing.of(
-            figure, "ridge", "Where the first recording is rough",
+            figure,
+            "ridge",
+            "Where the first recording is rough",
             f"{bench.actuator.name}. Below: the fast part of the reading, while it lies between 0.4 and 0.5 mm. "
             "From 10 to 30 s (ochre) the ball snaps there from lump to lump of dried grease.",
-        )  # fmt: skip
+        )
     return drawing, {"time_s": timepts, "displacement_mm": y, "fast_um": fast}
 
 
@@ -205,19 +213,22 @@ def _spectra(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_title(name, loc="left", fontsize="medium")
             key = _key(bench)
             columns |= {
-                "frequency_Hz": share.frequencies, f"{key}_output_um2_per_Hz": share.outputs,
+                "frequency_Hz": share.frequencies,
+                f"{key}_output_um2_per_Hz": share.outputs,
                 f"{key}_linear_um2_per_Hz": share.explained,
-            }  # fmt: skip
+            }
         panels[0, 0].set(xscale="log", yscale="log", xlim=(0.02, 25), ylim=(1e-3, 1e5))
         for axes in panels[-1]:
             axes.set_xlabel("frequency (Hz)")
         figure.supylabel("spectral density (µm²/Hz)", fontsize="medium")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         drawing = Drawing.of(
-            figure, "spectra", "Output spectra beside the best linear model (thesis figure 2.8)",
+            figure,
+            "spectra",
+            "Output spectra beside the best linear model (thesis figure 2.8)",
             "In each band of 25 mHz the linear response that makes most of the input as it really is, clipped. Ochre: "
             "1 Hz, where the noise ends.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -234,9 +245,11 @@ def _loops(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
             axes.set_xlabel(COMMAND)
         figure.supylabel(DISPLACEMENT, fontsize="medium")
         drawing = Drawing.of(
-            figure, "loops", "Loops at 10 mHz",
+            figure,
+            "loops",
+            "Loops at 10 mHz",
             "Triangles of 1.1 to 3.75 V, and the area of each loop over the rectangle around it.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -254,9 +267,11 @@ def _areas(study: Study) -> tuple[Drawing, Columns]:
         _plain_numbers(axes)
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         drawing = Drawing.of(
-            figure, "areas", "How the area of a loop depends on the rate",
+            figure,
+            "areas",
+            "How the area of a loop depends on the rate",
             "A film that only relaxes closes its loop as it is driven more slowly; one with hysteresis does not.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -274,10 +289,12 @@ def _small(rests: Mapping[str, SmallVoltages], step: float) -> tuple[Drawing, Co
         _plain_numbers(axes)
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         drawing = Drawing.of(
-            figure, "small", "There is no smallest voltage",
+            figure,
+            "small",
+            "There is no smallest voltage",
             "The ball moves at any voltage, as its square (dashed). What there is, is a voltage below which the sensor "
             f"does not see it: {rests[SPECIFIED].visible:.0f} V for one step of {1e6 * step:.2f} µm.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -294,10 +311,12 @@ def _side_bands(bands: SideBands) -> tuple[Drawing, Columns]:
         axes.set(xlabel="frequency (Hz)", ylabel="amplitude", yscale="log", ylim=(1e-3, 2))
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         drawing = Drawing.of(
-            figure, "side_bands", "A linear plant that varies in time moves energy to other frequencies",
+            figure,
+            "side_bands",
+            "A linear plant that varies in time moves energy to other frequencies",
             f"A line at {bands.line:g} Hz goes in; as the gain drifts by ±20 % at {bands.drift:g} Hz, three come out. "
             f"The response to a sum of inputs is the sum of the responses to {bands.superposition:.0e} of it.",
-        )  # fmt: skip
+        )
     return drawing, {"frequency_Hz": frequencies, "input": bands.inputs[near], "output": bands.outputs[near]}
 
 

@@ -219,6 +219,9 @@ def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, w
     cross = spectra[1] * spectra[0].conj()
     yu = scale * (np.bincount(band, cross.real) + 1j * np.bincount(band, cross.imag))
     return LinearShare(
-        frequencies=(np.arange(uu.size) + 0.5) * width, inputs=uu, outputs=yy, explained=np.abs(yu) ** 2 / uu,
+        frequencies=(np.arange(uu.size) + 0.5) * width,
+        inputs=uu,
+        outputs=yy,
+        explained=np.abs(yu) ** 2 / uu,
         width=width,
-    )  # fmt: skip
+    )

@@ -98,13 +98,16 @@ def _shape(recordings: Iterable[Recording]) -> list[Row]:
         Row(
             measure="mean reading at each command: largest misfit of a straight line below 2.5 V, over the full stroke",
             demanded="below 2 %",
-            reached=f"{100 * min(misfits):.2f} to {100 * max(misfits):.2f} %", passed=max(misfits) < 0.02,
+            reached=f"{100 * min(misfits):.2f} to {100 * max(misfits):.2f} %",
+            passed=max(misfits) < 0.02,
         ),
         Row(
-            measure="gain at 3.5 V over gain at 2 V", demanded="above 4",
-            reached=f"{min(ratios):.1f} to {max(ratios):.1f}", passed=min(ratios) > 4,
+            measure="gain at 3.5 V over gain at 2 V",
+            demanded="above 4",
+            reached=f"{min(ratios):.1f} to {max(ratios):.1f}",
+            passed=min(ratios) > 4,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _loops(study: Study) -> list[Row]:
@@ -113,8 +116,10 @@ def _loops(study: Study) -> list[Row]:
     lowest, lowest_elastic = (loops[-1].area / loops[0].area for loops in (study.loops, study.elastic_loops))
     return [
         Row(
-            measure="area of the loop at 10 mHz, over its rectangle", demanded="above 1 %",
-            reached=f"{100 * min(areas):.1f} to {100 * max(areas):.1f} %", passed=min(areas) > 0.01,
+            measure="area of the loop at 10 mHz, over its rectangle",
+            demanded="above 1 %",
+            reached=f"{100 * min(areas):.1f} to {100 * max(areas):.1f} %",
+            passed=min(areas) > 0.01,
         ),
         Row(
             measure="that of the specification at 10 mHz and at 1 mHz, over that at 100 mHz",
@@ -122,7 +127,7 @@ def _loops(study: Study) -> list[Row]:
             reached=f"{kept:.2f} and {lowest:.2f} with, {elastic:.3f} and {lowest_elastic:.4f} without",
             passed=min(kept, lowest) > 0.5 and max(elastic, lowest_elastic) < 0.2,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _power(benches: Iterable[Bench]) -> Row:
@@ -133,7 +138,7 @@ def _power(benches: Iterable[Bench]) -> Row:
         of_input, of_output, explained = share.above(1.0)
         inputs.append(of_input / share.above(0.0)[0])
         ratios.append((of_output - explained) / explained)
-        white = bench.actuator.plant.rig.noise ** 2 * (1 - 2 * r.sample_time)
+        white = bench.actuator.plant.rig.noise**2 * (1 - 2 * r.sample_time)
         noises.append((of_output - explained) / white)
     return Row(
         measure=f"output power above 1 Hz that the best linear model does not make of the input, which has "
@@ -173,9 +178,10 @@ def _rough(recording: Recording) -> Row:
     later = roughness(y, step, (window[1] + 5, recording.duration), between)
     return Row(
         measure="DEA 1: rms above 5 Hz while the ball is 0.4 to 0.5 mm down, 10 to 30 s over 35 s to the end",
-        demanded="rough: above 3", reached=f"{1e6 * here:.1f} over {1e6 * later:.1f} µm, {here / later:.1f}",
+        demanded="rough: above 3",
+        reached=f"{1e6 * here:.1f} over {1e6 * later:.1f} µm, {here / later:.1f}",
         passed=here > 3 * later,
-    )  # fmt: skip
+    )
 
 
 def _changes(benches: tuple[Bench, ...]) -> list[Row]:
@@ -185,17 +191,22 @@ def _changes(benches: tuple[Bench, ...]) -> list[Row]:
         change = gain_change(r.inputs[0], r.outputs[0], r.sample_time, early, late)
         if abs(change.bend) > SURE * change.bend_error:
             bent.append(f"DEA {number} {100 * change.bend:+.1f} ± {100 * change.bend_error:.1f} %")
-        rows.append(Row(
-            measure=f"DEA {number}: gain, {_times(early)} to {_times(late)}",
-            demanded=f"changes, beyond {SURE:.0f} standard errors",
-            reached=f"{100 * change.gain:+.1f} ± {100 * change.gain_error:.1f} %",
-            passed=abs(change.gain) > SURE * change.gain_error,
-        ))  # fmt: skip
-    rows.append(Row(
-        measure="gain at 3 V over gain at 2 V, between the same times",
-        demanded=f"changes in at least two of the six, beyond {SURE:.0f} standard errors",
-        reached=", ".join(bent) or "in none", passed=len(bent) >= 2,
-    ))  # fmt: skip
+        rows.append(
+            Row(
+                measure=f"DEA {number}: gain, {_times(early)} to {_times(late)}",
+                demanded=f"changes, beyond {SURE:.0f} standard errors",
+                reached=f"{100 * change.gain:+.1f} ± {100 * change.gain_error:.1f} %",
+                passed=abs(change.gain) > SURE * change.gain_error,
+            )
+        )
+    rows.append(
+        Row(
+            measure="gain at 3 V over gain at 2 V, between the same times",
+            demanded=f"changes in at least two of the six, beyond {SURE:.0f} standard errors",
+            reached=", ".join(bent) or "in none",
+            passed=len(bent) >= 2,
+        )
+    )
     return rows
 
 

@@ -220,9 +220,13 @@ def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
     recording = recorded(truth, inputs, NOISE * rng.standard_normal(inputs.size))
     trajectory = smoothed(system.structure, recording)
     return Followed(
-        name=system.name, recording=recording, truth=truth, trajectory=trajectory, true=_responses(system, truth),
+        name=system.name,
+        recording=recording,
+        truth=truth,
+        trajectory=trajectory,
+        true=_responses(system, truth),
         found=_responses(system, trajectory),
-    )  # fmt: skip
+    )
 
 
 def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Map]:
@@ -249,9 +253,9 @@ def _dc_effect() -> tuple[dict[int, Map], dict[int, Map]]:
     sides = []
     for trajectory in (truth, standing_at(truth, 0.0)):
         tones = {n: np.full((1, n) if n > 1 else 1, 2 * np.pi * 0.1) for n in ORDERS}
-        sides.append({
-            n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS
-        })  # fmt: skip
+        sides.append(
+            {n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS}
+        )
     return sides[0], sides[1]
 
 
@@ -283,11 +287,14 @@ def frozen_run(system: KnownSystem, speed: float) -> list[FrozenRun]:
         size = root_mean_square(measured)
         found.append(
             FrozenRun(
-                system=system.name, response=name, speed=speed, error=root_mean_square(error) / size,
+                system=system.name,
+                response=name,
+                speed=speed,
+                error=root_mean_square(error) / size,
                 estimate=root_mean_square(frozen.frozen_error[inner]) / size,
                 corrected=root_mean_square(error - frozen.frozen_correction[inner]) / size,
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -346,9 +353,12 @@ def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dic
 
 
 def carry_out_benchmark(
-    followed: tuple[Followed, ...], frozen: tuple[FrozenRun, ...], held: list[dict[int, NDArray[np.bool_]]],
-    timepts: Array, frequencies: Array,
-) -> Benchmark:  # fmt: skip
+    followed: tuple[Followed, ...],
+    frozen: tuple[FrozenRun, ...],
+    held: list[dict[int, NDArray[np.bool_]]],
+    timepts: Array,
+    frequencies: Array,
+) -> Benchmark:
     """Put the parts together.
 
     Parameters
@@ -368,7 +378,11 @@ def carry_out_benchmark(
     """
     solved, standing = _dc_effect()
     return Benchmark(
-        followed=followed, solved=solved, held=standing, frozen=frozen,
+        followed=followed,
+        solved=solved,
+        held=standing,
+        frozen=frozen,
         coverage={order: np.stack([one[order] for one in held]) for order in (1, 2)},
-        coverage_times=timepts, coverage_Hz=frequencies,
-    )  # fmt: skip
+        coverage_times=timepts,
+        coverage_Hz=frequencies,
+    )

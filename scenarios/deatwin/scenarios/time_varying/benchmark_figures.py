@@ -55,23 +55,32 @@ def benchmark_drawings(benchmark: Benchmark) -> list[tuple[Drawing, Columns]]:
     return [
         _parameters(benchmark.followed),
         _maps(
-            linear, ["H1"], "resonance", "TV-GFRF of a linear system whose resonance travels",
+            linear,
+            ["H1"],
+            "resonance",
+            "TV-GFRF of a linear system whose resonance travels",
             "The response of each time to a tone, were the parameters to stay: above the true one, below that found.",
         ),
         _maps(
-            quadratic, list(LINES), "moving_gfrf", "TV-GFRFs of a quadratic system of which only the constant changes",
+            quadratic,
+            list(LINES),
+            "moving_gfrf",
+            "TV-GFRFs of a quadratic system of which only the constant changes",
             "Orders one and two along f₂ = f₁, where the output has twice the frequency, and along f₂ = −f₁, where it "
             "has none. Above as they are, below from the smoother. No parameter of these orders moves: what changes "
             "them is the equilibrium.",
         ),
         _maps(
-            quadratic, [f"G{n}" for n in ORDERS], "moving_nofrf", "TV-NOFRFs of the same system",
+            quadratic,
+            [f"G{n}" for n in ORDERS],
+            "moving_nofrf",
+            "TV-NOFRFs of the same system",
             "For a test signal with equal lines from 0.1 to 1 Hz: Gₙ is where its n-th power has lines.",
         ),
         _dc(benchmark),
         _frozen(benchmark),
         _coverage(benchmark),
-    ]  # fmt: skip
+    ]
 
 
 def _parameters(followed: Sequence[Followed]) -> tuple[Drawing, Columns]:
@@ -90,8 +99,11 @@ def _parameters(followed: Sequence[Followed]) -> tuple[Drawing, Columns]:
                 draw_band(axes, timepts, theta[::EVERY], half, AFTER, "smoother, 95 % band")
                 axes.plot(timepts, true[places], color=INK, linewidth=1.0, linestyle="--", label="truth")
                 axes.set_title(f"{one.name}: {_written(term)}", loc="left", fontsize="small")
-                columns |= {f"{key}_{term}": theta[::EVERY], f"{key}_{term}_half": half,
-                            f"{key}_{term}_truth": true[places]}  # fmt: skip
+                columns |= {
+                    f"{key}_{term}": theta[::EVERY],
+                    f"{key}_{term}_half": half,
+                    f"{key}_{term}_truth": true[places],
+                }
                 low, high = axes.get_ylim()
                 if high - low < 0.1 * abs(high):  # a parameter that stands still is not to look as if it moved
                     axes.set_ylim(0.95 * np.mean([low, high]), 1.05 * np.mean([low, high]))
@@ -101,10 +113,12 @@ def _parameters(followed: Sequence[Followed]) -> tuple[Drawing, Columns]:
             column[len(found.terms) - 1].tick_params(labelbottom=True)
         legend_above(figure, panels[0, 0], 2)
         drawing = Drawing.of(
-            figure, "parameters", "Parameters along time, found and true",
+            figure,
+            "parameters",
+            "Parameters along time, found and true",
             "Left the linear system, right the quadratic one. Kalman smoother of random walks; drift variances from "
             "the posterior mode, so that none is taken for zero. The parameters that move are no random walks.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -160,11 +174,13 @@ def _dc(benchmark: Benchmark) -> tuple[Drawing, Columns]:
         right.set(xlabel="time (s)", ylabel="gain at 0.1 Hz (dB over the first)")
         right.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
         drawing = Drawing.of(
-            figure, "moving_dc", "What a DC component that moves does to every order",
+            figure,
+            "moving_dc",
+            "What a DC component that moves does to every order",
             "The quadratic system of which only the constant drifts. Solid: the equilibrium solved for at each time "
             "and the model expanded about it. Dashed: the same drift, with the equilibrium kept where it was at first; "
             "nothing is seen to change, and all of it is wrong.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -179,9 +195,10 @@ def _frozen(benchmark: Benchmark) -> tuple[Drawing, Columns]:
             key = f"{system} {plain_name(response)}".replace(" ", "_")
             columns["speed"] = speed
             for name, style, colour, word in (
-                ("error", "o-", INK, "error of frozen time"), ("estimate", "x--", BEFORE, "its estimate"),
+                ("error", "o-", INK, "error of frozen time"),
+                ("estimate", "x--", BEFORE, "its estimate"),
                 ("corrected", "s-", AFTER, "left after correction"),
-            ):  # fmt: skip
+            ):
                 values = 100 * np.array([getattr(run, name) for run in runs])
                 axes.plot(speed, values, style, color=colour, markersize=4, label=word)
                 columns[f"{key}_{name}_percent"] = values
@@ -192,12 +209,14 @@ def _frozen(benchmark: Benchmark) -> tuple[Drawing, Columns]:
         panels[0].set_ylabel("error over the response (%, rms)")
         legend_above(figure, panels[0], 3)
         drawing = Drawing.of(
-            figure, "frozen", "Frozen time against the rate of variation",
+            figure,
+            "frozen",
+            "Frozen time against the rate of variation",
             "The system that varies is probed by tones, in simulation; frozen time is the response of the parameters "
             "of the instant. Its error grows with the rate, and the estimate tells it; what is left after the "
             "correction to first order grows with the square of the rate. Past a tenth of the response the estimate is "
             "too large, and the correction no longer one.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -215,9 +234,14 @@ def _coverage(benchmark: Benchmark) -> tuple[Drawing, Columns]:
             for i, time in enumerate(benchmark.coverage_times):
                 for j in places:
                     axes.text(
-                        time, j, f"{share[i, j]:.0f}", ha="center", va="center", fontsize=7,
+                        time,
+                        j,
+                        f"{share[i, j]:.0f}",
+                        ha="center",
+                        va="center",
+                        fontsize=7,
                         color=ink_on(mesh, share[i, j]),
-                    )  # fmt: skip
+                    )
             axes.set_yticks(places, [f"{f:g}" for f in benchmark.coverage_Hz])
             name = "$H_1$" if order == 1 else "$H_2$, f₂ = f₁"
             axes.set_title(f"{name}: {share.mean():.1f} % on average", loc="left", fontsize="medium")
@@ -226,10 +250,12 @@ def _coverage(benchmark: Benchmark) -> tuple[Drawing, Columns]:
         panels[0].set_ylabel("frequency (Hz)")
         share_bar(figure, mesh, panels, "truth covered (%)")
         drawing = Drawing.of(
-            figure, "coverage", "How often the 95 % ellipses hold the truth",
+            figure,
+            "coverage",
+            "How often the 95 % ellipses hold the truth",
             f"{count} realisations of parameters that walk at random as the smoother takes them to. Each number is of "
             f"{count} trials: chance alone moves it by ±{196 * np.sqrt(0.95 * 0.05 / count):.0f} %.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 

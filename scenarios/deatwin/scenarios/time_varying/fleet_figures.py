@@ -13,16 +13,7 @@ from deatwin.scenarios.report.figures import Drawing
 from deatwin.scenarios.report.svg import draw, legend_above
 from deatwin.scenarios.thesis_data.drifts import moving_mean
 from deatwin.scenarios.time_varying.benchmark_figures import QUANTILE
-from deatwin.scenarios.time_varying.figure_parts import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    Columns,
-    draw_band,
-    filled,
-)
+from deatwin.scenarios.time_varying.figure_parts import AFTER, BEFORE, INK, MARK, MEASURED, Columns, draw_band, filled
 from deatwin.scenarios.time_varying.following import CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.spectra import BANDS
 from deatwin.scenarios.time_varying.study import OPERATING_INPUT, Driven, Study
@@ -86,8 +77,9 @@ def _sliding(study: Study) -> tuple[Drawing, Columns]:
                 axes.plot(s.timepts, middle, color=AFTER, linewidth=1.2)
                 chance = "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
                 axes.set_title(f"{one.name}, {name}: {chance}", loc="left", fontsize="small")
-                columns |= {f"{key_of(one)}_{name}_um{end}": v for end, v in
-                            (("", middle), ("_low", low), ("_high", high))}  # fmt: skip
+                columns |= {
+                    f"{key_of(one)}_{name}_um{end}": v for end, v in (("", middle), ("_low", low), ("_high", high))
+                }
         for axes, label in zip(panels[len(panels) // 2], ("mean displacement (µm)", "gain (µm/V)"), strict=True):
             axes.set_ylabel(label)
         for axes in panels[-1]:
@@ -95,11 +87,13 @@ def _sliding(study: Study) -> tuple[Drawing, Columns]:
         figure.align_ylabels()
         stories = " ".join(f"{one.name}: {story}" for one, story in zip(study.driven, study.stories, strict=True))
         drawing = Drawing.of(
-            figure, "sliding", "Sliding mean and gain of each recording, before any fit (thesis figure 5.5)",
+            figure,
+            "sliding",
+            "Sliding mean and gain of each recording, before any fit (thesis figure 5.5)",
             f"Windows of {study.driven[0].sliding.window_s:.0f} s with 95 % bands from the scatter within a window. "
             "The gain is the deviation of the reading over that of the command. p: chance of so much change, were the "
             f"actuator to stand still. {stories}",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -129,9 +123,15 @@ def _wander(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
         for number, (label, errors, colour, hatch) in enumerate(bars):
             values = 100 * np.array(errors)
             right.bar(
-                places + (number - 2.5) * width, np.minimum(values, 100.0), width, color=colour, hatch=hatch,
-                edgecolor=INK, linewidth=0.4, label=label,
-            )  # fmt: skip
+                places + (number - 2.5) * width,
+                np.minimum(values, 100.0),
+                width,
+                color=colour,
+                hatch=hatch,
+                edgecolor=INK,
+                linewidth=0.4,
+                label=label,
+            )
             columns[label.replace(", ", "_").replace(" ", "_") + "_percent"] = values
         right.set_axisbelow(True)
         right.set_xticks(places, [one.name for one in driven])
@@ -139,12 +139,14 @@ def _wander(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
         right.set_ylim(0, 1.55 * right.get_ylim()[1])
         right.legend(fontsize="x-small", ncols=2, loc="upper left")
         drawing = Drawing.of(
-            figure, "wander", "How far the parameters may wander, and what they are worth on unseen samples",
+            figure,
+            "wander",
+            "How far the parameters may wander, and what they are worth on unseen samples",
             "Left: free-run error on blocks that serve for choosing, of parameters that saw neither these nor those "
             "for judging; circle: taken. Right: on every fourth block of 20 s, with parameters of the other three "
             "(plain), and on each block with parameters of what came before it (hatched). “Likeliest”: the walk's "
             "variances by maximum likelihood, which follows whatever the structure does not hold.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -174,13 +176,15 @@ def _parameters(shown: Sequence[Driven]) -> tuple[Drawing, Columns]:
         figure.supylabel("parameter (µm per power of a volt)", fontsize="medium")
         legend_above(figure, panels[0], len(shown))
         drawing = Drawing.of(
-            figure, "theta", "Parameters along the record, the DC component removed at each instant",
+            figure,
+            "theta",
+            "Parameters along the record, the DC component removed at each instant",
             "Of the models of the deviations v and w from the equilibrium of each time at 2.4 V (v(k−1) without unit), "
             "up to the third degree of five. The parameters of the raw powers of the command are nearly collinear and "
             "say little one by one; these are sums of them. The bands, of two standard deviations, take the one-step "
             "residual for white noise: it is mostly the structure's own misfit, so that they are no more than a "
             "measure of what the walk lets the samples say.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)
 
 
@@ -207,9 +211,11 @@ def _equilibria(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
             axes.set_xlabel("time (s)")
         figure.supylabel("equilibrium at 2.4 V (µm)", fontsize="medium")
         drawing = Drawing.of(
-            figure, "equilibria", "The equilibrium along time (as the thesis' appendix C shows it)",
+            figure,
+            "equilibria",
+            "The equilibrium along time (as the thesis' appendix C shows it)",
             "Solved for at each time with the parameters of that time, at the mean of the command.",
-        )  # fmt: skip
+        )
     return drawing, columns
 
 
@@ -228,18 +234,21 @@ def _free_runs(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
             axes.axhline(0, color=INK, linewidth=0.6)
             seen = {way: 100 * (1 - one.track.seen[way]) for way in (CONSTANT, VARYING)}
             axes.set_title(
-                f"{one.name}: fit {seen[CONSTANT]:.1f} % constant, {seen[VARYING]:.1f} % varying", loc="left",
+                f"{one.name}: fit {seen[CONSTANT]:.1f} % constant, {seen[VARYING]:.1f} % varying",
+                loc="left",
                 fontsize="small",
-            )  # fmt: skip
+            )
         for axes in panels[-1]:
             axes.set_xlabel("time (s)")
         figure.supylabel(f"free-run error, mean over {SPREAD:.0f} s (µm)", fontsize="medium")
         legend_above(figure, panels[0, 0], 2)
         drawing = Drawing.of(
-            figure, "free_runs", "Free runs over the whole recordings, constant parameters and varying ones",
+            figure,
+            "free_runs",
+            "Free runs over the whole recordings, constant parameters and varying ones",
             "One run each, from the first sample on, of parameters estimated on the same recording: what is left is to "
             "be read with the errors on unseen blocks.",
-        )  # fmt: skip
+        )
     complete = np.all([np.isfinite(c) for c in columns.values()], axis=0)
     return drawing, {name: column[complete] for name, column in columns.items()}
 
@@ -253,9 +262,14 @@ def _bands(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
                 for number, one in enumerate(driven, start=1):
                     ratios = one.judged.power_ratio_dB(way, band)
                     axes.plot(
-                        np.full(ratios.size, number + shift), ratios, ".", color=OF_WAY[way], markersize=4, alpha=0.7,
+                        np.full(ratios.size, number + shift),
+                        ratios,
+                        ".",
+                        color=OF_WAY[way],
+                        markersize=4,
+                        alpha=0.7,
                         label=f"{way} parameters" if number == 1 else f"_{way}",
-                    )  # fmt: skip
+                    )
                     columns[f"{key_of(one)}_{way}_{band[0]:g}_to_{band[1]:g}_Hz_dB"] = ratios
             axes.axhline(0, color=INK, linewidth=0.6)
             axes.set_xticks(range(1, len(driven) + 1))
@@ -268,8 +282,10 @@ def _bands(driven: Sequence[Driven]) -> tuple[Drawing, Columns]:
         panels[0].set_ylabel("predicted over recorded power (dB)")
         legend_above(figure, panels[0], 2)
         drawing = Drawing.of(
-            figure, "bands", "Power of the output by band, predicted and recorded, in windows that no fit saw",
+            figure,
+            "bands",
+            "Power of the output by band, predicted and recorded, in windows that no fit saw",
             "A point for each of the blocks of 20 s that were left out. The command has lines up to 1 Hz; what is "
             "above is the nonlinearity's. The axis is linear up to 1 dB.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)

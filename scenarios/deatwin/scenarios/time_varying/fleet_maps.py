@@ -41,17 +41,23 @@ def map_drawings(shown: Sequence[Driven]) -> list[tuple[Drawing, Columns]]:
     """
     return [
         _changes(
-            shown, list(LINES), "tv_gfrf", "TV-GFRFs of two actuators that drift differently",
+            shown,
+            list(LINES),
+            "tv_gfrf",
+            "TV-GFRFs of two actuators that drift differently",
             "Change of the gain, over its mean along time at each frequency, about the equilibrium of each time at "
             "2.4 V; above each map the range of the gain itself. Sharp lines: a gain passes near zero.",
         ),
         _changes(
-            shown, [f"G{n}" for n in ORDERS], "tv_nofrf", "TV-NOFRFs of the same two",
+            shown,
+            [f"G{n}" for n in ORDERS],
+            "tv_nofrf",
+            "TV-NOFRFs of the same two",
             f"Likewise, for a test signal with equal lines from 0.05 to 1 Hz and a peak of {LEVEL:g} V. Gₙ reaches as "
             "far as the n-th power of the signal.",
         ),
         _spectra(shown),
-    ]  # fmt: skip
+    ]
 
 
 def _changes(
@@ -70,12 +76,16 @@ def _changes(
                 low, high = 1e6 * found.gain.min(), 1e6 * found.gain.max()
                 order = int(name[1])
                 unit = "µm/V" if order == 1 else f"µm/V{'²³'[order - 2]}"
-                axes.set_title(f"{one.name}, {symbol_of(name)}: {low:.3g} to {high:.3g} {unit}", loc="left",
-                               fontsize="small")  # fmt: skip
+                axes.set_title(
+                    f"{one.name}, {symbol_of(name)}: {low:.3g} to {high:.3g} {unit}", loc="left", fontsize="small"
+                )
                 columns |= map_columns(
-                    f"{key_of(one)}_{plain_name(name)}", found.timepts, found.frequencies, gain_um=1e6 * found.gain,
+                    f"{key_of(one)}_{plain_name(name)}",
+                    found.timepts,
+                    found.frequencies,
+                    gain_um=1e6 * found.gain,
                     change_dB=found.change_dB,
-                )  # fmt: skip
+                )
             row[0].set_ylabel("f₁ (Hz)" if "," in name else "frequency (Hz)")
             share_bar(figure, mesh, row, "change (dB)")
         for axes in panels[-1]:
@@ -110,9 +120,11 @@ def _spectra(shown: Sequence[Driven]) -> tuple[Drawing, Columns]:
         share_bar(figure, level, panels[:2].ravel().tolist(), "amplitude (dB over 1 µm)")
         share_bar(figure, change, panels[2].tolist(), "difference (dB)")
         drawing = Drawing.of(
-            figure, "short_time", "Short-time spectrum of the reading, recorded and from the TV-NOFRFs",
+            figure,
+            "short_time",
+            "Short-time spectrum of the reading, recorded and from the TV-NOFRFs",
             "Hann windows of 20 s, overlapping by half. In each the command is taken for one period, and "
             "Y = G₁U₁ + … + G₅U₅ with the parameters of the window's middle; the parameters are those of the whole "
             "record. Single lines differ where the spectrum happens to be low.",
-        )  # fmt: skip
+        )
     return drawing, filled(columns)

@@ -134,7 +134,10 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
     standing = walked(structure, [recording], 0.0, recording)
     step = max(1, round(KEPT_EVERY / recording.sample_time))
     return Track(
-        name=name, recording=recording, share=share, choosing=choosing / float(recording.outputs.std()),
+        name=name,
+        recording=recording,
+        share=share,
+        choosing=choosing / float(recording.outputs.std()),
         seen={key: error(model, [recording]) for key, model in seen.items()} | {LIKELIEST: error(likeliest, without)},
         unseen={key: error(model, judged) for key, model in unseen.items()},
         ahead={
@@ -142,9 +145,11 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
             VARYING: _ahead(smoother.filtered_, recording) / float(recording.outputs.std()),
         },
         runs={key: seen[key].simulate(recording).outputs[0] for key in (CONSTANT, VARYING)},
-        trajectory=smoother.trajectory_.thinned(step), held=held.thinned(step), held_constant=held_constants[CONSTANT],
+        trajectory=smoother.trajectory_.thinned(step),
+        held=held.thinned(step),
+        held_constant=held_constants[CONSTANT],
         judged=tuple(judged),
-    )  # fmt: skip
+    )
 
 
 def _choice_errors(structure: Structure, recording: Recording) -> Array:

@@ -51,10 +51,13 @@ class Map:
         """
         frequencies = response.frequency_Hz
         return cls(
-            timepts=response.timepts, frequencies=frequencies if frequencies.ndim == 1 else frequencies[:, 0],
-            values=response.values, unit=response.unit, equilibria=response.equilibria,
+            timepts=response.timepts,
+            frequencies=frequencies if frequencies.ndim == 1 else frequencies[:, 0],
+            values=response.values,
+            unit=response.unit,
+            equilibria=response.equilibria,
             equilibrium_std=response.equilibrium_std,
-        )  # fmt: skip
+        )
 
     @property
     def gain(self) -> Array:

@@ -50,7 +50,7 @@ def _figures() -> Note:
             "at each instant, and the recursion gives time-varying responses of every order (Algorithm 5.1); appendix "
             "C shows the parameters and the equilibrium. What the other nine figures show could not be found. So this "
             "page follows the method: systems whose parameters are known first, then the actuators, with each step "
-            "drawn. Numbers of single figures are not claimed, but for 5.5.",
+            "drawn. Numbers of single figures are not claimed, but for 5.5."
         ],
     )
 
@@ -96,7 +96,7 @@ def _structure(study: Study) -> Note:
             "fit a little better and make a series without end, which does not converge under the thesis' noise: "
             "single orders are defined there, their sum is not the output. With the output alone an equilibrium that "
             "moves is seen in the mean only: what changes the orders of these models are their parameters. The "
-            "quadratic system below shows the other case.",
+            "quadratic system below shows the other case."
         ],
     )
 

@@ -134,12 +134,14 @@ def compare_windows(
     step = windows[0].sample_time
     recorded = [short_time(w.outputs[0], step) for w in windows]
     found = {
-        name: np.stack([
-            short_time(predicted(source, w.inputs[0] - operating_input, middle, operating_input), step)[1]
-            for w, middle in zip(windows, middles.tolist(), strict=True)
-        ])
+        name: np.stack(
+            [
+                short_time(predicted(source, w.inputs[0] - operating_input, middle, operating_input), step)[1]
+                for w, middle in zip(windows, middles.tolist(), strict=True)
+            ]
+        )
         for name, source in sources.items()
-    }  # fmt: skip
+    }
     return ShortTime(
         timepts=middles, frequencies=recorded[0][0], recorded=np.stack([r for _, r in recorded]), predicted=found
     )

@@ -176,12 +176,20 @@ def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
     actuators = fleet(seed)
     parts: list[tuple[str, float, float, list[tuple[Any, ...]]]] = [
         ("following six actuators", 0.0, 0.55, [(_drive, a, n in SHOWN) for n, a in enumerate(actuators, start=1)]),
-        ("following systems whose parameters are known", 0.55, 0.7,
-         [(_follow, place, rng) for place, rng in enumerate(rngs)]),
-        ("frozen time against the rate of variation", 0.7, 0.8,
-         [(_frozen_run, place, speed) for place in range(len(SYSTEMS)) for speed in SPEEDS]),
+        (
+            "following systems whose parameters are known",
+            0.55,
+            0.7,
+            [(_follow, place, rng) for place, rng in enumerate(rngs)],
+        ),
+        (
+            "frozen time against the rate of variation",
+            0.7,
+            0.8,
+            [(_frozen_run, place, speed) for place in range(len(SYSTEMS)) for speed in SPEEDS],
+        ),
         ("coverage of the truth", 0.8, 0.92, [(covered, rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks]),
-    ]  # fmt: skip
+    ]
     driven, followed, frozen, held = (_all(*part, jobs=jobs, progress=progress) for part in parts)
     benchmark = carry_out_benchmark(
         tuple(followed), tuple(run for runs in frozen for run in runs), held, COVERAGE_TIMES, COVERAGE_HZ

@@ -117,19 +117,29 @@ def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
     disturbed = replace(
         truth,
         model=replace(
-            model, terms=(*model.terms, Term.parse("u2(k)")), theta=np.append(model.theta, 1.0), equations=(),
-            theta_cov=np.zeros((m + 1, m + 1)), input_names=("input", "noise"), input_units=("", ""),
+            model,
+            terms=(*model.terms, Term.parse("u2(k)")),
+            theta=np.append(model.theta, 1.0),
+            equations=(),
+            theta_cov=np.zeros((m + 1, m + 1)),
+            input_names=("input", "noise"),
+            input_units=("", ""),
             input_origin=np.append(model.input_origin, 0.0),
         ),
-        theta=np.vstack([truth.theta, np.ones(n)]), theta_cov=np.zeros((n, m + 1, m + 1)),
+        theta=np.vstack([truth.theta, np.ones(n)]),
+        theta_cov=np.zeros((n, m + 1, m + 1)),
         drift_variance=np.zeros(m + 1),
-    )  # fmt: skip
+    )
     step = truth.model.sample_time
     start = float(truth.timepts[0])
     driven = Recording.from_arrays(
-        np.stack([inputs, noise]), np.zeros(n), step, start=start, input_names=("input", "noise"),
+        np.stack([inputs, noise]),
+        np.zeros(n),
+        step,
+        start=start,
+        input_names=("input", "noise"),
         output_names=("output",),
-    )  # fmt: skip
+    )
     run = disturbed.simulate(driven)
     return Recording.from_arrays(
         inputs, run.outputs, step, start=start, input_names=("input",), output_names=("output",)
@@ -209,27 +219,27 @@ _DAMPED = 0.92  # magnitude of the resonance's poles
 
 RESONANCE = KnownSystem(
     name="travelling resonance",
-    terms=MappingProxyType({
-        "y(k-1)": _resonance,
-        "y(k-2)": lambda phase: np.full_like(phase, -(_DAMPED**2)),
-        "u(k-1)": _swing(0.5, 0.3),
-    }),
+    terms=MappingProxyType(
+        {"y(k-1)": _resonance, "y(k-2)": lambda phase: np.full_like(phase, -(_DAMPED**2)), "u(k-1)": _swing(0.5, 0.3)}
+    ),
     amplitude=0.3,
     band=6.0,
-)  # fmt: skip
+)
 """Linear: y = a(t) y(k-1) - 0.85 y(k-2) + b(t) u(k-1) + e, whose resonance goes from 1 to 3 Hz and back."""
 
 MOVING_DC = KnownSystem(
     name="moving DC",
-    terms=MappingProxyType({
-        "1": _swing(0.0, 0.5),
-        "y(k-1)": lambda phase: np.full_like(phase, 0.7),
-        "u(k-1)": lambda phase: np.full_like(phase, 0.5),
-        "y(k-1)^2": lambda phase: np.full_like(phase, -0.15),
-    }),
+    terms=MappingProxyType(
+        {
+            "1": _swing(0.0, 0.5),
+            "y(k-1)": lambda phase: np.full_like(phase, 0.7),
+            "u(k-1)": lambda phase: np.full_like(phase, 0.5),
+            "y(k-1)^2": lambda phase: np.full_like(phase, -0.15),
+        }
+    ),
     amplitude=0.2,
     band=3.0,
-)  # fmt: skip
+)
 """Quadratic: y = c(t) + 0.7 y(k-1) + 0.5 u(k-1) - 0.15 y(k-1)² + e. Only the constant changes: its equilibrium goes
 from 0 to 1.1 and back, and with it every order."""
 

@@ -73,18 +73,20 @@ def _known(benchmark: Benchmark) -> list[Row]:
         Row(
             measure="known parameters: share of the instants at which a 95 % band holds the truth",
             demanded=f"at least {100 * HELD:.0f} % for each of the {held.size} parameters",
-            reached=f"{100 * held.min():.1f} to {100 * held.max():.1f} %", passed=bool(held.min() >= HELD),
+            reached=f"{100 * held.min():.1f} to {100 * held.max():.1f} %",
+            passed=bool(held.min() >= HELD),
         )
-    ]  # fmt: skip
+    ]
     for order, limit in ERRORS.items():
         errors = [one.error(name) for one in benchmark.followed for name in one.true if name[1] == str(order)]
         rows.append(
             Row(
                 measure=f"known parameters: error of the maps of order {order} (TV-GFRF, TV-NOFRF), over their rms",
-                demanded=f"below {100 * limit:.0f} %", reached=_range(errors, lambda e: f"{100 * e:.1f}", "%"),
+                demanded=f"below {100 * limit:.0f} %",
+                reached=_range(errors, lambda e: f"{100 * e:.1f}", "%"),
                 passed=max(errors) < limit,
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -110,15 +112,17 @@ def _frozen(runs: Sequence[FrozenRun]) -> list[Row]:
     return [
         Row(
             measure=f"frozen-time error: its estimate over what tones measure, where it is below {100 * SMALL:.0f} %",
-            demanded=f"from {RATIO[0]:g} to {RATIO[1]:g}", reached=_range(ratios, lambda r: f"{r:.3f}"),
+            demanded=f"from {RATIO[0]:g} to {RATIO[1]:g}",
+            reached=_range(ratios, lambda r: f"{r:.3f}"),
             passed=min(ratios) > RATIO[0] and max(ratios) < RATIO[1],
         ),
         Row(
             measure="what the correction to first order leaves: growth when the rate of variation doubles",
             demanded=f"above {GROWTH:g} (the square of the rate gives 4)",
-            reached=_range(growths, lambda g: f"{g:.1f}"), passed=min(growths) > GROWTH,
+            reached=_range(growths, lambda g: f"{g:.1f}"),
+            passed=min(growths) > GROWTH,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _coverage(benchmark: Benchmark) -> list[Row]:
@@ -133,7 +137,7 @@ def _coverage(benchmark: Benchmark) -> list[Row]:
                 reached=f"{100 * each.mean():.1f} ± {100 * error:.1f} % of {each.size} realisations",
                 passed=bool(COVERED[0] <= each.mean() <= COVERED[1]),
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -160,8 +164,9 @@ def _moves(driven: Sequence[Driven]) -> Row:
     return Row(
         measure="equilibrium at 2.4 V: its moves, by actuator, between the times that the story `thesis-data` compares",
         demanded="each in the direction of the history: " + " ".join("+" if m.sign > 0 else "−" for m in MOVES),
-        reached=f"{', '.join(shown)} µm", passed=all(right),
-    )  # fmt: skip
+        reached=f"{', '.join(shown)} µm",
+        passed=all(right),
+    )
 
 
 def _opposed(shown: Sequence[Driven]) -> Row:
@@ -184,8 +189,9 @@ def _whole_record(driven: Sequence[Driven]) -> Row:
         measure="free run over the whole record, fitted to the same record: fit of constant and of varying parameters, "
         "DEA 1 to 6",
         demanded="higher with varying parameters, for each",
-        reached=", ".join(f"{a:.1f} and {b:.1f}" for a, b in pairs) + " %", passed=all(a < b for a, b in pairs),
-    )  # fmt: skip
+        reached=", ".join(f"{a:.1f} and {b:.1f}" for a, b in pairs) + " %",
+        passed=all(a < b for a, b in pairs),
+    )
 
 
 def _better(driven: Sequence[Driven]) -> list[Row]:
@@ -204,7 +210,7 @@ def _better(driven: Sequence[Driven]) -> list[Row]:
                 reached=", ".join(f"{a:.1f} and {b:.1f}" for a, b in pairs) + " %",
                 passed=all(b < a for a, b in pairs),
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -225,9 +231,10 @@ def _series(driven: Sequence[Driven]) -> Row:
     errors = [one.series_error for one in driven]
     return Row(
         measure="G_1 U_1 + … + G_5 U_5 of a window of the recording, against the steady free run of the same model",
-        demanded=f"equal to {SERIES:.0e} of the output", reached=_range(errors, lambda e: f"{e:.0e}"),
+        demanded=f"equal to {SERIES:.0e} of the output",
+        reached=_range(errors, lambda e: f"{e:.0e}"),
         passed=max(errors) < SERIES,
-    )  # fmt: skip
+    )
 
 
 def _bands(driven: Sequence[Driven]) -> list[Row]:
@@ -245,7 +252,7 @@ def _bands(driven: Sequence[Driven]) -> list[Row]:
                 f"differ by {_range(lines, lambda e: f'{e:.0f}', '%')} (rms, phases included)",
                 passed=max(means) < limit,
             )
-        )  # fmt: skip
+        )
     return rows
 
 
@@ -268,8 +275,9 @@ def _standing(shown: Sequence[Driven]) -> Row:
     return Row(
         measure="estimated frozen-time error of the actuators' TV-GFRFs, over their rms",
         demanded="below 1 %: they change little within their own memory",
-        reached=_range(shares, lambda s: f"{s:.3f}", "%"), passed=max(shares) < 1.0,
-    )  # fmt: skip
+        reached=_range(shares, lambda s: f"{s:.3f}", "%"),
+        passed=max(shares) < 1.0,
+    )
 
 
 def _range(values: Iterable[float], written: Callable[[float], str], unit: str = "") -> str:

@@ -53,9 +53,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.folder.written.extend(("seal.json", CASES))  # cases are there as soon as they are through
     answers = Answers(setting.folder.path, Key.of(fleet(setting.seed)).seal(setting.seed))
     study = carry_out(
-        answers, setting.seed, setting.command, setting.jobs,
-        lambda share, text: setting.progress(0.95 * share, text),
-    )  # fmt: skip
+        answers, setting.seed, setting.command, setting.jobs, lambda share, text: setting.progress(0.95 * share, text)
+    )
     setting.folder.written.extend(study.files)
     key = opened(setting.folder.path, setting.seed)
     scores = judged(study.findings, key)
@@ -66,7 +65,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 def _written(
     setting: Setting, record: RunRecord, study: Study, scores: Sequence[Judged], seal: SweepSeal
-) -> Mapping[str, Any]:  # fmt: skip
+) -> Mapping[str, Any]:
     groups = study.groups
     sentence = f"{_said(scores)} {sentence_of(groups)}"
     drawn = [figures.drifts(study.findings, scores), figures.verdicts(scores), figures.repeats(groups)]
@@ -74,15 +73,21 @@ def _written(
         setting.folder.csv(drawing.data, columns)
     rows = [*measures(scores), *rows_of(groups)]
     page = StoryPage(
-        title="unexplained-drift", sentence=sentence, rows=rows, figures=[drawing for drawing, _ in drawn],
+        title="unexplained-drift",
+        sentence=sentence,
+        rows=rows,
+        figures=[drawing for drawing, _ in drawn],
         notes=[_about(scores, seal), *notes(groups)],
         tables=[_answers(scores), _estimates(scores), table_of(groups)],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {
-        "sentence": sentence, "seal": seal.to_dict(), "answers": [score.to_dict() for score in scores],
-        "measures": [asdict(row) for row in rows], "repeatability": [group.to_dict() for group in groups],
-    }  # fmt: skip
+        "sentence": sentence,
+        "seal": seal.to_dict(),
+        "answers": [score.to_dict() for score in scores],
+        "measures": [asdict(row) for row in rows],
+        "repeatability": [group.to_dict() for group in groups],
+    }
     setting.folder.text("unexplained-drift.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     finished = record.finished([*setting.folder.written, "run.json"])
     setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
@@ -126,15 +131,32 @@ def _answers(scores: Sequence[Judged]) -> Table:
         diagnosis, unseen = score.diagnosis, score.diagnosis.fit["unseen"]
         after = "–" if unseen["after"] is None else f"{unseen['after']:.2f}"
         causes = ", ".join(f"{c.effect} ({c.probability:.2f})" for c in diagnosis.causes) or "–"
-        rows.append([
-            score.name, _words(score.truth), diagnosis.verdict.value.replace("_", " "), _plain(causes),
-            _words(diagnosis.names) or "–", f"{unseen['before']:.2f}", after, score.mark.value,
-        ])  # fmt: skip
+        rows.append(
+            [
+                score.name,
+                _words(score.truth),
+                diagnosis.verdict.value.replace("_", " "),
+                _plain(causes),
+                _words(diagnosis.names) or "–",
+                f"{unseen['before']:.2f}",
+                after,
+                score.mark.value,
+            ]
+        )
     return Table(
-        title="The answers", rows=rows,
-        columns=["actuator", "concealed", "verdict", "causes (probability)", "set", "unseen, before (µm)",
-                 "after (µm)", "mark"],
-    )  # fmt: skip
+        title="The answers",
+        rows=rows,
+        columns=[
+            "actuator",
+            "concealed",
+            "verdict",
+            "causes (probability)",
+            "set",
+            "unseen, before (µm)",
+            "after (µm)",
+            "mark",
+        ],
+    )
 
 
 def _estimates(scores: Sequence[Judged]) -> Table:
@@ -142,10 +164,17 @@ def _estimates(scores: Sequence[Judged]) -> Table:
     for score in scores:
         for e in score.estimates:
             value, interval = with_interval(e.value, e.low, e.high, e.unit)
-            rows.append([
-                score.name, _plain(e.effect), _plain(e.name), quantity(e.truth, e.unit), value, interval,
-                "yes" if e.covered else "no",
-            ])  # fmt: skip
+            rows.append(
+                [
+                    score.name,
+                    _plain(e.effect),
+                    _plain(e.name),
+                    quantity(e.truth, e.unit),
+                    value,
+                    interval,
+                    "yes" if e.covered else "no",
+                ]
+            )
     columns = ["actuator", "effect", "parameter", "truth", "found", "95 % interval", "covered"]
     return Table(title="Parameters of the causes that are there", columns=columns, rows=rows)
 

@@ -132,16 +132,28 @@ def table_of(groups: Sequence[Group]) -> Table:
         s, low, high = (1e6 * v for v in group.spread)
         gains = [100 * d.gain for d in group.drifts]
         excluded = [f"DEA {k}" for k, d in enumerate(groups[0].drifts, start=1) if group.rules_out(d)]
-        rows.append([
-            f"{group.name}, {group.assumption}", _range(group), f"{s:.1f} ({low:.1f} to {high:.1f})",
-            _interval(group), f"{min(gains):.1f} to {max(gains):.1f}",
-            "–" if group is groups[0] else ", ".join(excluded) or "none",
-        ])  # fmt: skip
+        rows.append(
+            [
+                f"{group.name}, {group.assumption}",
+                _range(group),
+                f"{s:.1f} ({low:.1f} to {high:.1f})",
+                _interval(group),
+                f"{min(gains):.1f} to {max(gains):.1f}",
+                "–" if group is groups[0] else ", ".join(excluded) or "none",
+            ]
+        )
     return Table(
-        title="Shift of the mean between two runs of the same noise", rows=rows,
-        columns=["mechanism and history", "shifts", "standard deviation (95 %) (µm)", "95 % of further actuators",
-                 "change of gain (%)", "ruled out for"],
-    )  # fmt: skip
+        title="Shift of the mean between two runs of the same noise",
+        rows=rows,
+        columns=[
+            "mechanism and history",
+            "shifts",
+            "standard deviation (95 %) (µm)",
+            "95 % of further actuators",
+            "change of gain (%)",
+            "ruled out for",
+        ],
+    )
 
 
 def _sorted(groups: Sequence[Group]) -> tuple[Group, tuple[Group, Group], tuple[Group, Group]]:

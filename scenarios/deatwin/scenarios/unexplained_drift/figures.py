@@ -63,11 +63,13 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawi
             axes.set_xlabel("clock (s)")
         legend_above(figure, grid[0, 0], 3)
         drawing = Drawing.of(
-            figure, "drifts", "What drifts in the six, beside the answers",
+            figure,
+            "drifts",
+            "What drifts in the six, beside the answers",
             f"Sliding means over {WINDOW:g} s of recording minus calibrated base plant (grey), and of the answer minus "
             "base plant (blue, with its predictive 95 % band for one reading). Where nothing is named the answer is "
             "the base plant, refitted to all samples. Left and right: the two visits.",
-        )  # fmt: skip
+        )
     return drawing, {name: np.concatenate(values) for name, values in columns.items()}
 
 
@@ -102,9 +104,11 @@ def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
         axes.grid(axis="x", visible=False)
         legend_above(figure, axes, 3)
         drawing = Drawing.of(
-            figure, "verdicts", "The answers on unseen data",
+            figure,
+            "verdicts",
+            "The answers on unseen data",
             "Over each pair of bars: how the answer stands to what was concealed.",
-        )  # fmt: skip
+        )
     return drawing, {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
 
 
@@ -143,11 +147,13 @@ def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
             axes.axvline(0.0, color=INK, linewidth=0.8)
             axes.set_xlabel(label)
         drawing = Drawing.of(
-            figure, "repeats", "What repeats, and under which condition",
+            figure,
+            "repeats",
+            "What repeats, and under which condition",
             "One point an actuator: the same noise twice, ten minutes apart. Below the six as they are: six "
             "fabrications of the specification with one mechanism of one size. Ochre: where 95 % of further actuators "
             "would lie.",
-        )  # fmt: skip
+        )
     return drawing, {name: np.array(values) for name, values in columns.items()}
 
 

@@ -23,9 +23,21 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 
 __all__ = [
-    "AGES", "CREEP", "HELD", "RELAXATION", "RESTS", "SPAN", "Drift", "Group", "History", "Run", "between", "drift_of",
-    "grouped", "runs",
-]  # fmt: skip
+    "AGES",
+    "CREEP",
+    "HELD",
+    "RELAXATION",
+    "RESTS",
+    "SPAN",
+    "Drift",
+    "Group",
+    "History",
+    "Run",
+    "between",
+    "drift_of",
+    "grouped",
+    "runs",
+]
 
 Array = NDArray[np.float64]
 SECTION, SETTLING = 20.0, 5.0
@@ -152,10 +164,13 @@ class Group:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the story's file; SI."""
         return {
-            "name": self.name, "assumption": self.assumption, "histories": [asdict(h) for h in self.histories],
+            "name": self.name,
+            "assumption": self.assumption,
+            "histories": [asdict(h) for h in self.histories],
             "drifts": [asdict(d) for d in self.drifts],
-            "spread": self.spread, "next_one": self.next_one,
-        }  # fmt: skip
+            "spread": self.spread,
+            "next_one": self.next_one,
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,13 +195,10 @@ class Run:
 ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
     ("six actuators", "each with its own drift", None, FRESH),
     ("creep", "all rested", CREEP, FRESH),
-    (
-        "creep", "driven before, rested for 5 s to 27 min", CREEP,
-        tuple(History(hold=HOLD, rest=rest) for rest in RESTS),
-    ),
+    ("creep", "driven before, rested for 5 s to 27 min", CREEP, tuple(History(hold=HOLD, rest=rest) for rest in RESTS)),
     ("relaxation", "all freshly mounted", RELAXATION, FRESH),
     ("relaxation", "mounted 0 s to 100 min before", RELAXATION, tuple(History(age=age) for age in AGES)),
-)  # fmt: skip
+)
 """What drifts and what is assumed of the histories, in words; the drift, None for each actuator's own; histories."""
 
 
@@ -297,9 +309,11 @@ def between(early: ArrayLike, late: ArrayLike) -> Drift:
     slope = np.cov(second, first)[0, 1] / np.var(first, ddof=1)
     root = np.sqrt(first.size)
     return Drift(
-        shift=float(difference.mean()), shift_error=float(noise / root),
-        gain=float(slope - 1), gain_error=float(noise / (root * first.std())),
-    )  # fmt: skip
+        shift=float(difference.mean()),
+        shift_error=float(noise / root),
+        gain=float(slope - 1),
+        gain_error=float(noise / (root * first.std())),
+    )
 
 
 def _before(history: History, step: float) -> tuple[Recording, ...]:

@@ -97,11 +97,15 @@ class Judged:
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the story's file."""
         return {
-            "actuator": self.name, "concealed": {e: dict(p) for e, p in self.truth.items()},
-            "verdict": self.diagnosis.verdict.value, "causes": [c.effect for c in self.diagnosis.causes],
-            "set": list(self.diagnosis.names), "mark": self.mark.value, "fit": dict(self.diagnosis.fit),
+            "actuator": self.name,
+            "concealed": {e: dict(p) for e, p in self.truth.items()},
+            "verdict": self.diagnosis.verdict.value,
+            "causes": [c.effect for c in self.diagnosis.causes],
+            "set": list(self.diagnosis.names),
+            "mark": self.mark.value,
+            "fit": dict(self.diagnosis.fit),
             "estimates": [vars(e) | {"covered": e.covered} for e in self.estimates],
-        }  # fmt: skip
+        }
 
 
 def judged(findings: Sequence[Finding], key: Key) -> tuple[Judged, ...]:
@@ -125,9 +129,10 @@ def judged(findings: Sequence[Finding], key: Key) -> tuple[Judged, ...]:
 def _judge(name: str, diagnosis: Diagnosis, truth: Mapping[str, Mapping[str, float]]) -> Judged:
     estimates = tuple(
         Estimate(effect=c.effect, name=n, unit=p.unit, value=p.value, low=p.low, high=p.high, truth=truth[c.effect][n])
-        for c in diagnosis.causes if c.effect in truth
+        for c in diagnosis.causes
+        if c.effect in truth
         for n, p in c.parameters.items()
-    )  # fmt: skip
+    )
     return Judged(name=name, truth=truth, diagnosis=diagnosis, mark=_mark(diagnosis, truth), estimates=estimates)
 
 
@@ -167,14 +172,29 @@ def measures(scores: Sequence[Judged]) -> list[Row]:
     covered = sum(e.covered for e in estimates)
     allowed = int(binom.ppf(0.025, len(estimates), 0.95)) if estimates else 0
     return [
-        Row(measure="All that drifts is named, and nothing else", demanded=f"{count} of {count}",
-            reached=f"{right} of {count}", passed=right == count),
+        Row(
+            measure="All that drifts is named, and nothing else",
+            demanded=f"{count} of {count}",
+            reached=f"{right} of {count}",
+            passed=right == count,
+        ),
         Row(measure="Named with confidence what is not there", demanded="0", reached=str(wrong), passed=not wrong),
-        Row(measure="All that drifts is among what is named or listed", demanded=f"{count} of {count}",
-            reached=f"{inside} of {count}", passed=inside == count),
-        Row(measure="Where something is built in, the error on unseen data falls",
-            demanded=f"{len(claimed)} of {len(claimed)}", reached=str(better), passed=better == len(claimed)),
-        Row(measure="Intervals of rightly named drifts that hold the truth",
-            demanded=f"at least {allowed} of {len(estimates)} (95 % each)", reached=str(covered),
-            passed=covered >= allowed),
-    ]  # fmt: skip
+        Row(
+            measure="All that drifts is among what is named or listed",
+            demanded=f"{count} of {count}",
+            reached=f"{inside} of {count}",
+            passed=inside == count,
+        ),
+        Row(
+            measure="Where something is built in, the error on unseen data falls",
+            demanded=f"{len(claimed)} of {len(claimed)}",
+            reached=str(better),
+            passed=better == len(claimed),
+        ),
+        Row(
+            measure="Intervals of rightly named drifts that hold the truth",
+            demanded=f"at least {allowed} of {len(estimates)} (95 % each)",
+            reached=str(covered),
+            passed=covered >= allowed,
+        ),
+    ]

@@ -48,11 +48,13 @@ class Key:
         """
         return cls(
             drifts={
-                a.name: {e.name: {p.name: a.plant.parameters[f"{e.name}.{p.name}"].value for p in e.describe()}
-                         for e in concealed_in(a)}
+                a.name: {
+                    e.name: {p.name: a.plant.parameters[f"{e.name}.{p.name}"].value for p in e.describe()}
+                    for e in concealed_in(a)
+                }
                 for a in actuators
             }
-        )  # fmt: skip
+        )
 
     def seal(self, seed: int) -> SweepSeal:
         """The seal: it says nothing of the drifts, and nothing of them can be changed any more.
@@ -70,9 +72,12 @@ class Key:
         """
         now = Seal.of(SIZE, seed, self.drifts)
         parts = {
-            "seed": seed, "key": now.key, "thresholds": digest(now.thresholds),
-            "code": digest([now.code, *_sources()]), "versions": versions(VERSIONS),
-        }  # fmt: skip
+            "seed": seed,
+            "key": now.key,
+            "thresholds": digest(now.thresholds),
+            "code": digest([now.code, *_sources()]),
+            "versions": versions(VERSIONS),
+        }
         return SweepSeal(schema=SCHEMA, parts=parts)
 
 

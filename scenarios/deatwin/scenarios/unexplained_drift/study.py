@@ -178,9 +178,10 @@ def carry_out(
         _answered, {**diagnoses, **repeats}, answers, jobs=jobs, tell=tell, efforts=dict.fromkeys(diagnoses, EFFORT)
     )
     return Study(
-        findings=tuple(map(answers.finding, diagnoses)), groups=grouped([answers.drift(name) for name in repeats]),
+        findings=tuple(map(answers.finding, diagnoses)),
+        groups=grouped([answers.drift(name) for name in repeats]),
         files=tuple(file for name in diagnoses for file in answers.files(name)),
-    )  # fmt: skip
+    )
 
 
 def _answered(case: Case) -> dict[str, Any]:

@@ -67,9 +67,11 @@ def run(setting: Setting) -> Mapping[str, Any]:
         first = 0.1 + 0.4 * number
         own = case(name, driven)
         diagnosis = diagnosed(
-            setting, own, f"diagnosis_{name}",
+            setting,
+            own,
+            f"diagnosis_{name}",
             lambda share, text, first=first: setting.progress(first + 0.4 * share, text),  # type: ignore[misc]
-        )  # fmt: skip
+        )
         told[name] = own, diagnosis, judged(own, diagnosis)[0]
     setting.progress(0.9, "drawing")
     return _written(setting, told, begun)
@@ -91,10 +93,18 @@ def case(name: str, driven: Drives) -> Case:
     """
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
-        name=name, title=f"Recorded {name}", documented=(DRAG,), plant=plant(), fitted=(fitted,),
-        held_out=(HeldOut(name="Bumps and a pothole", experiment=held_out),), unit="mm", scale=1e-3,
-        files=driven.files, notes=(), law=lambda amended: _law(amended, held_out),
-    )  # fmt: skip
+        name=name,
+        title=f"Recorded {name}",
+        documented=(DRAG,),
+        plant=plant(),
+        fitted=(fitted,),
+        held_out=(HeldOut(name="Bumps and a pothole", experiment=held_out),),
+        unit="mm",
+        scale=1e-3,
+        files=driven.files,
+        notes=(),
+        law=lambda amended: _law(amended, held_out),
+    )
 
 
 def _law(amended: Plant, judging: Experiment) -> Law:
@@ -103,11 +113,13 @@ def _law(amended: Plant, judging: Experiment) -> Law:
     signals, p = amended.simulate(judging).require().watched[0], amended.parameters
     linear = -p["spring"].value * signals["displacement"] - p["damper"].value * signals["velocity"]
     return Law(
-        state="speed of the strut (m/s)", force="force beyond spring and linear damper (N)", measured=(speed, force),
+        state="speed of the strut (m/s)",
+        force="force beyond spring and linear damper (N)",
+        measured=(speed, force),
         modelled=(signals["velocity"], signals["strut"] - linear),
         caption="Bumps and a pothole. Recording: what the car's own equations have, which no fit has seen; amended "
         "plant: the force of the effect that was built in.",
-    )  # fmt: skip
+    )
 
 
 def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> Mapping[str, Any]:
@@ -118,8 +130,9 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
     own, diagnosis, trial = told["elsewhere"]
     made = [
         agreement(rig.sample_time * np.arange(1.0, road.size + 1), road, here, there, rig.noise),
-        shared.held_out(own, trial), shared.residuals(own, trial),
-    ]  # fmt: skip
+        shared.held_out(own, trial),
+        shared.residuals(own, trial),
+    ]
     if diagnosis.causes and diagnosis.model is not None:
         made.append(shared.law(own, own.law(diagnosis.model.plant)))
     for drawing, columns in made:
@@ -133,13 +146,16 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
         "after."
     )
     page = StoryPage(
-        title="your-own-rig", sentence=sentence, rows=rows, notes=_notes(told),
+        title="your-own-rig",
+        sentence=sentence,
+        rows=rows,
+        notes=_notes(told),
         figures=[drawing for drawing, _ in made],
         tables=[
             *(_titled(error_table(o, [t]), o) for o, _, t in told.values()),
             *(_titled(tried_table(o, d), o) for o, d, _ in told.values()),
         ],
-    )  # fmt: skip
+    )
     write_story(setting.folder, page, record)
     result = {"sentence": sentence, "measures": [asdict(row) for row in rows], "told": _plain(told)}
     setting.folder.text("your-own-rig.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
@@ -151,29 +167,35 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
 def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
     return {
         name: {
-            "verdict": diagnosis.verdict.value, "causes": [cause.effect for cause in diagnosis.causes],
-            "base_m": trial.base_error, "amended_m": trial.amended_error,
+            "verdict": diagnosis.verdict.value,
+            "causes": [cause.effect for cause in diagnosis.causes],
+            "base_m": trial.base_error,
+            "amended_m": trial.amended_error,
         }
         for name, (_, diagnosis, trial) in told.items()
-    }  # fmt: skip
+    }
 
 
 def _agree(difference: float, noise: float) -> Row:
     return Row(
         measure="The same car over the bumps, by deatwin and by scipy: largest difference of the travel",
         demanded=f"below {1e6 * FINE * noise:.3g} µm, a hundredth of the sensor's noise",
-        reached=f"{1e6 * difference:.2g} µm", passed=difference < FINE * noise,
-    )  # fmt: skip
+        reached=f"{1e6 * difference:.2g} µm",
+        passed=difference < FINE * noise,
+    )
 
 
 def _rows(own: Case, diagnosis: Diagnosis, trial: Trial) -> list[Row]:
     noise = plant().rig.noise
     rows = [*measures(own, diagnosis, [trial]), _size(diagnosis)]
-    rows.append(Row(
-        measure="Bumps and a pothole: free run of the amended plant, rms error",
-        demanded=f"at most {NEAR:g} times the sensor's noise, {1e3 * noise:g} mm",
-        reached=f"{1e3 * trial.amended_error:.4g} mm", passed=trial.amended_error <= NEAR * noise,
-    ))  # fmt: skip
+    rows.append(
+        Row(
+            measure="Bumps and a pothole: free run of the amended plant, rms error",
+            demanded=f"at most {NEAR:g} times the sensor's noise, {1e3 * noise:g} mm",
+            reached=f"{1e3 * trial.amended_error:.4g} mm",
+            passed=trial.amended_error <= NEAR * noise,
+        )
+    )
     return [replace(row, measure=f"{own.title}. {row.measure}") for row in rows]
 
 
@@ -183,9 +205,11 @@ def _size(diagnosis: Diagnosis) -> Row:
     if found is None:
         return Row(measure=measure, demanded=demanded, reached="no drag was named", passed=False)
     return Row(
-        measure=measure, demanded=demanded, reached=in_interval(found.value, found.low, found.high),
+        measure=measure,
+        demanded=demanded,
+        reached=in_interval(found.value, found.low, found.high),
         passed=found.low <= CAR.orifice <= found.high,
-    )  # fmt: skip
+    )
 
 
 def _notes(told: Mapping[str, Told]) -> list[Note]:
@@ -199,36 +223,49 @@ def _notes(told: Mapping[str, Told]) -> list[Note]:
         for name in ("wheel", "spring", "damper", "tyre")
     )
     return [
-        Note(title="Monday: the file", code=_source(), paragraphs=[
-            f"A rig is a class with parameters and equations; the whole file, {FILE}, is here and beside this page. "
-            "The body is weighed, so that no fit moves it; every other value is a guess off a data sheet. What may be "
-            "found missing is what the file offers: the road (drive), the strut's force (force, with displacement and "
-            "velocity watched), the reading (sensor).",
-            "The same on the command line: deatwin diagnose quarter_car:plant "
-            "recordings/elsewhere_rough_road.csv --input-column road_m --output-column travel_m --out found.",
-        ]),
-        Note(title="Tuesday: can it be found at all?", paragraphs=[
-            f"deatwin drives the car itself, with a drag of {CAR.orifice:g} N s²/m² that the diagnosis is not told, "
-            f"and with other values than those of the file. Verdict: {here.sentence}",
-            "An easy life: the equations that made the recording are those that explain it. It says that this road "
-            "and this sensor are good enough, no more.",
-        ]),
-        Note(title="Wednesday: recordings from elsewhere", paragraphs=[
-            "The car again, by somebody who has never seen the file: momenta for velocities, travel for the body's "
-            "height, scipy's Runge-Kutta with step control for fixed implicit steps. The first figure holds the two "
-            f"against each other. Verdict: {there.sentence}",
-            f"What the fit made of the guesses: {moved}.",
-        ]),
-        Note(title="Thursday: bumps", paragraphs=[
-            "Four bumps and holes that nobody fitted anything to; the strut moves faster than on the rough road. The "
-            f"calibrated base plant has chosen a damper for the rough road's speeds, and is off by "
-            f"{1e3 * trial.base_error:.3g} mm rms; with the drag built in {1e3 * trial.amended_error:.3g} mm are left, "
-            f"of which the sensor's noise is {1e3 * plant().rig.noise:g} mm.",
-            "What this page does not show: a real car has dry friction in its seals, a damper that differs up and "
-            "down, and a tyre that leaves the ground. With model_share = 0.002 the file claims to be right to 0.2 % of "
-            "the travel, which these cars allow; for a real one that share would be larger.",
-        ]),
-    ]  # fmt: skip
+        Note(
+            title="Monday: the file",
+            code=_source(),
+            paragraphs=[
+                f"A rig is a class with parameters and equations; the whole file, {FILE}, is here and beside this page. "
+                "The body is weighed, so that no fit moves it; every other value is a guess off a data sheet. What may be "
+                "found missing is what the file offers: the road (drive), the strut's force (force, with displacement and "
+                "velocity watched), the reading (sensor).",
+                "The same on the command line: deatwin diagnose quarter_car:plant "
+                "recordings/elsewhere_rough_road.csv --input-column road_m --output-column travel_m --out found.",
+            ],
+        ),
+        Note(
+            title="Tuesday: can it be found at all?",
+            paragraphs=[
+                f"deatwin drives the car itself, with a drag of {CAR.orifice:g} N s²/m² that the diagnosis is not told, "
+                f"and with other values than those of the file. Verdict: {here.sentence}",
+                "An easy life: the equations that made the recording are those that explain it. It says that this road "
+                "and this sensor are good enough, no more.",
+            ],
+        ),
+        Note(
+            title="Wednesday: recordings from elsewhere",
+            paragraphs=[
+                "The car again, by somebody who has never seen the file: momenta for velocities, travel for the body's "
+                "height, scipy's Runge-Kutta with step control for fixed implicit steps. The first figure holds the two "
+                f"against each other. Verdict: {there.sentence}",
+                f"What the fit made of the guesses: {moved}.",
+            ],
+        ),
+        Note(
+            title="Thursday: bumps",
+            paragraphs=[
+                "Four bumps and holes that nobody fitted anything to; the strut moves faster than on the rough road. The "
+                f"calibrated base plant has chosen a damper for the rough road's speeds, and is off by "
+                f"{1e3 * trial.base_error:.3g} mm rms; with the drag built in {1e3 * trial.amended_error:.3g} mm are left, "
+                f"of which the sensor's noise is {1e3 * plant().rig.noise:g} mm.",
+                "What this page does not show: a real car has dry friction in its seals, a damper that differs up and "
+                "down, and a tyre that leaves the ground. With model_share = 0.002 the file claims to be right to 0.2 % of "
+                "the travel, which these cars allow; for a real one that share would be larger.",
+            ],
+        ),
+    ]
 
 
 def _source() -> str:

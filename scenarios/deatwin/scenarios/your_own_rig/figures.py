@@ -47,12 +47,17 @@ def agreement(
         bottom.set(ylabel="difference (µm)", xlabel="time (s)")
         figure.legend(*middle.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         drawing = Drawing.of(
-            figure, "agreement", "One car, computed twice",
+            figure,
+            "agreement",
+            "One car, computed twice",
             "Bumps and a pothole, without the sensor's noise. Both know the drag here; it is what the diagnosis is not "
             f"told. The sensor's noise, {1e6 * noise:.0f} µm rms, is far above the difference.",
-        )  # fmt: skip
+        )
     columns = {
-        "time_s": timepts, "road_mm": 1e3 * road, "deatwin_mm": 1e3 * here, "scipy_mm": 1e3 * elsewhere,
+        "time_s": timepts,
+        "road_mm": 1e3 * road,
+        "deatwin_mm": 1e3 * here,
+        "scipy_mm": 1e3 * elsewhere,
         "difference_um": difference,
-    }  # fmt: skip
+    }
     return drawing, columns

@@ -63,9 +63,7 @@ def rough_road(rng: np.random.Generator, step: float, seconds: float = LENGTH) -
         Heights, m.
     """
     limit = 4 * ROUGHNESS
-    return band_limited_noise(
-        rng, seconds, step, mean=0.0, variance=ROUGHNESS**2, band=BAND, lower=-limit, upper=limit
-    )  # fmt: skip
+    return band_limited_noise(rng, seconds, step, mean=0.0, variance=ROUGHNESS**2, band=BAND, lower=-limit, upper=limit)
 
 
 def bumps(step: float) -> Array:
@@ -147,9 +145,14 @@ def unread(road: Array) -> Recording:
 
 def _named(road: Array, travel: Array) -> Recording:
     return Recording.from_arrays(
-        road, travel, plant().rig.sample_time, input_names=("road",), output_names=("travel",), input_units=("m",),
+        road,
+        travel,
+        plant().rig.sample_time,
+        input_names=("road",),
+        output_names=("travel",),
+        input_units=("m",),
         output_units=("m",),
-    )  # fmt: skip
+    )
 
 
 def _here(road: Array, rng: np.random.Generator) -> Recording:

@@ -132,9 +132,13 @@ def rig(lags: Callable[..., Plant]) -> Plant:
 @pytest.fixture(scope="session")
 def trained() -> OperatingRange:
     return OperatingRange(
-        input_min=np.array([-1.0]), input_max=np.array([1.0]), input_centre=np.array([0.0]),
-        output_min=np.array([-2.0]), output_max=np.array([2.0]), output_centre=np.array([0.0]),
-    )  # fmt: skip
+        input_min=np.array([-1.0]),
+        input_max=np.array([1.0]),
+        input_centre=np.array([0.0]),
+        output_min=np.array([-2.0]),
+        output_max=np.array([2.0]),
+        output_centre=np.array([0.0]),
+    )
 
 
 @pytest.fixture(scope="session")

@@ -21,9 +21,16 @@ def off_by(size: float) -> Runs:
     """A run that lies above its step by so many steps, and swings by as many from sample to sample."""
     output = STEP + size * (1 + (-1.0) ** np.arange(STEP.size))
     run = ClosedLoop(
-        status=RunStatus.DONE, timepts=TIME, reference=STEP, output=output, measured=output,
-        command=np.zeros(STEP.size), command_limits=(-1.0, 1.0), input_unit="V", output_unit="m",
-    )  # fmt: skip
+        status=RunStatus.DONE,
+        timepts=TIME,
+        reference=STEP,
+        output=output,
+        measured=output,
+        command=np.zeros(STEP.size),
+        command_limits=(-1.0, 1.0),
+        input_unit="V",
+        output_unit="m",
+    )
     return Runs(source="plant", steps=run, sine=run)
 
 
@@ -75,9 +82,15 @@ def test_an_error_that_the_model_does_not_predict_at_all_is_more_than_a_hundred_
 def test_a_band_of_any_width_is_told():
     spread = np.random.default_rng(0).standard_normal((60, STEP.size))
     band = PredictedLoop(
-        timepts=TIME, reference=STEP, outputs=spread, commands=np.zeros_like(spread), diverged=0.0,
-        command_limits=(-1.0, 1.0), input_unit="V", output_unit="m",
-    )  # fmt: skip
+        timepts=TIME,
+        reference=STEP,
+        outputs=spread,
+        commands=np.zeros_like(spread),
+        diverged=0.0,
+        command_limits=(-1.0, 1.0),
+        input_unit="V",
+        output_unit="m",
+    )
     half = float(np.median(band.half_width))
     for steps, says in ((99.7, "99.7 steps"), (7.0, "7 steps"), (101.0, "more than 100 steps"), (3e8, "more than 100")):
         found = judge_width(replace(band, outputs=spread * steps / half), 1.0, Specification())

@@ -11,7 +11,7 @@ from deatwin.plant import Plant
 
 FAILED = Reliance(
     status=ValidationStatus.STRUCTURE, failed=("ue",), gain_error=0.12, gain_error_half_width=0.03
-).provenance  # fmt: skip
+).provenance
 
 
 def test_failed_tests_and_bias_stand_in_the_sentence_and_come_back_from_the_file(

@@ -170,7 +170,5 @@ def test_plot(passed):
 
 def test_importing_it_does_not_load_python_control():
     code = "import sys, deatwin.control; print('control' in sys.modules, 'matplotlib' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.split() == ["False", "False"]

@@ -26,9 +26,16 @@ def integral(plant: Plant, share: float, room: float = 1.0) -> LinearController:
     law = gains.law(H).scaled(share * most)
     # Describing functions know of no anti-windup: with next to none the loop is the one that they describe.
     return LinearController(
-        name="I", sample_time=H, operating_input=0.0, operating_output=linear.operating_output, command_min=-room,
-        command_max=room, closed_loop_time=0.06, law=law, windup=np.array([1e-4]),
-    )  # fmt: skip
+        name="I",
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=linear.operating_output,
+        command_min=-room,
+        command_max=room,
+        closed_loop_time=0.06,
+        law=law,
+        windup=np.array([1e-4]),
+    )
 
 
 def sustained(plant, controller, count=3000, kick=0.5, seed=1):
@@ -99,9 +106,11 @@ def coarse(slow: Plant, bits: int) -> Plant:
     chain = MeasuringChain()
     laser = replace(chain.laser, noise=0.0, resolution=0.0, scan_time=0.0, reach=40.0)
     chain = replace(
-        chain, laser=laser, analogue_input=replace(chain.analogue_input, bits=bits),
+        chain,
+        laser=laser,
+        analogue_input=replace(chain.analogue_input, bits=bits),
         analogue_output=replace(chain.analogue_output, bits=24),
-    )  # fmt: skip
+    )
     return slow.with_rig(replace(slow.rig, chain=chain, noise=chain.noise))
 
 
@@ -133,9 +142,16 @@ def about(plant: Plant, voltage: float, share: float = 0.05) -> tuple[LinearCont
     linear = linearise_plant(plant, voltage).in_loop(plant.rig.reading)
     gains = PidGains(proportional=0.0, integral=share / linear.static_gain)
     controller = LinearController(
-        name="I", sample_time=H, operating_input=voltage, operating_output=linear.operating_output, command_min=0.0,
-        command_max=2 * voltage, closed_loop_time=0.06, law=gains.law(H), windup=gains.windup(H),
-    )  # fmt: skip
+        name="I",
+        sample_time=H,
+        operating_input=voltage,
+        operating_output=linear.operating_output,
+        command_min=0.0,
+        command_max=2 * voltage,
+        closed_loop_time=0.06,
+        law=gains.law(H),
+        windup=gains.windup(H),
+    )
     return controller, linear
 
 

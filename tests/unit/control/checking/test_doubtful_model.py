@@ -81,9 +81,11 @@ def test_a_model_whose_free_run_diverges_on_the_recording_fails_with_the_reason(
 ):
     """p y + 8 y³ grows without end beyond |y| = 0.33; a step to 1 V takes the linear part to 2."""
     model = NarxModel.from_terms(
-        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)}, sample_time=H, operating=trained,
+        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)},
+        sample_time=H,
+        operating=trained,
         provenance=known,
-    )  # fmt: skip
+    )
     command = np.repeat([0.0, 1.0, 0.0, 1.0], 50)
     steps = Recording.from_arrays(command, SLOPE * command, H)
     found = checked(model, rig, recording=steps)
@@ -103,9 +105,11 @@ def test_a_model_whose_free_run_diverged_where_it_was_identified_fails(checked, 
 def test_a_model_whose_own_loops_all_diverge_fails(checked, document_of, trained, known, rig, tmp_path):
     """p y + 8 y³ grows without end beyond |y| = sqrt((1 - p)/8) = 0.33; the references go to 0.6."""
     model = NarxModel.from_terms(
-        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)}, sample_time=H, operating=trained,
+        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)},
+        sample_time=H,
+        operating=trained,
         provenance=known,
-    )  # fmt: skip
+    )
     found = checked(model, rig)
     assert found.verdict is Verdict.FAIL
     assert "100 % of the model's own closed loops diverge" in found.reason

@@ -20,12 +20,31 @@ def test_an_exact_model_of_a_sound_loop_passes(subjects, passed):
     assert passed.verdict is Verdict.PASS, passed.sentence
     assert passed.reason == "every limit is kept at inputs of -0.3 to 0.3 V"
     assert subjects(passed) == {
-        "stability", "gain margin", "phase margin", "delay margin", "disk margin", "stability (plant)",
-        "gain margin (plant)", "phase margin (plant)", "delay margin (plant)", "disk margin (plant)", "excitation",
-        "model in closed loop", "overshoot", "steady error", "ripple", "saturation", "tracking",
-        "gain margin on the plant", "limit cycle", "prediction", "width of the prediction", "film", "training data",
+        "stability",
+        "gain margin",
+        "phase margin",
+        "delay margin",
+        "disk margin",
+        "stability (plant)",
+        "gain margin (plant)",
+        "phase margin (plant)",
+        "delay margin (plant)",
+        "disk margin (plant)",
+        "excitation",
+        "model in closed loop",
+        "overshoot",
+        "steady error",
+        "ripple",
+        "saturation",
+        "tracking",
+        "gain margin on the plant",
+        "limit cycle",
+        "prediction",
+        "width of the prediction",
+        "film",
+        "training data",
         *(f"{name} (model by its analytic band)" for name in ("stability", *MARGINS)),
-    }  # fmt: skip
+    }
     # The exact model and the plant have the same margins, as far as the rig's integrator is exact.
     at_rest = {row.source: row for row in passed.table if row.operating_input == 0.0}
     model, plant = at_rest["model"], at_rest["plant"]
@@ -119,9 +138,12 @@ def varying(exact):
         model, times = exact(spread=1e-4), np.linspace(0.0, 100.0, 11)
         grown = model.theta[:, None] * np.array([np.ones(11), 1 + (factor - 1) * times / 100])
         return ThetaTrajectory(
-            model=model, timepts=times, theta=grown, theta_cov=np.tile(model.theta_cov, (11, 1, 1)),
+            model=model,
+            timepts=times,
+            theta=grown,
+            theta_cov=np.tile(model.theta_cov, (11, 1, 1)),
             drift_variance=np.zeros(2),
-        )  # fmt: skip
+        )
 
     return grow
 
@@ -198,9 +220,16 @@ def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(chec
     pi = control.ss(control.tf([0.2, -0.1], [1.0, -1.0], H))
     law = Law.of_error(pi.A, pi.B[:, 0], pi.C[0], pi.D[0, 0])
     mine = LinearController(
-        name="my PI", law=law, windup=pi.B[:, 0] / pi.D[0, 0], sample_time=H, closed_loop_time=FAST,
-        operating_input=0.0, operating_output=0.0, command_min=-1.0, command_max=1.0,
-    )  # fmt: skip
+        name="my PI",
+        law=law,
+        windup=pi.B[:, 0] / pi.D[0, 0],
+        sample_time=H,
+        closed_loop_time=FAST,
+        operating_input=0.0,
+        operating_output=0.0,
+        command_min=-1.0,
+        command_max=1.0,
+    )
     found = checked(exact(provenance={}), rig, controller=mine, samples=5)
     seen = linearise(exact()).in_loop(rig.rig.reading)
     bottom = np.convolve([1.0, -1.0], seen.denominator)

@@ -13,9 +13,16 @@ GAINS = PidGains(proportional=0.0, integral=0.1)
 
 def controller(highest: float) -> LinearController:
     return LinearController(
-        name="I", sample_time=H, operating_input=0.2, operating_output=0.044, command_min=0.1, command_max=highest,
-        closed_loop_time=0.2, law=GAINS.law(H), windup=GAINS.windup(H),
-    )  # fmt: skip
+        name="I",
+        sample_time=H,
+        operating_input=0.2,
+        operating_output=0.044,
+        command_min=0.1,
+        command_max=highest,
+        closed_loop_time=0.2,
+        law=GAINS.law(H),
+        windup=GAINS.windup(H),
+    )
 
 
 def steps_to(command: float) -> np.ndarray:
@@ -59,9 +66,16 @@ def test_the_films_of_a_diaphragm_are_judged_by_their_field_and_tension_too(plan
     rest = 2.4
     used = np.repeat([rest, 2.6, rest], 100)
     from_film = LinearController(
-        name="I", sample_time=H, operating_input=rest, operating_output=1e-3, command_min=1.1, command_max=3.75,
-        closed_loop_time=0.2, law=GAINS.law(H), windup=GAINS.windup(H),
-    )  # fmt: skip
+        name="I",
+        sample_time=H,
+        operating_input=rest,
+        operating_output=1e-3,
+        command_min=1.1,
+        command_max=3.75,
+        closed_loop_time=0.2,
+        law=GAINS.law(H),
+        windup=GAINS.windup(H),
+    )
     assert judge_film("plant", [plant], used, from_film).verdict is Verdict.PASS
     for limit in (5.0, 6.0, 12.0):
         beyond = LinearController(**{**vars(from_film), "command_max": limit})

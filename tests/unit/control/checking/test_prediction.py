@@ -19,18 +19,32 @@ SENTENCE = "of the steps on the physics plant lie inside the band that the model
 
 def run_of(output) -> ClosedLoop:
     return ClosedLoop(
-        status=RunStatus.DONE, timepts=TIME, reference=SINE, output=output, measured=output, command=np.zeros(N),
-        command_limits=(-1.0, 1.0), input_unit="V", output_unit="m",
-    )  # fmt: skip
+        status=RunStatus.DONE,
+        timepts=TIME,
+        reference=SINE,
+        output=output,
+        measured=output,
+        command=np.zeros(N),
+        command_limits=(-1.0, 1.0),
+        input_unit="V",
+        output_unit="m",
+    )
 
 
 @pytest.fixture
 def predicted() -> PredictedLoop:
     wander = 1e-6 * np.random.default_rng(0).standard_normal((60, N))
     return PredictedLoop(
-        timepts=TIME, reference=SINE, outputs=SINE + wander, commands=np.zeros((60, N)), diverged=0.0,
-        command_limits=(-1.0, 1.0), input_unit="V", output_unit="m", trained=(1e-4, 3e-4),
-    )  # fmt: skip
+        timepts=TIME,
+        reference=SINE,
+        outputs=SINE + wander,
+        commands=np.zeros((60, N)),
+        diverged=0.0,
+        command_limits=(-1.0, 1.0),
+        input_unit="V",
+        output_unit="m",
+        trained=(1e-4, 3e-4),
+    )
 
 
 def test_steps_inside_the_training_data_are_told_without_it(predicted):

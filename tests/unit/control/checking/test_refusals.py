@@ -112,9 +112,15 @@ def test_a_design_for_another_operating_input_is_refused(checked, exact, rig, fa
 
 @pytest.mark.parametrize(
     ("points", "message"),
-    [([], "finite"), ([np.nan], "finite"), ([0.0, np.inf], "finite"), (["a"], "real numbers"),
-     ([[0.0], [0.1, 0.2]], "real numbers"), ([0.0, 1.5], "outside of the training data")],
-)  # fmt: skip
+    [
+        ([], "finite"),
+        ([np.nan], "finite"),
+        ([0.0, np.inf], "finite"),
+        (["a"], "real numbers"),
+        ([[0.0], [0.1, 0.2]], "real numbers"),
+        ([0.0, 1.5], "outside of the training data"),
+    ],
+)
 def test_operating_inputs_that_make_no_sense_are_one_clear_error(checked, exact, rig, fast, points, message):
     with pytest.raises((ModelError, ControlError), match=message):
         checked(exact(), rig, controller=fast, operating_inputs=points)
@@ -130,8 +136,9 @@ def test_a_controller_of_another_sample_time_is_refused_at_once(checked, exact, 
 def test_what_is_no_controller_is_refused_with_what_would_be(checked, exact, rig):
     model = from_control(control.tf([1.0], [1.0, -0.5], H))
     for given, says in (
-        (model, r"LinearModel \(that is a model to design one on\): give a Controller"), ("PI", "= str: give"),
-    ):  # fmt: skip
+        (model, r"LinearModel \(that is a model to design one on\): give a Controller"),
+        ("PI", "= str: give"),
+    ):
         with pytest.raises(ControlError, match=says):
             checked(exact(), rig, controller=given)
 

@@ -21,18 +21,31 @@ def controller(law: Law | None = None) -> LinearController:
     law = GAINS.law(H) if law is None else law
     windup = GAINS.windup(H) if law.c.size else np.zeros(0)
     return LinearController(
-        name="PI", sample_time=H, operating_input=0.0, operating_output=0.0, command_min=-1.0, command_max=1.0,
-        closed_loop_time=0.5, law=law, windup=windup,
-    )  # fmt: skip
+        name="PI",
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=0.0,
+        command_min=-1.0,
+        command_max=1.0,
+        closed_loop_time=0.5,
+        law=law,
+        windup=windup,
+    )
 
 
 def family(numerators, denominators, exists=None) -> LinearFamily:
     numerators, denominators = (np.asarray(c, dtype=float) for c in (numerators, denominators))
     there = np.ones(numerators.shape[:2], dtype=bool) if exists is None else np.asarray(exists)
     return LinearFamily(
-        operating_inputs=0.1 * np.arange(len(numerators)), operating_outputs=np.where(there, 0.0, np.nan),
-        numerators=numerators, denominators=denominators, exists=there, stable=there, has_gain=there, sample_time=H,
-    )  # fmt: skip
+        operating_inputs=0.1 * np.arange(len(numerators)),
+        operating_outputs=np.where(there, 0.0, np.nan),
+        numerators=numerators,
+        denominators=denominators,
+        exists=there,
+        stable=there,
+        has_gain=there,
+        sample_time=H,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -43,16 +56,14 @@ def drawn() -> LinearFamily:
     gains = rng.uniform(0.8, 1.6, (2, 40))
     a1, a2 = -poles.sum(axis=2), poles.prod(axis=2)
     b = gains * (1 + a1 + a2)
-    return family(
-        np.stack([np.zeros_like(b), 0.6 * b, 0.4 * b], axis=2), np.stack([np.ones_like(b), a1, a2], axis=2)
-    )
+    return family(np.stack([np.zeros_like(b), 0.6 * b, 0.4 * b], axis=2), np.stack([np.ones_like(b), a1, a2], axis=2))
 
 
 def loop_of(family, point, draw):
     top, bottom = controller().local(0.0).feedback
-    return control.tf(
-        np.append(family.numerators[point, draw], []), family.denominators[point, draw], H
-    ) * control.tf(np.pad(top, (0, bottom.size - top.size)), bottom, H)
+    return control.tf(np.append(family.numerators[point, draw], []), family.denominators[point, draw], H) * control.tf(
+        np.pad(top, (0, bottom.size - top.size)), bottom, H
+    )
 
 
 def test_margins_are_those_of_python_control(drawn):

@@ -9,9 +9,13 @@ from deatwin.control import InverseController, Law, LinearController, ScheduledC
 
 H = 0.02
 COMMON = {
-    "sample_time": H, "operating_input": 2.0, "operating_output": 1.0, "command_min": 1.0, "command_max": 4.0,
+    "sample_time": H,
+    "operating_input": 2.0,
+    "operating_output": 1.0,
+    "command_min": 1.0,
+    "command_max": 4.0,
     "closed_loop_time": 0.5,
-}  # fmt: skip
+}
 
 
 def pi_law(proportional: float, integral: float) -> Law:
@@ -50,9 +54,7 @@ def inverse_of(sign: float) -> InverseController:
     demands = sorted(sign * 0.25 * limit**2 for limit in (1.0, 4.0))
     wanted = {**COMMON, "operating_input": rest, "operating_output": rest}
     wanted |= {"command_min": demands[0], "command_max": demands[1]}
-    feedback = LinearController(
-        name="PI", law=pi_law(0.3, 2.0).feedforward(1.0), windup=np.array([0.1]), **wanted
-    )  # fmt: skip
+    feedback = LinearController(name="PI", law=pi_law(0.3, 2.0).feedforward(1.0), windup=np.array([0.1]), **wanted)
     whole = {**COMMON, "operating_output": rest}
     return InverseController(name="PI behind the inverse", feedback=feedback, curve=curve, **whole)
 
@@ -66,10 +68,13 @@ def made() -> Made:
         inverse=inverse_of(1.0),
         falling=inverse_of(-1.0),
         scheduled=ScheduledController(
-            name="scheduled PI", points=np.array([1.5, 2.0, 3.0]),
-            laws=(pi_law(0.9, 3.0), pi_law(0.5, 2.0), pi_law(0.2, 1.0)), windup=np.array([0.1]), **COMMON,
+            name="scheduled PI",
+            points=np.array([1.5, 2.0, 3.0]),
+            laws=(pi_law(0.9, 3.0), pi_law(0.5, 2.0), pi_law(0.2, 1.0)),
+            windup=np.array([0.1]),
+            **COMMON,
         ),
-    )  # fmt: skip
+    )
 
 
 def follower(law: Law) -> np.ndarray:

@@ -57,8 +57,12 @@ def test_the_schema_refuses_an_anti_windup_that_is_not_one_a_law(made, windup, t
 
 def test_a_schedule_behind_an_inverse_is_refused_by_name(made):
     linear = LinearModel(
-        numerator=np.array([0.0, 0.1]), denominator=np.array([1.0, -0.9]), covariance=np.zeros((3, 3)),
-        sample_time=0.02, operating_input=2.0, operating_output=1.0,
-    )  # fmt: skip
+        numerator=np.array([0.0, 0.1]),
+        denominator=np.array([1.0, -0.9]),
+        covariance=np.zeros((3, 3)),
+        sample_time=0.02,
+        operating_input=2.0,
+        operating_output=1.0,
+    )
     with pytest.raises(ControlError, match="a ScheduledController cannot be the feedback behind an inverse"):
         with_inverse(linear, made.inverse.curve, lambda model, **_: made.scheduled, command_limits=(1.0, 4.0))

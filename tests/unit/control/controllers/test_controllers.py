@@ -112,7 +112,7 @@ def test_scaling_leaves_dynamics_that_are_fed_forward(made):
     error = made.pi.law
     whole = Law(
         a=np.diag([1.0, 0.8]), b=np.array([error.b[0], [0.2, 0.0]]), c=np.array([1.0, 1.5]), d=error.d
-    ).with_feedback(3.0)  # fmt: skip
+    ).with_feedback(3.0)
     together = control.ss(whole.a, whole.b.sum(axis=1)[:, None], whole.c[None, :], [[whole.d.sum()]], H)
     z = np.exp(1j * np.linspace(0.1, 3.0, 9))
     np.testing.assert_allclose(together(z), 0.3 / (z - 0.8), rtol=1e-10)

@@ -26,9 +26,15 @@ def sampled() -> Callable[..., LinearModel]:
         num[0] = 0.0  # rounding
         size = num.size + den.size - 1
         return LinearModel(
-            numerator=num, denominator=den, covariance=np.zeros((size, size)), sample_time=H, operating_input=point,
-            operating_output=1.0, input_unit="V", output_unit="um",
-        )  # fmt: skip
+            numerator=num,
+            denominator=den,
+            covariance=np.zeros((size, size)),
+            sample_time=H,
+            operating_input=point,
+            operating_output=1.0,
+            input_unit="V",
+            output_unit="um",
+        )
 
     return make
 
@@ -42,8 +48,6 @@ def around() -> Callable[..., control.StateSpace]:
         plant = linear.state_space()
         plant = control.ss(plant, inputs=["command"], outputs=["reading"], name="plant")
         law = control.ss(law, name="law")
-        return control.interconnect(
-            [plant, law], inputs=["reference"], outputs=["reading", "command"], name="loop"
-        )
+        return control.interconnect([plant, law], inputs=["reference"], outputs=["reading", "command"], name="loop")
 
     return close

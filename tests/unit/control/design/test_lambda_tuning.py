@@ -6,11 +6,7 @@ import pytest
 
 from deatwin.control import ControlError, LinearModel, lambda_tuning
 from deatwin.control.design.half_rule import reduce_to_second_order
-from deatwin.control.design.lambda_tuning import (
-    default_closed_loop_time,
-    lambda_tuning_pid,
-    reduce_to_first_order,
-)
+from deatwin.control.design.lambda_tuning import default_closed_loop_time, lambda_tuning_pid, reduce_to_first_order
 
 H = 0.02
 LIMITS = (1.0, 4.0)
@@ -40,9 +36,13 @@ def test_slow_creep_of_a_fast_actuator_is_no_lag():
     # 85 % at once, the rest with 10 s
     slow = np.exp(-H / 10.0)
     linear = LinearModel(
-        numerator=[0.0, 0.85 + 0.15 * (1 - slow), -0.85 * slow], denominator=[1.0, -slow],
-        covariance=np.zeros((4, 4)), sample_time=H, operating_input=2.0, operating_output=0.0,
-    )  # fmt: skip
+        numerator=[0.0, 0.85 + 0.15 * (1 - slow), -0.85 * slow],
+        denominator=[1.0, -slow],
+        covariance=np.zeros((4, 4)),
+        sample_time=H,
+        operating_input=2.0,
+        operating_output=0.0,
+    )
     assert linear.static_gain == pytest.approx(1.0)
     assert reduce_to_first_order(linear).time_constant < H
     found = lambda_tuning(linear, command_limits=LIMITS)
@@ -60,9 +60,7 @@ def test_gains_follow_the_rule(sampled):
 
 
 @pytest.mark.parametrize("gain", [2.0, -2.0])
-@pytest.mark.parametrize(
-    ("tuning", "lags", "delay"), [(lambda_tuning, [0.5], 3), (lambda_tuning_pid, [0.5, 0.2], 3)]
-)
+@pytest.mark.parametrize(("tuning", "lags", "delay"), [(lambda_tuning, [0.5], 3), (lambda_tuning_pid, [0.5, 0.2], 3)])
 def test_the_closed_loop_is_as_fast_as_was_asked_for(sampled, around, tuning, lags, delay, gain):
     linear = sampled(gain, lags, delay=delay)
     tuned = tuning(linear, command_limits=LIMITS, closed_loop_time=0.4)
@@ -135,8 +133,12 @@ def test_a_model_without_a_second_lag_gets_no_pid(sampled, lags):
 def test_an_oscillating_model_gets_no_pid():
     poles = np.poly([0.9 + 0.3j, 0.9 - 0.3j]).real
     linear = LinearModel(
-        numerator=[0.0, poles.sum()], denominator=poles, covariance=np.zeros((4, 4)), sample_time=H,
-        operating_input=2.0, operating_output=0.0,
-    )  # fmt: skip
+        numerator=[0.0, poles.sum()],
+        denominator=poles,
+        covariance=np.zeros((4, 4)),
+        sample_time=H,
+        operating_input=2.0,
+        operating_output=0.0,
+    )
     with pytest.raises(ControlError, match="no second lag"):
         lambda_tuning_pid(linear, command_limits=LIMITS)

@@ -35,13 +35,18 @@ def linear(request, sampled):
         mode = np.exp(2 * np.pi * 10.0 * H * (-0.02 + 1j * np.sqrt(1 - 0.02**2)))
         den = np.poly([mode, mode.conj(), np.exp(-H / 0.3)]).real
         return LinearModel(
-            numerator=[0.0, -2.0 * den.sum()], denominator=den, covariance=np.zeros((5, 5)), sample_time=H,
-            operating_input=2.0, operating_output=1.0,
-        )  # fmt: skip
+            numerator=[0.0, -2.0 * den.sum()],
+            denominator=den,
+            covariance=np.zeros((5, 5)),
+            sample_time=H,
+            operating_input=2.0,
+            operating_output=1.0,
+        )
     return {
-        "lag": sampled(3.0, [0.5], delay=3), "second": sampled(-2.0, [0.6, 0.3], delay=2),
+        "lag": sampled(3.0, [0.5], delay=3),
+        "second": sampled(-2.0, [0.6, 0.3], delay=2),
         "delayed": sampled(1.0, [0.005], delay=10),
-    }[request.param]  # fmt: skip
+    }[request.param]
 
 
 @BOTH

@@ -15,9 +15,11 @@ LIMITS = (1.0, 4.0)
 @pytest.fixture(params=["fast", "lag", "second", "creeping"])
 def linear(request, sampled):
     return {
-        "fast": sampled(-2.0, [0.004], delay=1), "lag": sampled(3.0, [0.5], delay=2),
-        "second": sampled(2.0e-4, [0.6, 0.2]), "creeping": sampled(-1.0, [10.0, 0.1], [8.5]),
-    }[request.param]  # fmt: skip
+        "fast": sampled(-2.0, [0.004], delay=1),
+        "lag": sampled(3.0, [0.5], delay=2),
+        "second": sampled(2.0e-4, [0.6, 0.2]),
+        "creeping": sampled(-1.0, [10.0, 0.1], [8.5]),
+    }[request.param]
 
 
 def steps(closed, samples):
@@ -143,9 +145,13 @@ def test_senseless_settings_are_refused(sampled, settings, message):
 
 def test_a_model_that_answers_at_once_is_refused():
     linear = LinearModel(
-        numerator=[1.0], denominator=[1.0, -0.5], covariance=np.zeros((2, 2)), sample_time=H, operating_input=2.0,
+        numerator=[1.0],
+        denominator=[1.0, -0.5],
+        covariance=np.zeros((2, 2)),
+        sample_time=H,
+        operating_input=2.0,
         operating_output=1.0,
-    )  # fmt: skip
+    )
     with pytest.raises(ControlError, match="in_loop"):
         lqg(linear, command_limits=LIMITS)
 
@@ -154,8 +160,12 @@ def test_a_controller_whose_polynomials_lose_their_digits_is_refused():
     """A lag of 200 s sampled every 0.02 s: three poles within 1e-4 of each other beside 1."""
     pole = np.exp(-0.02 / 200.0)
     slow = LinearModel(
-        numerator=[0.0, 1.0 - pole], denominator=[1.0, -pole], covariance=np.zeros((3, 3)), sample_time=0.02,
-        operating_input=0.0, operating_output=0.0,
-    )  # fmt: skip
+        numerator=[0.0, 1.0 - pole],
+        denominator=[1.0, -pole],
+        covariance=np.zeros((3, 3)),
+        sample_time=0.02,
+        operating_input=0.0,
+        operating_output=0.0,
+    )
     with pytest.raises(ControlError, match="loses its digits"):
         lqg(slow, command_limits=(-1.0, 1.0), closed_loop_time=200.0)

@@ -23,8 +23,10 @@ def test_a_pid_has_the_transfer_function_of_backward_differences():
 
 
 def test_the_name_says_what_is_there():
-    names = [PidGains(proportional=p, integral=1.0, derivative=d, filter_time=0.1).name
-             for p, d in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))]  # fmt: skip
+    names = [
+        PidGains(proportional=p, integral=1.0, derivative=d, filter_time=0.1).name
+        for p, d in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    ]
     assert names == ["I", "PI", "PID"]
 
 

@@ -32,9 +32,14 @@ def recording_for(model, rng, count=300):
     inputs = rng.uniform(-1.0, 1.0, (len(model.input_names), count))
     outputs = rng.uniform(-0.5, 0.5, (model.n_outputs, count))
     return Recording(
-        inputs=inputs, outputs=outputs, sample_time=H, input_names=model.input_names,
-        output_names=model.output_names, input_units=model.input_units, output_units=model.output_units,
-    )  # fmt: skip
+        inputs=inputs,
+        outputs=outputs,
+        sample_time=H,
+        input_names=model.input_names,
+        output_names=model.output_names,
+        input_units=model.input_units,
+        output_units=model.output_units,
+    )
 
 
 NO_OUTPUTS, STATIC = {"u(k)^2": 2.0, "u(k-1)": 1.0}, {"u(k)^2": 2.0}
@@ -71,8 +76,12 @@ def test_it_carries_the_names_and_only_the_states_that_it_needs():
     assert system.input_labels == ["command", "temperature"]
     assert system.output_labels == ["displacement"]
     assert system.state_labels == [
-        "displacement(k-1)", "displacement(k-2)", "command(k-1)", "command(k-2)", "temperature(k-1)",
-    ]  # fmt: skip
+        "displacement(k-1)",
+        "displacement(k-2)",
+        "command(k-1)",
+        "command(k-2)",
+        "temperature(k-1)",
+    ]
 
 
 def test_a_model_without_memory_is_a_static_function():
@@ -128,14 +137,23 @@ def test_read_one_sample_later_it_closes_a_loop_without_an_algebraic_one():
     terms, gain, count = {"y(k-1)": 0.5, "u(k)": 1.0, "y(k-1)^3": -0.1}, 0.4, 50
     law = Law.of_error([[1.0]], [gain], [1.0], 0.3)
     controller = LinearController(
-        name="PI", sample_time=H, operating_input=0.0, operating_output=0.0, command_min=-0.05, command_max=0.6,
-        closed_loop_time=1.0, law=law, windup=np.array([0.5]),
-    )  # fmt: skip
+        name="PI",
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=0.0,
+        command_min=-0.05,
+        command_max=0.6,
+        closed_loop_time=1.0,
+        law=law,
+        windup=np.array([0.5]),
+    )
     film, pi = in_loop(to_nlsys(made(terms)), "film"), controller.to_control()
     loop = control.interconnect(
-        [film, pi], connections=[["film.input", "PI.command"], ["PI.reading", "film.output"]],
-        inplist=["PI.reference"], outlist=["film.output", "PI.command"],
-    )  # fmt: skip
+        [film, pi],
+        connections=[["film.input", "PI.command"], ["PI.reading", "film.output"]],
+        inplist=["PI.reference"],
+        outlist=["film.output", "PI.command"],
+    )
     reference = np.where(np.arange(count) < 25, 0.8, -0.2)
     response = control.input_output_response(loop, H * np.arange(count), reference)
 
@@ -151,8 +169,9 @@ def test_read_one_sample_later_it_closes_a_loop_without_an_algebraic_one():
         control.interconnect(
             [to_nlsys(made(terms), "film"), pi],
             connections=[["film.input", "PI.command"], ["PI.reading", "film.output"]],
-            inplist=["PI.reference"], outlist=["film.output"],
-        ).output(0.0, np.zeros(2), 1.0)  # fmt: skip
+            inplist=["PI.reference"],
+            outlist=["film.output"],
+        ).output(0.0, np.zeros(2), 1.0)
 
 
 def test_one_sample_later_is_what_a_linear_model_in_the_loop_sees(plant):

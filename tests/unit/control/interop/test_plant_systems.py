@@ -91,9 +91,16 @@ def test_a_loop_of_python_control_is_the_closed_loop_on_the_plant(plant):
     level = float(to_nlsys(quiet).output(0.0, rest, 2.4)[0])
     gain = 2e3  # V/m and sample: a tenth of the slope's inverse
     controller = LinearController(
-        name="PI", sample_time=H, operating_input=2.4, operating_output=level, command_min=1.1, command_max=3.0,
-        closed_loop_time=1.0, law=Law.of_error([[1.0]], [gain], [1.0], gain), windup=np.array([1.0]),
-    )  # fmt: skip
+        name="PI",
+        sample_time=H,
+        operating_input=2.4,
+        operating_output=level,
+        command_min=1.1,
+        command_max=3.0,
+        closed_loop_time=1.0,
+        law=Law.of_error([[1.0]], [gain], [1.0], gain),
+        windup=np.array([1.0]),
+    )
     reference = level + np.repeat([0.0, 60e-6, -30e-6], 30)
     expected = closed_loop(quiet, controller, reference, rng=np.random.default_rng(0), settle=1.0)
 
@@ -106,8 +113,9 @@ def test_a_loop_of_python_control_is_the_closed_loop_on_the_plant(plant):
     loop = control.interconnect(
         [actuator, controller.to_control()],
         connections=[["actuator.command", "PI.command"], ["PI.reading", "actuator.displacement"]],
-        inplist=["PI.reference"], outlist=["actuator.displacement", "PI.command"],
-    )  # fmt: skip
+        inplist=["PI.reference"],
+        outlist=["actuator.displacement", "PI.command"],
+    )
     start = np.concatenate([begin, before.outputs[-1:], controller.start()])
     response = control.input_output_response(loop, times[-1] + H * np.arange(1, 91), reference, start)
     # The same steps from the same state, but for rounding that the loop damps.
@@ -128,9 +136,7 @@ def test_a_plant_without_memory_is_a_static_function():
     stretches = np.linspace(1.0, 1.5, 20)
     system = to_nlsys(coupon)
     response = control.input_output_response(system, coupon.rig.sample_time * np.arange(20), stretches)
-    given = Experiment(
-        recordings=(Recording.from_arrays(stretches, np.zeros(20), coupon.rig.sample_time, start=5.0),)
-    )
+    given = Experiment(recordings=(Recording.from_arrays(stretches, np.zeros(20), coupon.rig.sample_time, start=5.0),))
     np.testing.assert_allclose(response.outputs, coupon.simulate(given).require().outputs[0][0], rtol=1e-12)
     assert system(1.5) == pytest.approx(response.outputs[-1])
     assert system.nstates == 0 and rest_state_of(coupon, 1.2).size == 0

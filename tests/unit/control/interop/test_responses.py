@@ -22,10 +22,17 @@ def uncertain() -> LinearModel:
     """G = (0.2 + 0.1 z^-1) / (1 - 0.7 z^-1) with correlated coefficients."""
     root = np.random.default_rng(3).normal(scale=1e-3, size=(3, 3))
     return LinearModel(
-        numerator=np.array([0.2, 0.1]), denominator=np.array([1.0, -0.7]), covariance=root @ root.T, sample_time=H,
-        operating_input=0.0, operating_output=0.0, input_name="command", output_name="displacement",
-        input_unit="V", output_unit="m",
-    )  # fmt: skip
+        numerator=np.array([0.2, 0.1]),
+        denominator=np.array([1.0, -0.7]),
+        covariance=root @ root.T,
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=0.0,
+        input_name="command",
+        output_name="displacement",
+        input_unit="V",
+        output_unit="m",
+    )
 
 
 def test_the_response_of_a_model_is_that_of_its_transfer_function(model):

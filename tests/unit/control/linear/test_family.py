@@ -103,8 +103,10 @@ def test_samples_of_the_posterior_are_members_of_the_family(model):
 
 
 def test_models_of_different_length_are_filled_up():
-    models = [linearise(NarxModel.from_terms(t, sample_time=1.0)) for t in (
-        {"y(k-1)": 0.5, "u(k-1)": 1.0}, {"y(k-1)": 0.2, "y(k-2)": 0.3, "u(k)": 1.0}, {"y(k-1)": 1.0})]  # fmt: skip
+    models = [
+        linearise(NarxModel.from_terms(t, sample_time=1.0))
+        for t in ({"y(k-1)": 0.5, "u(k-1)": 1.0}, {"y(k-1)": 0.2, "y(k-2)": 0.3, "u(k)": 1.0}, {"y(k-1)": 1.0})
+    ]
     family = LinearFamily.of([models])
     assert family.numerators.tolist() == [[[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]]
     assert family.denominators.tolist() == [[[1.0, -0.5, 0.0], [1.0, -0.2, -0.3], [1.0, 0.0, 0.0]]]
@@ -114,9 +116,13 @@ def test_models_of_different_length_are_filled_up():
 
 @pytest.mark.parametrize(
     ("points", "thetas", "match"),
-    [([], None, "at least one"), ([np.nan], None, "finite"), ([1.0], [[1.0]], "2 in a row"),
-     ([1.0], [[np.inf, 1.0]], "finite")],
-)  # fmt: skip
+    [
+        ([], None, "at least one"),
+        ([np.nan], None, "finite"),
+        ([1.0], [[1.0]], "2 in a row"),
+        ([1.0], [[np.inf, 1.0]], "finite"),
+    ],
+)
 def test_bad_input_is_refused(points, thetas, match):
     model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0)
     with pytest.raises(ModelError, match=match):

@@ -12,9 +12,13 @@ from deatwin.plant.errors import ModelError
 
 def linear_model(**changed):
     fields = {
-        "numerator": [0.0, 0.3], "denominator": [1.0, -0.7], "covariance": np.diag([0.0, 1e-4, 4e-4]),
-        "sample_time": 0.02, "operating_input": 1.0, "operating_output": 2.0,
-    }  # fmt: skip
+        "numerator": [0.0, 0.3],
+        "denominator": [1.0, -0.7],
+        "covariance": np.diag([0.0, 1e-4, 4e-4]),
+        "sample_time": 0.02,
+        "operating_input": 1.0,
+        "operating_output": 2.0,
+    }
     return LinearModel(**(fields | changed))
 
 
@@ -47,20 +51,25 @@ def test_a_covariance_unequal_by_rounding_is_made_symmetric():
 
 
 def test_a_model_without_an_equilibrium_may_hold_no_numbers():
-    model = linear_model(
-        covariance=np.full((3, 3), np.nan), status=LinearStatus.NO_EQUILIBRIUM, operating_output=None
-    )
+    model = linear_model(covariance=np.full((3, 3), np.nan), status=LinearStatus.NO_EQUILIBRIUM, operating_output=None)
     assert np.isnan(model.covariance).all()
 
 
 @pytest.mark.parametrize(
     "changed",
     [
-        {"status": "OK"}, {"status": None}, {"detail": None}, {"input_name": 1}, {"output_name": None},
-        {"input_unit": 2.0}, {"output_unit": b"m"}, {"operating_input": np.nan}, {"operating_output": np.inf},
+        {"status": "OK"},
+        {"status": None},
+        {"detail": None},
+        {"input_name": 1},
+        {"output_name": None},
+        {"input_unit": 2.0},
+        {"output_unit": b"m"},
+        {"operating_input": np.nan},
+        {"operating_output": np.inf},
         {"operating_output": None},
     ],
-)  # fmt: skip
+)
 def test_fields_are_of_their_kind(changed):
     (name,) = changed
     with pytest.raises(ControlError, match=name):

@@ -40,9 +40,7 @@ def test_it_has_the_frequency_response_and_the_band_of_the_gain(model):
     np.testing.assert_allclose(linear.response(omega), expected.values, rtol=1e-10)
     np.testing.assert_allclose(linear.static_gain_deviation, expected.gain_deviation[0], rtol=1e-8)
     np.testing.assert_allclose(linear.system()(np.exp(1j * omega[1:] * H)), expected.values[1:], rtol=1e-8)
-    np.testing.assert_allclose(
-        linear.state_space()(np.exp(1j * omega[1:] * H)), expected.values[1:], rtol=1e-6
-    )
+    np.testing.assert_allclose(linear.state_space()(np.exp(1j * omega[1:] * H)), expected.values[1:], rtol=1e-6)
     assert linear.system().dt == H
     assert linear.system().input_labels == ["command"]
     assert linear.status is LinearStatus.OK

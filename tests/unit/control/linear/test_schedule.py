@@ -64,10 +64,15 @@ def test_a_mode_keeps_its_column_where_two_cross():
     family = linearise_many(model, [0.0], thetas)
     # The samples in the place of points.
     turned = replace(
-        family, operating_inputs=inputs, operating_outputs=family.operating_outputs.T,
-        numerators=family.numerators.swapaxes(0, 1), denominators=family.denominators.swapaxes(0, 1),
-        exists=family.exists.T, stable=family.stable.T, has_gain=family.has_gain.T,
-    )  # fmt: skip
+        family,
+        operating_inputs=inputs,
+        operating_outputs=family.operating_outputs.T,
+        numerators=family.numerators.swapaxes(0, 1),
+        denominators=family.denominators.swapaxes(0, 1),
+        exists=family.exists.T,
+        stable=family.stable.T,
+        has_gain=family.has_gain.T,
+    )
     schedule = GainSchedule(family=turned)
     np.testing.assert_allclose(schedule.modes.poles[:, 0], [poles(u)[1] for u in inputs], rtol=1e-9)
     np.testing.assert_allclose(schedule.slowest.value, [-H / np.log(poles(u)[1]) for u in inputs], rtol=1e-9)
@@ -117,9 +122,7 @@ def drifting(theta_cov: float = 1e-6) -> ThetaTrajectory:
     theta = np.array([np.linspace(0.8, 0.9, 101), np.full(101, 0.1), np.full(101, 0.05)])
     covariance = np.repeat(np.diag([theta_cov, 0.0, 0.0])[None], 101, axis=0)
     model = NarxModel.from_terms(terms, sample_time=H, theta_cov=covariance[0])
-    return ThetaTrajectory(
-        model=model, timepts=timepts, theta=theta, theta_cov=covariance, drift_variance=np.zeros(3)
-    )
+    return ThetaTrajectory(model=model, timepts=timepts, theta=theta, theta_cov=covariance, drift_variance=np.zeros(3))
 
 
 def test_along_time_each_model_is_frozen_about_its_own_equilibrium():
@@ -149,9 +152,12 @@ def test_a_time_without_an_equilibrium_has_no_gain():
     timepts = np.arange(11.0)
     theta = np.array([np.ones(11), np.linspace(0.0, 0.5, 11), np.ones(11)])
     trajectory = ThetaTrajectory(
-        model=NarxModel.from_terms(terms, sample_time=1.0), timepts=timepts, theta=theta,
-        theta_cov=np.zeros((11, 3, 3)), drift_variance=np.zeros(3),
-    )  # fmt: skip
+        model=NarxModel.from_terms(terms, sample_time=1.0),
+        timepts=timepts,
+        theta=theta,
+        theta_cov=np.zeros((11, 3, 3)),
+        drift_variance=np.zeros(3),
+    )
     varying = linearise_along(trajectory, 0.0, rng=np.random.default_rng(0), samples=3)
     known = theta[1] < 0.25  # where the discriminant is positive
     assert np.isfinite(varying.static_gain.value).tolist() == known.tolist()
@@ -167,8 +173,10 @@ def test_pictures_are_drawn_with_units(schedule, name):
         figure, given = pyplot.subplots()
         axes = getattr(result, name)(given)
         assert axes is given
-        assert all(text in "".join(ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes)
-                   for text in ((along,) if name != "plot_poles" else (along, "Re z", "Im z")))  # fmt: skip
+        assert all(
+            text in "".join(ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes)
+            for text in ((along,) if name != "plot_poles" else (along, "Re z", "Im z"))
+        )
         pyplot.close(figure)
     if name == "plot":
         assert "mm/V" in schedule.plot().get_ylabel()

@@ -5,14 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.control import (
-    ControlError,
-    closed_loop,
-    lambda_tuning,
-    linearise,
-    sine_reference,
-    step_reference,
-)
+from deatwin.control import ControlError, closed_loop, lambda_tuning, linearise, sine_reference, step_reference
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.loop.closed_loop import at_operating_point
 from deatwin.plant import Experiment, RunStatus, SimulationError
@@ -101,9 +94,7 @@ def test_limits_are_respected_when_the_reference_is_out_of_reach(plant, controll
 
 def test_the_noise_comes_from_the_generator_alone(plant, controller, linear):
     reference = step_reference(linear.operating_output, 20e-6, 20)
-    first, second = (
-        closed_loop(plant, controller, reference, rng=np.random.default_rng(9)) for _ in range(2)
-    )
+    first, second = (closed_loop(plant, controller, reference, rng=np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(first.measured, second.measured)
     assert np.std(first.measured - first.output) == pytest.approx(plant.rig.noise, rel=0.3)
 

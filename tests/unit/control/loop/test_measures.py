@@ -12,10 +12,16 @@ H = 0.02
 def run_of(reference, output, command=None, status=RunStatus.DONE, limits=(-1.0, 1.0)):
     reference = np.asarray(reference, dtype=float)
     return ClosedLoop(
-        status=status, timepts=H * np.arange(reference.size), reference=reference, output=output, measured=output,
-        command=np.zeros(reference.size) if command is None else command, command_limits=limits,
-        input_unit="V", output_unit="mm",
-    )  # fmt: skip
+        status=status,
+        timepts=H * np.arange(reference.size),
+        reference=reference,
+        output=output,
+        measured=output,
+        command=np.zeros(reference.size) if command is None else command,
+        command_limits=limits,
+        input_unit="V",
+        output_unit="mm",
+    )
 
 
 @pytest.mark.parametrize("rise", [0, 1, 8])
@@ -102,6 +108,10 @@ def test_times_of_a_run_ascend(late):
     runs = dict.fromkeys(("reference", "output", "measured", "command"), np.zeros(4))
     with pytest.raises(ControlError, match=r"timepts\[2\] of a run is (0.02|0.01|nan) s: it must be later than 0.02 s"):
         ClosedLoop(
-            status=RunStatus.DONE, timepts=[0.0, 0.02, late, 0.06], command_limits=(-1.0, 1.0), input_unit="V",
-            output_unit="mm", **runs,
-        )  # fmt: skip
+            status=RunStatus.DONE,
+            timepts=[0.0, 0.02, late, 0.06],
+            command_limits=(-1.0, 1.0),
+            input_unit="V",
+            output_unit="mm",
+            **runs,
+        )

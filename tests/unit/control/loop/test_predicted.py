@@ -26,31 +26,46 @@ H = 0.02
 NOTHING = Residual(rms=0.0, correlation_time=1.0)
 AT_END, AT_START = ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD
 RANGE = OperatingRange(
-    input_min=np.array([-1.0]), input_max=np.array([1.0]), input_centre=np.array([0.1]),
-    output_min=np.array([-2.0]), output_max=np.array([2.0]), output_centre=np.array([0.2]),
-)  # fmt: skip
+    input_min=np.array([-1.0]),
+    input_max=np.array([1.0]),
+    input_centre=np.array([0.1]),
+    output_min=np.array([-2.0]),
+    output_max=np.array([2.0]),
+    output_centre=np.array([0.2]),
+)
 
 
 def pi(low=-5.0, high=5.0) -> LinearController:
     gains = PidGains(proportional=0.2, integral=1.5)
     return LinearController(
-        name="PI", sample_time=H, operating_input=0.1, operating_output=0.2, command_min=low, command_max=high,
-        closed_loop_time=0.5, law=gains.law(H), windup=gains.windup(H),
-    )  # fmt: skip
+        name="PI",
+        sample_time=H,
+        operating_input=0.1,
+        operating_output=0.2,
+        command_min=low,
+        command_max=high,
+        closed_loop_time=0.5,
+        law=gains.law(H),
+        windup=gains.windup(H),
+    )
 
 
 def predicted(model, reading, reference, controller=None, *, residual=NOTHING, noise=0.0, draws=1, seed=0):
     return predict_loop(
-        model, controller or pi(), reference, reading=reading, residual=residual, noise=noise,
-        rng=np.random.default_rng(seed), draws=draws,
-    )  # fmt: skip
+        model,
+        controller or pi(),
+        reference,
+        reading=reading,
+        residual=residual,
+        noise=noise,
+        rng=np.random.default_rng(seed),
+        draws=draws,
+    )
 
 
 def test_rows_read_at_the_end_equal_a_loop_written_down():
     """y(k) = 0.5 y(k-1) - 0.2 y(k-2)² + 0.6 u(k) + 0.3 u(k-1) u(k-2), where u(k) has acted for all of row k."""
-    model = NarxModel.from_terms(
-        {"y(k-1)": 0.5, "y(k-2)^2": -0.2, "u(k)": 0.6, "u(k-1)*u(k-2)": 0.3}, sample_time=H
-    )
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-2)^2": -0.2, "u(k)": 0.6, "u(k-1)*u(k-2)": 0.3}, sample_time=H)
     reference = step_reference(0.2, 0.15, 60, rise=7)
     controller = pi(high=0.25)  # which saturates
     got = predicted(model, AT_END, reference, controller)
@@ -160,9 +175,16 @@ def test_the_band_holds_95_percent_of_fresh_draws_at_all_samples(draws):
 def run_of(band: PredictedLoop, output) -> ClosedLoop:
     n = len(output)
     return ClosedLoop(
-        status=RunStatus.DONE, timepts=band.timepts[:n], reference=band.reference[:n], output=output, measured=output,
-        command=np.zeros(n), command_limits=band.command_limits, input_unit="", output_unit="",
-    )  # fmt: skip
+        status=RunStatus.DONE,
+        timepts=band.timepts[:n],
+        reference=band.reference[:n],
+        output=output,
+        measured=output,
+        command=np.zeros(n),
+        command_limits=band.command_limits,
+        input_unit="",
+        output_unit="",
+    )
 
 
 def test_a_run_that_leaves_the_band_for_some_samples_is_inside_by_the_rest():
@@ -178,8 +200,9 @@ def test_a_run_that_leaves_the_band_for_some_samples_is_inside_by_the_rest():
 
 def test_intervals_are_quantiles_of_a_measure_of_each_draw():
     model = NarxModel.from_terms({"y(k-1)": 0.7, "u(k)": 0.3}, sample_time=H)
-    band = predicted(model, AT_END, step_reference(0.2, 0.3, 40), residual=Residual(rms=0.05, correlation_time=0.2),
-                     draws=101)  # fmt: skip
+    band = predicted(
+        model, AT_END, step_reference(0.2, 0.3, 40), residual=Residual(rms=0.05, correlation_time=0.2), draws=101
+    )
     worst = np.sort(np.abs(band.outputs - band.reference).max(axis=1))
     got = band.interval(lambda run: float(np.abs(run.error).max()))
     assert got[0] == pytest.approx(worst[50])
@@ -192,9 +215,11 @@ def test_draws_that_diverge_are_counted(known):
     """y(k) = a y(k-1) + u(k) without a controller to speak of diverges where a > 1."""
     spread = 0.2
     model = NarxModel.from_terms(
-        {"y(k-1)": 0.9, "u(k)": 1.0}, sample_time=H, theta_cov=np.diag([spread**2, 0.0]),
+        {"y(k-1)": 0.9, "u(k)": 1.0},
+        sample_time=H,
+        theta_cov=np.diag([spread**2, 0.0]),
         operating=RANGE if known else None,
-    )  # fmt: skip
+    )
     weak = replace(pi(low=0.0999, high=0.1001), operating_output=1.0)
     got = predicted(model, AT_END, np.ones(1500), weak, draws=400)
     share = got.diverged
@@ -221,11 +246,18 @@ def test_the_generator_alone_decides(model, plant):
     reference, shares = step_reference(linear.operating_output, 20e-6, 60), []
     first, second = (
         predict_loop(
-            model, controller, reference, reading=plant.rig.reading, residual=Residual(rms=1e-6, correlation_time=0.3),
-            noise=2e-6, rng=np.random.default_rng(4), draws=7, progress=shares.append,
+            model,
+            controller,
+            reference,
+            reading=plant.rig.reading,
+            residual=Residual(rms=1e-6, correlation_time=0.3),
+            noise=2e-6,
+            rng=np.random.default_rng(4),
+            draws=7,
+            progress=shares.append,
         )
         for _ in range(2)
-    )  # fmt: skip
+    )
     np.testing.assert_array_equal(first.outputs, second.outputs)
     half = len(shares) // 2
     assert shares[:half] == sorted(shares[:half]) == shares[half:]

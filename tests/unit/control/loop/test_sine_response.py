@@ -59,9 +59,12 @@ def of_one_run(plant, centre, sizes, omega):
     before = approach(plant, centre, first)
     sines = centre + np.multiply.outer(sizes, np.sin(clock))
     run = plant.simulator.run(
-        np.concatenate([before.commands, sines.ravel()]), start=before.start, sample_time=H,
-        rest_command=plant.rig.start.rest_command, values=plant.free_values,
-    )  # fmt: skip
+        np.concatenate([before.commands, sines.ravel()]),
+        start=before.start,
+        sample_time=H,
+        rest_command=plant.rig.start.rest_command,
+        values=plant.free_values,
+    )
     readings = run.outputs[before.commands.size : -1].reshape(sines.shape)[:, first:]
     late = clock[first:]
     basis = np.stack([np.sin(late), np.cos(late), np.ones(measured), np.linspace(-1.0, 1.0, measured)], axis=1)
@@ -172,9 +175,16 @@ def test_amplitudes_at_which_the_film_pulls_in_are_left_out():
 
 @pytest.mark.parametrize(
     ("sizes", "omega"),
-    [([0.1], [1.0, 2.0]), ([0.2, 0.1], [1.0, 2.0]), ([0.0, 0.1], [1.0, 2.0]), ([0.1, np.nan], [1.0, 2.0]),
-     ([0.1, 0.2], [1.0, np.pi / H]), ([0.1, 0.2], [1.0, 1.0]), ([[0.1, 0.2]], [1.0, 2.0])],
-)  # fmt: skip
+    [
+        ([0.1], [1.0, 2.0]),
+        ([0.2, 0.1], [1.0, 2.0]),
+        ([0.0, 0.1], [1.0, 2.0]),
+        ([0.1, np.nan], [1.0, 2.0]),
+        ([0.1, 0.2], [1.0, np.pi / H]),
+        ([0.1, 0.2], [1.0, 1.0]),
+        ([[0.1, 0.2]], [1.0, 2.0]),
+    ],
+)
 def test_axes_that_make_no_sense_are_refused(curve, sizes, omega):
     with pytest.raises(ControlError, match="increasing positive numbers"):
         sine_response(curve(), 0.0, sizes, omega)

@@ -23,9 +23,13 @@ def linear(scale=1.0):
     denominator = np.convolve([1.0, -pole], [1.0, -0.5])
     root = np.random.default_rng(0).normal(size=(6, 6)) * np.array([0, 0, 6e-4, 6e-4, 9e-4, 9e-4])[:, None] * scale
     return LinearModel(
-        numerator=numerator, denominator=denominator, covariance=root @ root.T, sample_time=H,
-        operating_input=2.4, operating_output=1e-3,
-    )  # fmt: skip
+        numerator=numerator,
+        denominator=denominator,
+        covariance=root @ root.T,
+        sample_time=H,
+        operating_input=2.4,
+        operating_output=1e-3,
+    )
 
 
 def drawn(model, count, seed=1):
@@ -77,9 +81,13 @@ def test_an_uncertain_gain_alone_in_closed_form():
     covariance = np.zeros((3, 3))
     covariance[2, 2] = deviation**2
     model = LinearModel(
-        numerator=[0.0, 0.0, b], denominator=[1.0], covariance=covariance, sample_time=H, operating_input=0.0,
+        numerator=[0.0, 0.0, b],
+        denominator=[1.0],
+        covariance=covariance,
+        sample_time=H,
+        operating_input=0.0,
         operating_output=0.0,
-    )  # fmt: skip
+    )
     found = band_margins(model, [1.0], [1.0, -1.0])
     assert found.gain.deviation == pytest.approx(deviation / b, rel=1e-9)
     assert found.gain.low == pytest.approx(1.0 / (b + 1.959964 * deviation), rel=1e-6)  # b is normal: exactly so
@@ -126,9 +134,13 @@ def test_a_band_that_holds_minus_one_has_no_distance_from_it():
 
 def test_a_margin_that_nothing_bounds_is_infinite_and_not_nan():
     model = LinearModel(
-        numerator=[0.0, 0.1], denominator=[1.0, -0.5], covariance=1e-6 * np.eye(3), sample_time=H,
-        operating_input=0.0, operating_output=0.0,
-    )  # fmt: skip
+        numerator=[0.0, 0.1],
+        denominator=[1.0, -0.5],
+        covariance=1e-6 * np.eye(3),
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=0.0,
+    )
     found = band_margins(model, [1.0], [1.0])
     assert found.phase_deg.value == found.phase_deg.low == found.delay.low == np.inf
     assert found.phase_deg.deviation == 0.0
@@ -141,10 +153,18 @@ def test_an_unstable_loop_and_a_wrong_level_are_refused():
     with pytest.raises(ControlError, match="level"):
         band_margins(linear(), *PI, level=1.0)
     with pytest.raises(ModelError):
-        band_margins(LinearModel(
-            numerator=[0.0], denominator=[1.0], covariance=[[0.0]], sample_time=H, operating_input=0.0,
-            operating_output=None, status=_no_equilibrium(),
-        ), *PI)  # fmt: skip
+        band_margins(
+            LinearModel(
+                numerator=[0.0],
+                denominator=[1.0],
+                covariance=[[0.0]],
+                sample_time=H,
+                operating_input=0.0,
+                operating_output=None,
+                status=_no_equilibrium(),
+            ),
+            *PI,
+        )
 
 
 def _no_equilibrium():
@@ -157,8 +177,11 @@ def test_the_picture_shows_locus_ellipses_and_minus_one():
     axes = band_margins(linear(), *PI).plot()
     labels = axes.get_legend_handles_labels()[1]
     assert set(labels) == {
-        "loop of the model", "nearest the band comes to -1", "-1", "95 % band, all frequencies at once",
-    }  # fmt: skip
+        "loop of the model",
+        "nearest the band comes to -1",
+        "-1",
+        "95 % band, all frequencies at once",
+    }
     assert axes.get_xlabel() == "real part of L"
 
 
@@ -168,9 +191,13 @@ def test_a_crossing_where_nearly_nothing_is_left_of_the_loop_does_not_spoil_the_
     covariance = np.zeros((3, 3))
     covariance[1, 1] = 0.02**2
     model = LinearModel(
-        numerator=[0.4, 0.402], denominator=[1.0, -0.5], covariance=covariance, sample_time=H, operating_input=0.0,
+        numerator=[0.4, 0.402],
+        denominator=[1.0, -0.5],
+        covariance=covariance,
+        sample_time=H,
+        operating_input=0.0,
         operating_output=0.0,
-    )  # fmt: skip
+    )
     found = band_margins(model, [1.0], [1.0])
     assert found.gain.value == pytest.approx(750.0, rel=1e-6)
     assert found.gain.low == pytest.approx(1.0 / ((0.002 + 1.959964 * 0.02) / 1.5), rel=1e-6)

@@ -121,9 +121,7 @@ def test_play_and_relay_by_running_them():
 
     # 4096 samples: kinks cost 1e-7, jumps 2.4e-4.
     assert Backlash(gap=0.8)(1.0) == pytest.approx(describing_function_of_run(play, 1.0, 1.0), abs=1e-6)
-    assert Relay(level=1.0, hysteresis=0.4)(1.0) == pytest.approx(
-        describing_function_of_run(relay, 1.0, 1.0), abs=6e-4
-    )
+    assert Relay(level=1.0, hysteresis=0.4)(1.0) == pytest.approx(describing_function_of_run(relay, 1.0, 1.0), abs=6e-4)
 
 
 class Law:
@@ -214,9 +212,19 @@ def test_a_quantiser_of_very_many_steps_is_a_gain_of_one():
 
 @pytest.mark.parametrize(
     ("amplitude", "omega"),
-    [("1", 1.0), (None, 1.0), (1j, 1.0), (True, 1.0), ([[1.0], [1.0, 2.0]], 1.0), (1.0, "1"), (np.inf, 1.0),
-     (np.nan, 1.0), (1.0, np.inf), ([1.0, 2.0], [1.0, 2.0, 3.0])],
-)  # fmt: skip
+    [
+        ("1", 1.0),
+        (None, 1.0),
+        (1j, 1.0),
+        (True, 1.0),
+        ([[1.0], [1.0, 2.0]], 1.0),
+        (1.0, "1"),
+        (np.inf, 1.0),
+        (np.nan, 1.0),
+        (1.0, np.inf),
+        ([1.0, 2.0], [1.0, 2.0, 3.0]),
+    ],
+)
 def test_what_is_no_amplitude_or_frequency_is_refused(amplitude, omega):
     with pytest.raises(ControlError, match=r"amplitude|omega"):
         Quantiser(step=1.0)(amplitude, omega)

@@ -121,9 +121,7 @@ def test_a_simulated_loop_leaves_an_unstable_cycle_to_either_side():
 def test_a_loop_with_more_than_one_cycle():
     # The quantiser's N falls and rises between its steps: with a loop of -1.2 at half a turn there are pairs.
     top, bottom = third_order(7.0)
-    found = limit_cycles(
-        top, bottom, H, Quantiser(step=0.1), np.geomspace(0.0501, 1, 2000), np.geomspace(0.5, 5, 100)
-    )
+    found = limit_cycles(top, bottom, H, Quantiser(step=0.1), np.geomspace(0.0501, 1, 2000), np.geomspace(0.5, 5, 100))
     level = 1 / abs(control.tf(top, bottom, H)(np.exp(2j * np.pi * found[0].frequency_Hz * H)))
     grid = np.geomspace(0.0501, 1, 200001)
     passes = np.flatnonzero(np.diff(Quantiser(step=0.1)(grid).real > level))
@@ -168,5 +166,8 @@ def test_the_picture_names_both_curves_and_each_cycle():
     found = limit_cycles(top, bottom, H, Saturation(limit=1.0), np.geomspace(0.5, 30, 50), np.geomspace(0.05, 50, 200))
     labels = found.plot().get_legend_handles_labels()[1]
     assert labels == [
-        "loop L, upper half of the circle", "-1/N(A), A from 0.5 to 30", "stable, 0.223 Hz, amplitude 1.6", "-1",
-    ]  # fmt: skip
+        "loop L, upper half of the circle",
+        "-1/N(A), A from 0.5 to 30",
+        "stable, 0.223 Hz, amplitude 1.6",
+        "-1",
+    ]

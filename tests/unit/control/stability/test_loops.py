@@ -18,9 +18,14 @@ def model(realisation: Realisation) -> LinearModel:
     numerator, denominator = realisation.coefficients()
     size = numerator.size + denominator.size - 1
     return LinearModel(
-        numerator=numerator, denominator=denominator, covariance=np.zeros((size, size)), sample_time=H,
-        operating_input=0.0, operating_output=0.0, realisation=realisation,
-    )  # fmt: skip
+        numerator=numerator,
+        denominator=denominator,
+        covariance=np.zeros((size, size)),
+        sample_time=H,
+        operating_input=0.0,
+        operating_output=0.0,
+        realisation=realisation,
+    )
 
 
 def pi(proportional: float, integral: float) -> Law:

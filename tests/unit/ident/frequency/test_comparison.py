@@ -81,9 +81,11 @@ def test_a_margin_counts_from_its_nearest_point():
     scale, apart, margin = np.array([[2.0, 0.9], [0.9, 1.0]]), np.array([3.0, -2.0]), 1.5
     inverse = np.linalg.inv(scale)
     nearest = minimize(
-        lambda m: (apart - m) @ inverse @ (apart - m), [0.0, 0.0], method="SLSQP",
+        lambda m: (apart - m) @ inverse @ (apart - m),
+        [0.0, 0.0],
+        method="SLSQP",
         constraints={"type": "ineq", "fun": lambda m: margin**2 - m @ m},
-    )  # fmt: skip
+    )
     found = equality(apart, [Scatter(scale, np.inf)], margin)
     # the edge is walked in steps of 2 degrees, which leaves at most (1 deg)^2 of relative excess around the minimum
     assert found.statistic == pytest.approx(nearest.fun, rel=2e-3)
@@ -183,7 +185,7 @@ def test_a_band_finds_what_is_only_there():
 
     def resonant(frequency):
         pole = 0.95 * np.exp(2j * np.pi * frequency)
-        a1, a2 = 2 * pole.real, -abs(pole) ** 2
+        a1, a2 = 2 * pole.real, -(abs(pole) ** 2)
         return NarxModel.from_terms(
             {"y(k-1)": a1, "y(k-2)": a2, "u(k-1)": 1 - a1 - a2}, sample_time=1.0, theta_cov=1e-6 * np.eye(3)
         )
@@ -195,10 +197,12 @@ def test_a_band_finds_what_is_only_there():
 def test_of_models_that_are_the_same_one_in_twenty_differs():
     """160 pairs of fits, true structure: p uniform. Bands are dependent, so that only one of each order counts."""
     fits = [Fixed(terms=TERMS).fit(recorded(seed, 200)).model_ for seed in range(320)]
-    p = np.array([
-        [d.p_value for d in compare(a, b, (1, 2), BANDS[1:2], operating_input=0.0).differences]
-        for a, b in zip(fits[::2], fits[1::2], strict=True)
-    ])  # fmt: skip
+    p = np.array(
+        [
+            [d.p_value for d in compare(a, b, (1, 2), BANDS[1:2], operating_input=0.0).differences]
+            for a, b in zip(fits[::2], fits[1::2], strict=True)
+        ]
+    )
     for of_order in p.T:
         assert stats.kstest(of_order, "uniform").pvalue > 0.01
         # of 160 trials 5 % scatters by 1.7 %
@@ -255,17 +259,22 @@ def several():
     n = 1200
     return compare_records(
         {
-            "a": recorded(1, n, noise=0.05), "b": recorded(2, n, noise=0.05),
+            "a": recorded(1, n, noise=0.05),
+            "b": recorded(2, n, noise=0.05),
             "drifting": recorded(3, n, gain=np.linspace(0.9, 1.3, n), noise=0.05),
             "other": recorded(4, n, gain=1.8, noise=0.05),
         },
-        TERMS, (1, 2), BANDS, operating_input=0.0,
-    )  # fmt: skip
+        TERMS,
+        (1, 2),
+        BANDS,
+        operating_input=0.0,
+    )
 
 
 def test_drift_is_told_from_difference(several):
-    agreement = {pair: {d.agreement for d in several.differences if (d.first, d.second) == pair}
-                 for pair in several.pairs}  # fmt: skip
+    agreement = {
+        pair: {d.agreement for d in several.differences if (d.first, d.second) == pair} for pair in several.pairs
+    }
     assert agreement["a", "b"] == {Agreement.ALIKE}
     assert agreement["a", "drifting"] == {Agreement.DRIFT}
     assert agreement["b", "drifting"] == {Agreement.DRIFT}

@@ -69,9 +69,7 @@ def test_equilibria_do_not_depend_on_the_unit():
 
 def test_no_equilibrium_and_every_output_one():
     with pytest.raises(ModelError, match="no real equilibrium"):
-        equilibrium(
-            NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0), 1.0
-        )
+        equilibrium(NarxModel.from_terms({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k-1)": 1.0}, sample_time=1.0), 1.0)
     integrator = NarxModel.from_terms({"y(k-1)": 0.3, "y(k-2)": 0.7, "u(k-1)": 1.0}, sample_time=1.0)
     with pytest.raises(ModelError, match="integrates"):
         equilibrium(integrator, 0.0)
@@ -101,11 +99,7 @@ def test_a_fold_is_one_to_rounding(excess):
         equilibrium(fold, 1e-9)
 
 
-SLOW_POLES = {
-    "oversampled": [0.995] * 4,
-    "Butterworth": butter(8, 0.02, output="zpk")[1],
-    "very slow": [1.0 - 1e-9],
-}
+SLOW_POLES = {"oversampled": [0.995] * 4, "Butterworth": butter(8, 0.02, output="zpk")[1], "very slow": [1.0 - 1e-9]}
 
 
 @pytest.mark.parametrize("poles", SLOW_POLES.values(), ids=SLOW_POLES)
@@ -221,10 +215,7 @@ def test_covariance_of_the_deviations_by_differences():
     for m, step in enumerate(1e-5 * np.eye(7)):
         sides = [
             remove_dc(
-                NarxModel.from_terms(
-                    dict(zip(NONLINEAR, model.theta + sign * step, strict=True)), sample_time=1.0
-                ),
-                0.7,
+                NarxModel.from_terms(dict(zip(NONLINEAR, model.theta + sign * step, strict=True)), sample_time=1.0), 0.7
             )
             for sign in (1, -1)
         ]

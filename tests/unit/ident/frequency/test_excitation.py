@@ -93,8 +93,11 @@ def test_it_is_scaled():
     quarter = signal.scaled(-0.25)
     np.testing.assert_array_equal(quarter.values, -0.25 * signal.values)
     assert (quarter.amplitude, quarter.sample_time, quarter.band_Hz, quarter.unit) == (
-        2.0, signal.sample_time, signal.band_Hz, "V"
-    )  # fmt: skip
+        2.0,
+        signal.sample_time,
+        signal.band_Hz,
+        "V",
+    )
     for factor, text in ((np.inf, "finite"), (1e308, "finite"), ("a", "real numbers")):
         with pytest.raises(ModelError, match=text):
             signal.scaled(factor)

@@ -30,9 +30,7 @@ def nonlinear(theta=None, cov=None, operating=None):
 
 
 def test_linear_model_gives_b_over_a():
-    model = NarxModel.from_terms(
-        {"y(k-1)": 1.1, "y(k-3)": -0.2, "u(k)": 0.3, "u(k-2)": -0.7}, sample_time=SAMPLE_TIME
-    )
+    model = NarxModel.from_terms({"y(k-1)": 1.1, "y(k-3)": -0.2, "u(k)": 0.3, "u(k-2)": -0.7}, sample_time=SAMPLE_TIME)
     q = np.exp(-1j * OMEGA * SAMPLE_TIME)
     response = gfrf(model, 1, OMEGA)
     np.testing.assert_allclose(response.values, (0.3 - 0.7 * q**2) / (1 - 1.1 * q + 0.2 * q**3), rtol=1e-12)
@@ -54,9 +52,7 @@ def test_it_equals_the_transfer_function_of_python_control():
 
 def test_at_zero_frequency_it_is_the_slope_of_the_equilibria():
     step = 1e-5
-    slope = (equilibrium(nonlinear(), 0.7 + step).output - equilibrium(nonlinear(), 0.7 - step).output) / (
-        2 * step
-    )
+    slope = (equilibrium(nonlinear(), 0.7 + step).output - equilibrium(nonlinear(), 0.7 - step).output) / (2 * step)
     assert gfrf(nonlinear(), 1, 0.0, operating_input=0.7).values[0] == pytest.approx(slope, rel=1e-8)
 
 
@@ -95,10 +91,7 @@ def test_covariance_against_monte_carlo():
         output_centre=[response.point.output],
     )
     draws = np.array(
-        [
-            gfrf(nonlinear(theta + root @ rng.normal(size=6), operating=trained), 1, omega).values
-            for _ in range(1000)
-        ]
+        [gfrf(nonlinear(theta + root @ rng.normal(size=6), operating=trained), 1, omega).values for _ in range(1000)]
     )
     for i in range(omega.size):
         sampled = np.cov(draws[:, i].real, draws[:, i].imag)
@@ -116,9 +109,7 @@ def test_a_small_sinusoid_about_the_operating_point_is_answered_with_h1(cycles):
     model = nonlinear()
     ybar = equilibrium(model, 0.7).output
     phase = 2 * np.pi * cycles * np.arange(4 * n) / n
-    run = model.simulate(
-        Recording.from_arrays(0.7 + amplitude * np.cos(phase), np.full(4 * n, ybar), SAMPLE_TIME)
-    )
+    run = model.simulate(Recording.from_arrays(0.7 + amplitude * np.cos(phase), np.full(4 * n, ybar), SAMPLE_TIME))
     measured = 2 * np.mean(run.outputs[0, -n:] * np.exp(-1j * phase[-n:])) / amplitude
     expected = gfrf(model, 1, 2 * np.pi * cycles / (n * SAMPLE_TIME), operating_input=0.7).values[0]
     assert abs(measured - expected) < 1e-6 * abs(expected)
@@ -152,9 +143,14 @@ FIRST_ORDER = {
 }
 COEFFICIENTS = {"c": 0.3, "d": -0.2, "e": 0.15, "f": 0.5, "g": -0.7, "h": 0.25, "s": -0.35}
 WRITTEN = {
-    "c": "y(k-1)^2", "d": "y(k-1)^3", "e": "y(k-1)u(k-1)", "f": "u(k-1)^2",
-    "g": "u(k-1)^3", "h": "y(k-1)^2u(k-1)", "s": "y(k-1)u(k-1)^2",
-}  # fmt: skip
+    "c": "y(k-1)^2",
+    "d": "y(k-1)^3",
+    "e": "y(k-1)u(k-1)",
+    "f": "u(k-1)^2",
+    "g": "u(k-1)^3",
+    "h": "y(k-1)^2u(k-1)",
+    "s": "y(k-1)u(k-1)^2",
+}
 
 
 def closed_form(used, angles):
@@ -228,11 +224,20 @@ def test_the_bilinear_system_at_every_order():
 
 
 LAGGED = {
-    "y(k-1)": 0.5, "y(k-3)": -0.2, "u(k)": 0.1, "u(k-2)": 0.4,
-    "y(k-1)y(k-3)": 0.3, "y(k-2)u(k)": -0.15, "u(k)u(k-3)": 0.2,
-    "y(k-1)y(k-2)y(k-4)": 0.07, "y(k-1)y(k-2)u(k-1)": -0.05, "y(k-3)u(k-1)u(k-2)": 0.25, "u(k)u(k-1)u(k-4)": -0.1,
-    "y(k-1)y(k-2)u(k)u(k-3)": 0.35, "y(k-2)^2y(k-3)^2": -0.4,
-}  # fmt: skip
+    "y(k-1)": 0.5,
+    "y(k-3)": -0.2,
+    "u(k)": 0.1,
+    "u(k-2)": 0.4,
+    "y(k-1)y(k-3)": 0.3,
+    "y(k-2)u(k)": -0.15,
+    "u(k)u(k-3)": 0.2,
+    "y(k-1)y(k-2)y(k-4)": 0.07,
+    "y(k-1)y(k-2)u(k-1)": -0.05,
+    "y(k-3)u(k-1)u(k-2)": 0.25,
+    "u(k)u(k-1)u(k-4)": -0.1,
+    "y(k-1)y(k-2)u(k)u(k-3)": 0.35,
+    "y(k-2)^2y(k-3)^2": -0.4,
+}
 
 
 class Transcribed:

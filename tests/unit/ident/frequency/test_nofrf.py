@@ -37,8 +37,13 @@ INFINITE = {
     "cubic": {"y(k-1)": 1.3, "y(k-2)": -0.6, "u(k-1)": 0.2, "y(k-1)^3": -0.1, "y(k-1)^2": 0.15},
 }
 RESONANT = {  # at 3.5 Hz
-    "y(k-1)": 1.5, "y(k-2)": -0.7, "u(k-1)": 0.15, "u(k-1)^2": 0.08, "y(k-1)^2": -0.05, "y(k-1)u(k-1)^2": 0.1
-}  # fmt: skip
+    "y(k-1)": 1.5,
+    "y(k-2)": -0.7,
+    "u(k-1)": 0.15,
+    "u(k-1)^2": 0.08,
+    "y(k-1)^2": -0.05,
+    "y(k-1)u(k-1)^2": 0.1,
+}
 TWO_INPUTS = NarxModel.from_terms({"y(k-1)": 0.5, "u1(k-1)": 1.0, "u2(k-1)": 1.0}, sample_time=SAMPLE_TIME)
 
 
@@ -271,8 +276,9 @@ def test_derivatives_are_those_of_the_fit():
             size = np.abs(found.orders[n].gradient).max()
             np.testing.assert_allclose(found.orders[n].gradient[:, m], slope, atol=1e-6 * size)
     parts = np.stack([found.response.gradient.real, found.response.gradient.imag], axis=1)
-    np.testing.assert_allclose(found.response.covariance[:, 0, 1], np.einsum(
-        "nm,mk,nk->n", parts[:, 0], model.theta_cov, parts[:, 1]))  # fmt: skip
+    np.testing.assert_allclose(
+        found.response.covariance[:, 0, 1], np.einsum("nm,mk,nk->n", parts[:, 0], model.theta_cov, parts[:, 1])
+    )
     exact = output_orders(model, excitation, 3)
     np.testing.assert_allclose(
         found.output_spectrum(-0.5).gradient,
@@ -363,9 +369,8 @@ def test_many_parameters_at_once():
 def test_about_an_operating_point():
     terms = {"1": 0.1, "y(k-1)": 0.5, "u(k-1)": 0.4, "u(k-1)^2": 0.2, "u(k-2)^3": 0.1}
     limits = OperatingRange(
-        input_min=[0.0], input_max=[2.0], input_centre=[1.2],
-        output_min=[0.0], output_max=[5.0], output_centre=[2.0],
-    )  # fmt: skip
+        input_min=[0.0], input_max=[2.0], input_centre=[1.2], output_min=[0.0], output_max=[5.0], output_centre=[2.0]
+    )
     model = model_of(terms, operating=limits)
     excitation = design_excitation((1.0, 4.0), SAMPLE_TIME, operating=limits, period=4.0)
     assert excitation.amplitude == pytest.approx(0.8)

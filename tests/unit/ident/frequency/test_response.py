@@ -18,13 +18,9 @@ from deatwin.ident.frequency.maps import plot_slices, plot_surface, slice_of
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 
-TERMS = {
-    "y(k-1)": 1.2, "y(k-2)": -0.6, "u(k-1)": 0.4, "y(k-1)^2": 0.02, "y(k-1)u(k-2)": 0.03, "u(k-1)^3": 0.1,
-}  # fmt: skip
+TERMS = {"y(k-1)": 1.2, "y(k-2)": -0.6, "u(k-1)": 0.4, "y(k-1)^2": 0.02, "y(k-1)u(k-2)": 0.03, "u(k-1)^3": 0.1}
 ROOT = 2e-3 * np.random.default_rng(0).normal(size=(6, 6))
-MODEL = NarxModel.from_terms(
-    TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, input_units=("V",), output_units=("µm",)
-)  # fmt: skip
+MODEL = NarxModel.from_terms(TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, input_units=("V",), output_units=("µm",))
 OMEGA = 2 * np.pi * np.geomspace(0.1, 24.0, 60)
 AXIS = 2 * np.pi * np.linspace(-20.0, 20.0, 9)
 
@@ -39,15 +35,19 @@ def pyplot():
 
 def response(values, gradient, theta_cov, omega=None, symbol="H"):
     """One that does not come from a model."""
-    point = Equilibrium(
-        operating_input=np.zeros(1), outputs=np.zeros(1), stable=np.ones(1, dtype=bool), chosen=0
-    )
+    point = Equilibrium(operating_input=np.zeros(1), outputs=np.zeros(1), stable=np.ones(1, dtype=bool), chosen=0)
     values = np.asarray(values, dtype=complex)
     return FrequencyResponse(
-        symbol=symbol, order=1, values=values, omega=np.arange(1.0, values.size + 1) if omega is None else omega,
-        point=point, status=FrequencyStatus.at(point), unit="m", theta_cov=np.asarray(theta_cov, dtype=float),
+        symbol=symbol,
+        order=1,
+        values=values,
+        omega=np.arange(1.0, values.size + 1) if omega is None else omega,
+        point=point,
+        status=FrequencyStatus.at(point),
+        unit="m",
+        theta_cov=np.asarray(theta_cov, dtype=float),
         differentiate=lambda: np.asarray(gradient, dtype=complex),
-    )  # fmt: skip
+    )
 
 
 def test_spread_of_gain_and_phase_is_the_ellipse_along_and_across_the_value():

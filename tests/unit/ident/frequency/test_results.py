@@ -25,16 +25,18 @@ from deatwin.plant.errors import ModelError
 OMEGA = 2 * np.pi * np.array([0.5, 1.5, 4.0])
 TERMS = {"y(k-1)": 0.5, "y(k-2)^2": -0.2, "y(k-1)u(k-1)": 0.15, "u(k-1)": 0.4, "u(k-2)^3": 0.1}
 ROOT = 1e-3 * np.random.default_rng(3).normal(size=(5, 5))
-MODEL = NarxModel.from_terms(
-    TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, input_units=("V",), output_units=("m",)
-)  # fmt: skip
+MODEL = NarxModel.from_terms(TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, input_units=("V",), output_units=("m",))
 LINEAR = LinearModel(a=[1, -0.4], b=[[0, 0.3, 0.2]], sample_time=0.02, theta_cov=1e-4 * np.eye(4))
 PERIOD = np.cos(2 * np.pi * np.arange(16) * 2 / 16)
 H_1, CUBE = partial(gfrf, order=1, omega=OMEGA), partial(gfrf, order=3, omega=frequency_grid(OMEGA, OMEGA, OMEGA))
 TRAJECTORY = ThetaTrajectory(
-    model=MODEL, timepts=np.arange(4.0), theta=MODEL.theta[:, None] * (1 + 0.01 * np.arange(4.0)),
-    theta_cov=np.stack([MODEL.theta_cov] * 4), drift_variance=np.zeros(5), log_likelihood=None,
-)  # fmt: skip
+    model=MODEL,
+    timepts=np.arange(4.0),
+    theta=MODEL.theta[:, None] * (1 + 0.01 * np.arange(4.0)),
+    theta_cov=np.stack([MODEL.theta_cov] * 4),
+    drift_variance=np.zeros(5),
+    log_likelihood=None,
+)
 
 
 def held(model):

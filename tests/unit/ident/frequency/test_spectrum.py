@@ -15,9 +15,16 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 TERMS = {
-    "1": 0.2, "y(k-1)": 0.6, "y(k-3)": -0.1, "u(k)": 0.1, "u(k-1)": 0.4, "y(k-1)^2": 0.1, "y(k-1)u(k-2)": 0.1,
-    "u(k-1)^3": 0.1, "y(k-1)y(k-2)u(k-1)": -0.05,
-}  # fmt: skip
+    "1": 0.2,
+    "y(k-1)": 0.6,
+    "y(k-3)": -0.1,
+    "u(k)": 0.1,
+    "u(k-1)": 0.4,
+    "y(k-1)^2": 0.1,
+    "y(k-1)u(k-2)": 0.1,
+    "u(k-1)^3": 0.1,
+    "y(k-1)y(k-2)u(k-1)": -0.05,
+}
 SAMPLE_TIME = 0.1
 OPERATING = 0.3
 
@@ -49,9 +56,11 @@ def test_orders_are_sums_over_the_frequency_responses(excitation):
     orders = output_orders(model(), excitation, 4, operating_input=OPERATING)
     for n, by_products in enumerate(orders, start=1):
         direct = direct_output(model(), excitation, n, operating_input=OPERATING)
-        assert (direct.order, direct.symbol, direct.unit) == (n, "Y", "m") == (
-            by_products.order, by_products.symbol, by_products.unit
-        )  # fmt: skip
+        assert (
+            (direct.order, direct.symbol, direct.unit)
+            == (n, "Y", "m")
+            == (by_products.order, by_products.symbol, by_products.unit)
+        )
         np.testing.assert_array_equal(direct.omega, by_products.omega)
         size = np.abs(direct.values).max()
         np.testing.assert_allclose(by_products.values, direct.values, rtol=0, atol=1e-12 * size)
@@ -193,9 +202,12 @@ def test_an_excitation_of_another_sample_time_is_refused(compute):
 def test_an_excitation_of_another_sample_time_is_refused_along_time(compute):
     n, known = 3, model()
     constant = ThetaTrajectory(
-        model=known, timepts=SAMPLE_TIME * np.arange(n), theta=np.repeat(known.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, known.theta.size, known.theta.size)), drift_variance=np.zeros(known.theta.size),
-    )  # fmt: skip
+        model=known,
+        timepts=SAMPLE_TIME * np.arange(n),
+        theta=np.repeat(known.theta[:, None], n, axis=1),
+        theta_cov=np.zeros((n, known.theta.size, known.theta.size)),
+        drift_variance=np.zeros(known.theta.size),
+    )
     signal = design_excitation((0.0, 5.0), 0.02, amplitude=1.0, period=0.2)
     with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
         compute(constant, signal, 2)

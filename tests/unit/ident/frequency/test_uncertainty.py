@@ -43,9 +43,15 @@ def fir(cov, dof=math.inf):
 def box_jenkins():
     root = 2e-3 * np.random.default_rng(5).normal(size=(10, 10))
     return LinearModel(
-        a=[1, -0.4], b=[[0, 0.3, 0.2], [0, 0, 0.7]], f=[[1, -0.9, 0.3], [1, 0.5]], c=[1, 0.2], d=[1, -0.3],
-        offset=0.1, sample_time=SAMPLE_TIME, theta_cov=root @ root.T,
-    )  # fmt: skip
+        a=[1, -0.4],
+        b=[[0, 0.3, 0.2], [0, 0, 0.7]],
+        f=[[1, -0.9, 0.3], [1, 0.5]],
+        c=[1, 0.2],
+        d=[1, -0.3],
+        offset=0.1,
+        sample_time=SAMPLE_TIME,
+        theta_cov=root @ root.T,
+    )
 
 
 QUANTITIES = {
@@ -307,12 +313,13 @@ def test_draws_stay_on_the_branch_of_the_model_or_are_left_out():
     Where it is not, another equilibrium is, far below: that is not the model's operating point.
     """
     model = NarxModel.from_terms(
-        {"1": -0.1, "y(k-1)": 1.3, "y(k-1)^3": -0.3, "u(k-1)": 0.1}, sample_time=1.0,
+        {"1": -0.1, "y(k-1)": 1.3, "y(k-1)^3": -0.3, "u(k-1)": 0.1},
+        sample_time=1.0,
         theta_cov=np.diag([0.01, 0.01, 0.005, 0.01]) ** 2,
         operating=OperatingRange(
             input_min=[-1], input_max=[1], input_centre=[0], output_min=[0.5], output_max=[1], output_centre=[0.7]
         ),
-    )  # fmt: skip
+    )
     response = gfrf(model, 1, [0.3])
     assert 0.6 < response.point.output < 0.8 and len(response.point.outputs) == 3
     thetas = draw_theta(model, np.random.default_rng(0), 400)

@@ -20,9 +20,17 @@ matplotlib.use("agg")
 
 T = 0.1
 GENERAL = {
-    "y(k-1)": 1.1, "y(k-2)": -0.4, "u(k-1)": 0.3, "u(k-2)": 0.1, "u(k-1)^2": 0.1, "y(k-1)u(k-2)": 0.05,
-    "y(k-1)^2": 0.05, "y(k-1)y(k-2)": -0.1, "u(k-1)^3": 0.02, "1": 0.1,
-}  # fmt: skip
+    "y(k-1)": 1.1,
+    "y(k-2)": -0.4,
+    "u(k-1)": 0.3,
+    "u(k-2)": 0.1,
+    "u(k-1)^2": 0.1,
+    "y(k-1)u(k-2)": 0.05,
+    "y(k-1)^2": 0.05,
+    "y(k-1)y(k-2)": -0.1,
+    "u(k-1)^3": 0.02,
+    "1": 0.1,
+}
 W = np.array([0.1, 1.0, 7.0, 20.0])
 PERIOD = 0.3 * np.random.default_rng(0).normal(size=24)
 PULSE = 0.1 * np.cos(2 * np.pi * np.outer([3, 4, 5, 6], np.arange(24)) / 24).sum(axis=0)  # in phase, as suits NOFRFs
@@ -37,9 +45,12 @@ def trajectory_of(terms, moving=None, n=None, *, theta_cov=None, **details):
         theta[[str(term) for term in model.terms].index(name)] = values
     cov = np.zeros((len(terms),) * 2) if theta_cov is None else theta_cov
     return ThetaTrajectory(
-        model=model, timepts=T * np.arange(n), theta=theta, theta_cov=np.broadcast_to(cov, (n, *cov.shape)),
+        model=model,
+        timepts=T * np.arange(n),
+        theta=theta,
+        theta_cov=np.broadcast_to(cov, (n, *cov.shape)),
         drift_variance=np.zeros(len(terms)),
-    )  # fmt: skip
+    )
 
 
 def drifting(n=20, **details):
@@ -48,9 +59,12 @@ def drifting(n=20, **details):
     phase = np.linspace(0, 2, n) + np.arange(len(GENERAL))[:, None]
     roots = np.random.default_rng(1).normal(size=(n, len(GENERAL), len(GENERAL))) * 1e-3
     return ThetaTrajectory(
-        model=plain.model, timepts=plain.timepts, theta=plain.theta * (1 + 0.1 * np.sin(phase)),
-        theta_cov=roots @ roots.swapaxes(1, 2), drift_variance=plain.drift_variance,
-    )  # fmt: skip
+        model=plain.model,
+        timepts=plain.timepts,
+        theta=plain.theta * (1 + 0.1 * np.sin(phase)),
+        theta_cov=roots @ roots.swapaxes(1, 2),
+        drift_variance=plain.drift_variance,
+    )
 
 
 def around(centre, output):
@@ -61,14 +75,20 @@ def around(centre, output):
 
 QUANTITIES = {
     "H1": (lambda t, **k: tv_gfrf(t, 1, W, **k), lambda m, u: gfrf(m, 1, W, operating_input=u)),
-    "H2": (lambda t, **k: tv_gfrf(t, 2, np.stack([W, -W / 2], -1), **k),
-           lambda m, u: gfrf(m, 2, np.stack([W, -W / 2], -1), operating_input=u)),
-    "H3": (lambda t, **k: tv_gfrf(t, 3, np.stack([W, -W, W], -1), **k),
-           lambda m, u: gfrf(m, 3, np.stack([W, -W, W], -1), operating_input=u)),
-    "Y": (lambda t, **k: tv_output_spectrum(t, PERIOD, 3, **k),
-          lambda m, u: output_spectrum(m, PERIOD, 3, operating_input=u)),
+    "H2": (
+        lambda t, **k: tv_gfrf(t, 2, np.stack([W, -W / 2], -1), **k),
+        lambda m, u: gfrf(m, 2, np.stack([W, -W / 2], -1), operating_input=u),
+    ),
+    "H3": (
+        lambda t, **k: tv_gfrf(t, 3, np.stack([W, -W, W], -1), **k),
+        lambda m, u: gfrf(m, 3, np.stack([W, -W, W], -1), operating_input=u),
+    ),
+    "Y": (
+        lambda t, **k: tv_output_spectrum(t, PERIOD, 3, **k),
+        lambda m, u: output_spectrum(m, PERIOD, 3, operating_input=u),
+    ),
     "G2": (lambda t, **k: tv_nofrf(t, PULSE, 2, **k), lambda m, u: nofrf_exact(m, PULSE, 2, operating_input=u)),
-}  # fmt: skip
+}
 
 
 # ---- frozen forms
@@ -192,9 +212,7 @@ def test_the_branch_is_followed_even_where_another_equilibrium_is_nearer():
     # y(k) = y1 + 0.1 ((y1 - s) - (y1 - s)^3) + u: equilibria at s - 1, s (unstable), s + 1. While s goes from 0 to 5
     # the one that starts at 1 goes to 6; of the last three (4, 5, 6) the one at 4 is nearest to where it was.
     s = np.linspace(0, 5, 200)
-    moving = {
-        "y(k-1)": 1 + 0.1 * (1 - 3 * s**2), "y(k-1)^2": 0.3 * s, "1": 0.1 * (s**3 - s), "y(k-1)^3": -0.1 + 0 * s
-    }  # fmt: skip
+    moving = {"y(k-1)": 1 + 0.1 * (1 - 3 * s**2), "y(k-1)^2": 0.3 * s, "1": 0.1 * (s**3 - s), "y(k-1)^3": -0.1 + 0 * s}
     terms = {name: float(values[0]) for name, values in moving.items()} | {"u(k-1)": 1.0}
     for start, end in ((1.0, 6.0), (-1.0, 4.0)):
         trajectory = trajectory_of(terms, moving, operating=around(0.0, start))
@@ -344,9 +362,12 @@ def test_what_cannot_be():
         tv_gfrf(trajectory_of({"u1(k-1)": 1.0, "u2(k-1)": 1.0}), 1, W)
     one = NarxModel.from_terms({"y1": {"y1(k-1)": 0.5, "u(k-1)": 1.0}, "y2": {"y2(k-1)": 0.4}}, sample_time=T)
     joined = ThetaTrajectory(
-        model=one, timepts=np.arange(3) * T, theta=np.repeat(one.theta[:, None], 3, axis=1),
-        theta_cov=np.zeros((3, 3, 3)), drift_variance=np.zeros(3),
-    )  # fmt: skip
+        model=one,
+        timepts=np.arange(3) * T,
+        theta=np.repeat(one.theta[:, None], 3, axis=1),
+        theta_cov=np.zeros((3, 3, 3)),
+        drift_variance=np.zeros(3),
+    )
     for level in (None, 0.5):
         with pytest.raises(ModelError, match="one output; this one has 2"):
             tv_gfrf(joined, 1, W, operating_input=level)

@@ -5,15 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from deatwin.ident.greybox import Part
-from deatwin.ident.greybox.filter import (
-    Floor,
-    Opening,
-    filter_likelihood,
-    latent,
-    linearise,
-    open_place,
-    places,
-)
+from deatwin.ident.greybox.filter import Floor, Opening, filter_likelihood, latent, linearise, open_place, places
 from deatwin.ident.greybox.filter_linear import without_repeats
 from deatwin.ident.greybox.fit import Problem
 from deatwin.ident.kalman import StateSpace, kalman_filter
@@ -80,8 +72,9 @@ def test_constant_parameters_act_as_in_a_free_run():
     full = np.where(linear.counted[:, None], found, 0.0)
     starts = 3 * np.arange(joined.residual.size)
     means = np.add.reduceat(full, starts) / np.maximum(joined.counts, 1)[:, None]
-    np.testing.assert_allclose(joined.parameter_response()[joined.counted] / scale, means[joined.counted] / scale,
-                               atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        joined.parameter_response()[joined.counted] / scale, means[joined.counted] / scale, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("size", [1, 4])
@@ -139,12 +132,25 @@ def test_amplitude_and_course_of_what_entered_are_found(oscillator):
 
 def test_places_of_rigs(oscillator):
     names = {o.name for o in places(Plant(rig=Diaphragm()))}
-    assert {"drive.command", "drive.squared_voltage", "ball.force", "film.stiffness", "film.permittivity",
-            "sensor.reading", "parameter.permittivity", "state.velocity"} <= names  # fmt: skip
+    assert {
+        "drive.command",
+        "drive.squared_voltage",
+        "ball.force",
+        "film.stiffness",
+        "film.permittivity",
+        "sensor.reading",
+        "parameter.permittivity",
+        "state.velocity",
+    } <= names
     assert [o.name for o in places(Plant(rig=oscillator()))] == [
-        "drive.command", "sensor.reading", "parameter.mass", "parameter.damping", "parameter.stiffness",
-        "state.position", "state.velocity",
-    ]  # fmt: skip
+        "drive.command",
+        "sensor.reading",
+        "parameter.mass",
+        "parameter.damping",
+        "parameter.stiffness",
+        "state.position",
+        "state.velocity",
+    ]
 
 
 def test_openings_that_do_the_same_are_one():
@@ -169,8 +175,12 @@ def test_a_state_that_dies_away_without_a_measurement_leaves_the_filter_sound():
     outputs = np.full(n, np.nan)
     outputs[-1] = 1.0
     model = StateSpace(
-        rows=np.ones((n, 2)), noise_variance=1.0, start=np.zeros(2), start_cov=np.eye(2),
-        transition=np.diag([0.5, 0.9]), process_cov=np.diag([0.0, 0.19]),
-    )  # fmt: skip
+        rows=np.ones((n, 2)),
+        noise_variance=1.0,
+        start=np.zeros(2),
+        start_cov=np.eye(2),
+        transition=np.diag([0.5, 0.9]),
+        process_cov=np.diag([0.0, 0.19]),
+    )
     # the first state's deviation falls to 0.5^1500, through the numbers whose squares are too small to be inverted
     assert kalman_filter(model, outputs).innovation_variances[0, -1] == pytest.approx(2.0, rel=1e-12)

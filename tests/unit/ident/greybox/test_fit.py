@@ -105,10 +105,12 @@ def test_readings_are_taken_when_the_simulation_has_them(reading):
     """A jump between two of these times is in all readings from the later one on, and in none before."""
     plant = Plant(rig=Diaphragm(reading=reading))
     step = 1.0009 * plant.rig.sample_time  # as near as it must be
-    blank = Experiment(recordings=(
-        Recording.from_arrays(np.full(40, 2.0), np.zeros(40), step, start=3.0),
-        Recording.from_arrays(np.full(900, 2.0), np.zeros(900), step, start=3.0 + 60 * step),
-    ))  # fmt: skip
+    blank = Experiment(
+        recordings=(
+            Recording.from_arrays(np.full(40, 2.0), np.zeros(40), step, start=3.0),
+            Recording.from_arrays(np.full(900, 2.0), np.zeros(900), step, start=3.0 + 60 * step),
+        )
+    )
     part = Part.whole(blank)
     times = reading_times(plant, [part])
     for k in (7, 39, 40, 55, 930):
@@ -195,9 +197,15 @@ def fit_with(*columns: np.ndarray) -> Calibration:
     parameters = {name: Parameter(name=name, **kind) for name in names}
     jacobian, residuals = np.column_stack(columns), np.random.default_rng(2).standard_normal(500)
     return Calibration(
-        plant=SimpleNamespace(parameters=parameters), names=names, covariance=_covariance(residuals, jacobian),
-        residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, at_bound=(), evaluations=1,
-    )  # fmt: skip
+        plant=SimpleNamespace(parameters=parameters),
+        names=names,
+        covariance=_covariance(residuals, jacobian),
+        residuals=residuals,
+        jacobian=jacobian,
+        status=FitStatus.SETTLED,
+        at_bound=(),
+        evaluations=1,
+    )
 
 
 def test_a_parameter_that_the_readings_do_not_show_may_be_anywhere_in_its_range():

@@ -125,9 +125,12 @@ def test_a_least_minimum_that_one_start_alone_found_is_not_settled(turned, monke
         residuals, jacobian = problem.evaluate(problem.start())
         size = next(ends)
         return Minimum(
-            coordinates=problem.start(), residuals=np.full(residuals.size, size), jacobian=0.0 * jacobian,
-            status=FitStatus.SETTLED, evaluations=1,
-        )  # fmt: skip
+            coordinates=problem.start(),
+            residuals=np.full(residuals.size, size),
+            jacobian=0.0 * jacobian,
+            status=FitStatus.SETTLED,
+            evaluations=1,
+        )
 
     monkeypatch.setattr(starts, "minimise", elsewhere)
     monkeypatch.setattr(starts, "_FIRST", 1.0)  # no openings

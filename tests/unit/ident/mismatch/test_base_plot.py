@@ -31,9 +31,15 @@ def form(rig: Rig, fitted: float, unseen: float) -> Candidate:
     """A form of the plant that leaves residuals of exactly these sizes, SI."""
     left = np.tile([fitted, -fitted], 350)
     calibration = Calibration(
-        plant=Plant(rig=rig), names=("damping",), covariance=np.eye(1), residuals=left, jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED, at_bound=(), evaluations=1,
-    )  # fmt: skip
+        plant=Plant(rig=rig),
+        names=("damping",),
+        covariance=np.eye(1),
+        residuals=left,
+        jacobian=np.ones((700, 1)),
+        status=FitStatus.SETTLED,
+        at_bound=(),
+        evaluations=1,
+    )
     return Candidate(effects=(), calibration=calibration, unseen=np.tile([unseen, -unseen], 150), noise=NOISE)
 
 
@@ -62,13 +68,15 @@ def test_each_form_has_a_bar_for_each_part_the_chosen_one_first():
 def test_forms_are_called_by_what_differs_between_them():
     axes = three_forms().plot()
     assert [" ".join(label.get_text().split()) for label in axes.get_yticklabels()] == [
-        "reading: end of hold, ball: sliding", "reading: start of hold, ball: sliding",
+        "reading: end of hold, ball: sliding",
+        "reading: start of hold, ball: sliding",
         "reading: end of hold, ball: bonded",
-    ]  # fmt: skip
+    ]
     other = Base(chosen=form(EARLY, 8e-6, 9e-6), rivals=(form(NOMINAL, 9e-6, 9e-6),), noise=NOISE)
     assert [label.get_text() for label in other.plot().get_yticklabels()] == [
-        "reading: start of hold", "reading: end of hold",
-    ]  # fmt: skip
+        "reading: start of hold",
+        "reading: end of hold",
+    ]
     alone = Base(chosen=form(NOMINAL, 3e-6, 3e-6), rivals=(), noise=NOISE)
     assert [label.get_text() for label in alone.plot().get_yticklabels()] == ["base plant"]
 

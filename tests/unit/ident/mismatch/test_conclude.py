@@ -44,8 +44,9 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
     whole = Part.whole(Experiment(recordings=(Recording.from_arrays(blank, blank, 0.02),)))
     fitted = replace(whole, masks=((whole.timepts < 10.0) | (whole.timepts > 16.0),))
     findings = SimpleNamespace(
-        named=causes > 0, bench=SimpleNamespace(fitted=(fitted,), everything=(whole,)),
+        named=causes > 0,
+        bench=SimpleNamespace(fitted=(fitted,), everything=(whole,)),
         answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
-    )  # fmt: skip
+    )
     found = list(conclude._placed_unseen(findings))
     assert [text.startswith("sensor_jump.at lies among unseen data") for text in found] == [True] * said

@@ -129,19 +129,27 @@ def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little(
     experiment = recorded(SensorLag(time=0.017, inertia=0.4))
     steps = {}
     diagnosis = diagnose(
-        NOMINAL, experiment, effects=[SensorLag(), Creep()], jobs=2,
+        NOMINAL,
+        experiment,
+        effects=[SensorLag(), Creep()],
+        jobs=2,
         through=lambda step: steps.update({step.name: step}),
-    )  # fmt: skip
+    )
     assert steps["base"].model.plant.rig.reading is NOMINAL.rig.reading  # as in the steps that follow
     assert (diagnosis.verdict, diagnosis.names) == (Verdict.NAMED, ("sensor_lag",))
     time = diagnosis.causes[0].parameters["time"]
     assert time.low < 0.017 < time.high
 
 
-@pytest.mark.parametrize(("there", "certain", "taken_up", "taken"), [
-    (True, True, None, True), (False, False, None, True), (False, True, "the refit", True),
-    (False, True, None, False),  # one test is certain that something is missing, the other is not
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("there", "certain", "taken_up", "taken"),
+    [
+        (True, True, None, True),
+        (False, False, None, True),
+        (False, True, "the refit", True),
+        (False, True, None, False),  # one test is certain that something is missing, the other is not
+    ],
+)
 def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_there_or_not(
     monkeypatch, there, certain, taken_up, taken
 ):
@@ -155,11 +163,14 @@ def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_t
     assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
 
 
-@pytest.mark.parametrize(("rivals", "taken"), [
-    ({"bonded": (True, True), "early": (True, False)}, "early"),
-    ({"bonded": (True, True), "early": (False, False)}, None),  # it leaves too much, whatever chance allows
-    ({}, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rivals", "taken"),
+    [
+        ({"bonded": (True, True), "early": (True, False)}, "early"),
+        ({"bonded": (True, True), "early": (False, False)}, None),  # it leaves too much, whatever chance allows
+        ({}, None),
+    ],
+)
 def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, rivals, taken):
     """Each form is adequate or not, and something is seen to be missing in it or not."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
@@ -350,9 +361,9 @@ def test_effects_that_the_rig_cannot_take_are_passed_over(oscillator):
     assert not plant.accepts(effect_named("hysteresis"))
 
 
-@pytest.mark.parametrize(("soundness", "verdict"), [
-    (Soundness.SOUND, Verdict.PARAMETERS), (Soundness.FAULTY, Verdict.DATA_FAULT),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("soundness", "verdict"), [(Soundness.SOUND, Verdict.PARAMETERS), (Soundness.FAULTY, Verdict.DATA_FAULT)]
+)
 def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness, verdict):
     """However near the nominal plant is, its calibration was off by what counts."""
     taken = SimpleNamespace(taken_up=object(), mismatch=False, testable=False)

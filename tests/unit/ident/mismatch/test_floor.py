@@ -26,9 +26,18 @@ class Followed:
 
 # Three and four make five: what is expected of a rig and what it cannot follow are independent. A plant that leaves
 # five of four expected has been bent by what is missing: six is half as much again.
-@pytest.mark.parametrize(("left", "floor"), [
-    ((3.0,), 5.0), ((1.0, 3.0), 5.0), ((None, 3.0), 5.0), ((3.0, None), 5.0), ((None,), 4.0), ((), 4.0), ((5.0,), 6.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("left", "floor"),
+    [
+        ((3.0,), 5.0),
+        ((1.0, 3.0), 5.0),
+        ((None, 3.0), 5.0),
+        ((3.0, None), 5.0),
+        ((None,), 4.0),
+        ((), 4.0),
+        ((5.0,), 6.0),
+    ],
+)
 def test_the_most_that_is_left_of_any_experiment_counts(left, floor):
     bench = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=4.0)
     assert floor_of(Followed(*left), bench) == pytest.approx(floor)

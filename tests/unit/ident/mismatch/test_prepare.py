@@ -38,9 +38,9 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     asked = []
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
     monkeypatch.setattr(module, "floor_of", lambda plant, bench: 1e-6)
-    monkeypatch.setattr(module, "calibrate_base", lambda bench: asked.append(bench) or Base(
-        chosen=candidate, rivals=(), noise=2e-6
-    ))  # fmt: skip
+    monkeypatch.setattr(
+        module, "calibrate_base", lambda bench: asked.append(bench) or Base(chosen=candidate, rivals=(), noise=2e-6)
+    )
     monkeypatch.setattr(module, "replace", lambda thing, **_: thing)
     for later, times in ((part(first), 1), (part(longer), 2), (part(first, first), 2)):
         asked.clear()

@@ -61,8 +61,9 @@ def cause(effect, rng: np.random.Generator, share: float) -> Cause:
     for p in effect.describe():
         low, value, high = np.sort(p.value * rng.uniform(0.3, 2.5, 3))
         parameters[p.name] = Interval(value=float(value), low=float(low), high=float(high), unit=p.unit)
-    return Cause(effect=effect.name, family=effect.family.value, probability=0.9, share_explained=share,
-                 parameters=parameters)  # fmt: skip
+    return Cause(
+        effect=effect.name, family=effect.family.value, probability=0.9, share_explained=share, parameters=parameters
+    )
 
 
 def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.0, **fields) -> Diagnosis:
@@ -70,52 +71,110 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
     after, gain_low = 2.0961 * size, fields.pop("gain_low", 7.4) * size
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
     diagnosis = Diagnosis(
-        output={"name": "displacement", "unit": unit}, verdict=verdict, noise=2.0 * size, model_error=1.1873 * size,
-        detect=fields.pop("detect", {"p_value": 1e-9, "excess": 4.1 * size,
-                                     "smallest_detectable": {"creep": 0.4 * size, "leakage": None}}),
-        locate={"time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}], "frequency": [], "region": [], "place": [],
-                "response": None},
-        sentence="", causes=causes, names=(*(c.effect for c in causes), *rivals),
+        output={"name": "displacement", "unit": unit},
+        verdict=verdict,
+        noise=2.0 * size,
+        model_error=1.1873 * size,
+        detect=fields.pop(
+            "detect",
+            {"p_value": 1e-9, "excess": 4.1 * size, "smallest_detectable": {"creep": 0.4 * size, "leakage": None}},
+        ),
+        locate={
+            "time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}],
+            "frequency": [],
+            "region": [],
+            "place": [],
+            "response": None,
+        },
+        sentence="",
+        causes=causes,
+        names=(*(c.effect for c in causes), *rivals),
         rivals=tuple((name,) for name in rivals),
-        fit={"fitted": {"before": 9.8123 * size, "after": after if causes else None},
-             "unseen": {"before": 10.2419 * size, "after": after if causes else None,
-                        "gain_low": gain_low if causes else None}},
+        fit={
+            "fitted": {"before": 9.8123 * size, "after": after if causes else None},
+            "unseen": {
+                "before": 10.2419 * size,
+                "after": after if causes else None,
+                "gain_low": gain_low if causes else None,
+            },
+        },
         parameters={"shear_modulus": FittedParameter(value=26e3, low=25e3, high=27e3, unit="Pa", nominal=3e4)},
         **fields,
-    )  # fmt: skip
+    )
     return replace(diagnosis, sentence=say(diagnosis))
 
 
 CREEP = Cause(
-    effect="creep", family="film", probability=0.98, share_explained=0.967,
-    parameters={"time": Interval(value=54.12, low=50.2, high=59.3, unit="s"),
-                "modulus": Interval(value=25.1e3, low=24e3, high=26e3, unit="Pa")},
-)  # fmt: skip
+    effect="creep",
+    family="film",
+    probability=0.98,
+    share_explained=0.967,
+    parameters={
+        "time": Interval(value=54.12, low=50.2, high=59.3, unit="s"),
+        "modulus": Interval(value=25.1e3, low=24e3, high=26e3, unit="Pa"),
+    },
+)
 JUMP = Cause(
-    effect="sensor_jump", family="sensor", probability=0.6, share_explained=0.214,
-    parameters={"at": Interval(value=151.43, low=151.39, high=151.47, unit="s"),
-                "change": Interval(value=-1.234e-5, low=-1.3e-5, high=-1.1e-5, unit="m")},
-)  # fmt: skip
+    effect="sensor_jump",
+    family="sensor",
+    probability=0.6,
+    share_explained=0.214,
+    parameters={
+        "at": Interval(value=151.43, low=151.39, high=151.47, unit="s"),
+        "change": Interval(value=-1.234e-5, low=-1.3e-5, high=-1.1e-5, unit="m"),
+    },
+)
 RC = Cause(
-    effect="electrode_rc", family="electrical", probability=0.6, share_explained=0.0312,
-    parameters={"time": Interval(value=0.0381, low=0.0302, high=0.0477, unit="s"),
-                "film_share": Interval(value=0.5, low=0.0, high=1.0, unit="1")},
-)  # fmt: skip
+    effect="electrode_rc",
+    family="electrical",
+    probability=0.6,
+    share_explained=0.0312,
+    parameters={
+        "time": Interval(value=0.0381, low=0.0302, high=0.0477, unit="s"),
+        "film_share": Interval(value=0.5, low=0.0, high=1.0, unit="1"),
+    },
+)
 FAULTS = tuple(
-    {"experiment": e, "recording": r, "file": f"run_{r}_2026-11.csv", "fault": "the reading is stuck", "samples": 317,
-     "from_s": 1203.48, "to_s": 1209.8}
+    {
+        "experiment": e,
+        "recording": r,
+        "file": f"run_{r}_2026-11.csv",
+        "fault": "the reading is stuck",
+        "samples": 317,
+        "from_s": 1203.48,
+        "to_s": 1209.8,
+    }
     for e, r in ((1, 1), (1, 2), (2, 1), (2, 2))
-)  # fmt: skip
+)
 ADVICE = {"file": "next_input.csv", "seconds": 120.0, "confusion_before": 0.3014, "confusion_after": 0.0193}
-NO_INPUT = {"file": None, "seconds": None, "confusion_before": 0.3, "confusion_after": None, "waveform": None,
-            "added_mass_g": None, "measure": "the current"}  # fmt: skip
-DETECTED = {"p_value": 0.0025, "excess": 4.1, "smallest_detectable": {}, "practical": 0.52, "moved": 141.0,
-            "noise_source": "sheet", "repeatability": None,
-            "statistics": [{"name": "variance", "value": 4.2, "where": "", "score": 9.0, "p_value": 0.0025}],
-            "origin": {"by": "repeats", "share": 0.0412, "low": 0.0, "high": 0.1, "left": 4.0,
-                       "conclusion": "disturbance"}}  # fmt: skip
-REFUTED = {"holds": False, "failures": ["creep backwards in time does as well"], "gain_low": -0.2, "ablation": [],
-           "shams": [], "transfer": []}  # fmt: skip
+NO_INPUT = {
+    "file": None,
+    "seconds": None,
+    "confusion_before": 0.3,
+    "confusion_after": None,
+    "waveform": None,
+    "added_mass_g": None,
+    "measure": "the current",
+}
+DETECTED = {
+    "p_value": 0.0025,
+    "excess": 4.1,
+    "smallest_detectable": {},
+    "practical": 0.52,
+    "moved": 141.0,
+    "noise_source": "sheet",
+    "repeatability": None,
+    "statistics": [{"name": "variance", "value": 4.2, "where": "", "score": 9.0, "p_value": 0.0025}],
+    "origin": {"by": "repeats", "share": 0.0412, "low": 0.0, "high": 0.1, "left": 4.0, "conclusion": "disturbance"},
+}
+REFUTED = {
+    "holds": False,
+    "failures": ["creep backwards in time does as well"],
+    "gain_low": -0.2,
+    "ablation": [],
+    "shams": [],
+    "transfer": [],
+}
 DIAGNOSES = {
     "none": made_up(Verdict.NONE),
     "parameters": made_up(Verdict.PARAMETERS),
@@ -129,24 +188,29 @@ DIAGNOSES = {
     "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
     "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, next_experiment={**ADVICE, "added_mass_g": 4.5}),
     "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={**ADVICE, "confusion_after": 1e-269}),
-    "ambiguous, in part": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={
-        **ADVICE, "undecided": ["creep", "leakage"], "measure": "the current"}),
+    "ambiguous, in part": made_up(
+        Verdict.AMBIGUOUS,
+        CREEP,
+        next_experiment={**ADVICE, "undecided": ["creep", "leakage"], "measure": "the current"},
+    ),
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
-    "unknown, free form": made_up(Verdict.UNKNOWN, free_form={"place": "ball", "terms": [], "before": 10.2419,
-                                                              "after": 4.4123, "gain_low": 5.1}),
+    "unknown, free form": made_up(
+        Verdict.UNKNOWN, free_form={"place": "ball", "terms": [], "before": 10.2419, "after": 4.4123, "gain_low": 5.1}
+    ),
     "disturbance": made_up(Verdict.DISTURBANCE),
     "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
     "disturbance, all of it": made_up(
-        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.031}}),
+        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.031}}
+    ),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
     "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
     "not_testable": made_up(Verdict.NOT_TESTABLE),
     "newtons": made_up(Verdict.NAMED, CREEP, unit="N", size=1.37e-3),
     "volts": made_up(Verdict.UNKNOWN, unit="V", size=4.4e-6),
     "no unit": made_up(Verdict.PARAMETERS, unit="", size=1234.5),
-}  # fmt: skip
+}
 
 
 def test_every_verdict_is_there():
@@ -199,22 +263,30 @@ def test_each_verdict_says_only_what_it_may():
         assert ("fitted to all recordings" in said) is bool(diagnosis.detect.get("taken_up"))
 
 
-@pytest.mark.parametrize(("rivals", "also", "said"), [
-    ((("sensor_jump",),), (), "-11.0), perhaps without creep; with the first two the error"),
-    ((("sensor_jump",), ("creep",)), (), "-11.0), perhaps without creep, perhaps without sensor jump; with the"),
-    ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first two the error"),
-    ((("sensor_jump",), ("creep", "delay")), ("delay",), "-11.0), perhaps without creep, perhaps delay; with"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rivals", "also", "said"),
+    [
+        ((("sensor_jump",),), (), "-11.0), perhaps without creep; with the first two the error"),
+        ((("sensor_jump",), ("creep",)), (), "-11.0), perhaps without creep, perhaps without sensor jump; with the"),
+        ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first two the error"),
+        ((("sensor_jump",), ("creep", "delay")), ("delay",), "-11.0), perhaps without creep, perhaps delay; with"),
+    ],
+)
 def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_names(rivals, also, said):
     names = ("creep", "sensor_jump", *also)
     assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=names, rivals=rivals))
 
 
-@pytest.mark.parametrize(("rivals", "said"), [
-    ((("creep",),), "perhaps without sensor jump and electrode rc; with the first three the error"),
-    ((("creep", "electrode_rc"), ("creep", "sensor_jump")),
-     "perhaps without sensor jump, perhaps without electrode rc; with the first three the error"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rivals", "said"),
+    [
+        ((("creep",),), "perhaps without sensor jump and electrode rc; with the first three the error"),
+        (
+            (("creep", "electrode_rc"), ("creep", "sensor_jump")),
+            "perhaps without sensor jump, perhaps without electrode rc; with the first three the error",
+        ),
+    ],
+)
 def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals, said):
     names = ("creep", "sensor_jump", "electrode_rc")
     assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP, RC), names=names, rivals=rivals))
@@ -233,8 +305,13 @@ def test_a_risk_below_a_thousandth_is_said_as_a_bound():
     data = DIAGNOSES["ambiguous, surely"].to_dict()
     assert foreign_numbers({**data, "next_experiment": ADVICE}) == ["0.1"]  # a bound of nothing is no field
     assert [risk(share) for share in (0.3014, 0.0193, 0.00123, 0.001, 0.000999, 0.0)] == [
-        "30", "1.9", "0.12", "0.10", "below 0.1", "below 0.1",
-    ]  # fmt: skip
+        "30",
+        "1.9",
+        "0.12",
+        "0.10",
+        "below 0.1",
+        "below 0.1",
+    ]
 
 
 def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
@@ -247,11 +324,15 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
         shown = re.search(r"time constant of \S+ \S+ \((\S+) to (\S+)\)", told["sentence"])
         assert shown is not None and shown[1] != shown[2]
         assert foreign_numbers(told) == []
-    assert "54.13 s (54.12 to 54.15)" in made_up(
-        Verdict.NAMED, replace(CREEP, parameters={
-            **CREEP.parameters, "time": Interval(value=54.13, low=54.12, high=54.15, unit="s")
-        })
-    ).sentence  # fmt: skip
+    assert (
+        "54.13 s (54.12 to 54.15)"
+        in made_up(
+            Verdict.NAMED,
+            replace(
+                CREEP, parameters={**CREEP.parameters, "time": Interval(value=54.13, low=54.12, high=54.15, unit="s")}
+            ),
+        ).sentence
+    )
 
 
 def test_a_small_share_is_said_to_be_small():
@@ -301,9 +382,14 @@ def test_every_number_of_a_real_diagnosis_is_a_field():
     strip = Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
     stretch = 1 + np.interp(np.arange(900) / 100, np.arange(10), np.r_[0, rng.uniform(0.1, 1.0, 9)])
     silent = Recording.from_arrays(
-        stretch, np.zeros(900), 0.1, input_names=("stretch",), input_units=("1",),
-        output_names=("force",), output_units=("N",),
-    )  # fmt: skip
+        stretch,
+        np.zeros(900),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
     pulled = strip.with_effects(Creep(modulus=60e3, time=25.0)).record(Experiment(recordings=(silent,)), rng)
     data = diagnose(strip, pulled, effects=[Creep()]).to_dict()
     assert data["verdict"] == "named"

@@ -9,9 +9,11 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 MODEL = NarxModel.from_terms(
-    {"y(k-1)": 0.6, "y(k-2)": -0.1, "u1(k-1)": 0.5, "u1(k-1)u2(k-5)": 0.4}, sample_time=0.5, input_names=("u", "w"),
+    {"y(k-1)": 0.6, "y(k-2)": -0.1, "u1(k-1)": 0.5, "u1(k-1)u2(k-5)": 0.4},
+    sample_time=0.5,
+    input_names=("u", "w"),
     input_units=("", ""),
-)  # fmt: skip
+)
 LINEAR = LinearModel(a=[1, -0.9, 0.3], b=[[0, 0, 0, 0.5]], f=[[1, -0.5]], offset=0.1, sample_time=0.5)
 
 
@@ -49,9 +51,7 @@ def test_outputs_after_the_last_known_one_are_not_needed(inputs):
 
 
 def test_a_recording_of_inputs_alone_keeps_its_clock(inputs):
-    commands = Recording.from_arrays(
-        inputs, np.zeros((0, 60)), 0.5, start=7.0, output_names=[], input_names=["u", "w"]
-    )
+    commands = Recording.from_arrays(inputs, np.zeros((0, 60)), 0.5, start=7.0, output_names=[], input_names=["u", "w"])
     run = MODEL.simulate(commands, initial=[0.3, -0.2])
     assert run.timepts[0] == 7.0
     assert np.array_equal(run.outputs, MODEL.simulate(inputs, initial=[0.3, -0.2]).outputs)
@@ -61,9 +61,7 @@ def test_a_recording_of_inputs_alone_keeps_its_clock(inputs):
 
 
 def test_several_outputs_and_one_input():
-    pair = NarxModel.from_terms(
-        {"y1": {"y2(k-1)": 0.5, "u(k)": 1.0}, "y2": {"y1(k-1)": -0.5}}, sample_time=1.0
-    )
+    pair = NarxModel.from_terms({"y1": {"y2(k-1)": 0.5, "u(k)": 1.0}, "y2": {"y1(k-1)": -0.5}}, sample_time=1.0)
     run = pair.simulate([1.0, 2.0, 3.0], initial=[[1.0], [2.0]])
     assert np.allclose(run.outputs, [[1.0, 3.0, 2.75], [2.0, -0.5, -1.5]])
     with pytest.raises(ModelError, match=r"initial has the shape \(2,\); the model takes \(2, m\)"):

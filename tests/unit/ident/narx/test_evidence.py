@@ -76,9 +76,10 @@ def test_odds_and_moves_agree_with_all_subsets(seed):
 
     def neighbours(subset):
         return [
-            other for other in subsets
+            other
+            for other in subsets
             if len(subset ^ other) == 1 or (len(other) == len(subset) and len(subset ^ other) == 2)
-        ]  # fmt: skip
+        ]
 
     for start in ([1], [4, 6], list(range(m))):
         moves = list(climb(data, np.array(start)))

@@ -90,10 +90,13 @@ def test_innovations_are_the_noise_that_made_the_record(way):
     u, e = rng.uniform(-1, 1, (1, n)), 0.1 * rng.normal(size=(1, n))
     e[:, :2] = 0.0
     y = loop(
-        n, 2, np.zeros((1, n)),
-        lambda k, y: 0.5 * y[:, k - 1] + 0.8 * u[:, k - 2]
-        + 0.4 * e[:, k - 1] - 0.3 * u[:, k - 1] * e[:, k - 2] + e[:, k],
-    )  # fmt: skip
+        n,
+        2,
+        np.zeros((1, n)),
+        lambda k, y: (
+            0.5 * y[:, k - 1] + 0.8 * u[:, k - 2] + 0.4 * e[:, k - 1] - 0.3 * u[:, k - 1] * e[:, k - 2] + e[:, k]
+        ),
+    )
     terms = table("y(k-1)", "e(k-1)", "u(k-2)", "u(k-1)e(k-2)")
     found = innovations(terms, np.array([0.5, 0.4, 0.8, -0.3]), u, y)
     np.testing.assert_array_equal(found[:, :2], 0.0)

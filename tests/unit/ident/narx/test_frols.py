@@ -105,9 +105,7 @@ def test_dependent_candidates_are_not_chosen_twice():
 
 @pytest.mark.parametrize("criterion", ["ebic", "bic", "aic", "aicc", "press"])
 def test_noise_free_data_do_not_buy_terms_at_rounding_level(criterion):
-    frols = Frols(output_lags=2, input_lags=2, degree=2, max_terms=8, criterion=criterion).fit(
-        bilinear(noise=0.0)
-    )
+    frols = Frols(output_lags=2, input_lags=2, degree=2, max_terms=8, criterion=criterion).fit(bilinear(noise=0.0))
     true = {"y(k-1)": 0.5, "u(k-2)": 0.8, "y(k-1)u(k-1)": -0.3}
     for term, theta in zip(frols.terms_, frols.model_.theta, strict=True):
         assert theta == pytest.approx(true.get(str(term), 0.0), abs=1e-12)

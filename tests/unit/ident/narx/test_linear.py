@@ -127,12 +127,7 @@ def information(orders, theta):
 CASES = {
     "armax": (Armax(na=2, nb=2, nc=1, offset=False), (1.0, 0.6), F, [-1.5, 0.7, 1.0, 0.5, 0.6]),
     "oe": (OutputError(nb=2, nf=2, offset=False), (1.0,), (1.0,), [1.0, 0.5, -1.5, 0.7]),
-    "bj": (
-        BoxJenkins(nb=2, nf=2, nc=1, nd=1, offset=False),
-        (1.0, 0.6),
-        (1.0, -0.8),
-        [1.0, 0.5, -1.5, 0.7, 0.6, -0.8],
-    ),
+    "bj": (BoxJenkins(nb=2, nf=2, nc=1, nd=1, offset=False), (1.0, 0.6), (1.0, -0.8), [1.0, 0.5, -1.5, 0.7, 0.6, -0.8]),
 }
 
 

@@ -34,26 +34,14 @@ def full_model():
         input_units=("V",),
         output_units=("m",),
         operating=OperatingRange(
-            input_min=[-1],
-            input_max=[1],
-            input_centre=[0.1],
-            output_min=[-0.9],
-            output_max=[0.8],
-            output_centre=[0.03],
+            input_min=[-1], input_max=[1], input_centre=[0.1], output_min=[-0.9], output_max=[0.8], output_centre=[0.03]
         ),
         provenance={"file": "a.csv"},
     )
 
 
 def by_hand(u, y, k):
-    return (
-        0.5 * y[k - 1]
-        - 0.2 * y[k - 2]
-        + 0.3 * u[k - 1]
-        + 0.1 * u[k] ** 2
-        - 0.05 * y[k - 1] ** 2 * u[k - 2]
-        + 0.02
-    )
+    return 0.5 * y[k - 1] - 0.2 * y[k - 2] + 0.3 * u[k - 1] + 0.1 * u[k] ** 2 - 0.05 * y[k - 1] ** 2 * u[k - 2] + 0.02
 
 
 def test_predict_uses_the_measured_past_and_simulate_its_own():

@@ -89,9 +89,8 @@ def test_a_model_is_made_of_terms_in_its_own_names():
 def test_terms_of_several_outputs_are_given_by_their_names():
     data = make_recording()
     both = Recording.from_arrays(
-        data.inputs, np.vstack([data.outputs, -2 * data.outputs]), 1.0,
-        input_names=["u", "w"], output_names=["a", "b"],
-    )  # fmt: skip
+        data.inputs, np.vstack([data.outputs, -2 * data.outputs]), 1.0, input_names=["u", "w"], output_names=["a", "b"]
+    )
     model = Fixed(terms={"b": ["a(k-1)", "u(k-1)"], "a": ["a(k-1)", "w(k-5)"]}).fit(both).model_
     assert model.equations == (0, 0, 1, 1) and [str(t) for t in model.terms][1] == "u2(k-5)"
 

@@ -213,8 +213,10 @@ def test_several_recordings_and_outputs():
     process = Fixed(terms={"y1": ["y1(k-1)", "u(k-1)"], "y2": ["y1(k-1)", "u(k-1)"]})
     narmax = Narmax(process, noise_lags=1, noise_degree=1)
     narmax.fit([whole.section(0, 400), whole.section(400, 900)])
-    written = {(row, str(term)): value for row, term, value in
-               zip(narmax.model_.equations, narmax.model_.terms, narmax.model_.theta, strict=True)}  # fmt: skip
+    written = {
+        (row, str(term)): value
+        for row, term, value in zip(narmax.model_.equations, narmax.model_.terms, narmax.model_.theta, strict=True)
+    }
     assert written[0, "e1(k-1)"] == pytest.approx(0.7, abs=0.1)
     assert written[1, "e2(k-1)"] == pytest.approx(-0.6, abs=0.1)
     assert written[0, "y1(k-1)"] == pytest.approx(0.6, abs=0.05)

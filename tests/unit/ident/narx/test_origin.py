@@ -159,10 +159,16 @@ def about_origin():
 
 def jacobian():
     """Of the raw parameters (1, y1, u1, u2, u1^2, y1 u2) by those about the origin: (y - Y0)(u - U0) and so on."""
-    return np.array([
-        [1, -Y0, -U0, U0**2, Y0 * U0], [0, 1, 0, 0, -U0], [0, 0, 1, -2 * U0, 0], [0, 0, 0, 0, -Y0],
-        [0, 0, 0, 1, 0], [0, 0, 0, 0, 1],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [1, -Y0, -U0, U0**2, Y0 * U0],
+            [0, 1, 0, 0, -U0],
+            [0, 0, 1, -2 * U0, 0],
+            [0, 0, 0, 0, -Y0],
+            [0, 0, 0, 1, 0],
+            [0, 0, 0, 0, 1],
+        ]
+    )
 
 
 def raw():
@@ -310,8 +316,13 @@ def test_the_exported_source_runs_as_the_model(tmp_path):
 
 def test_a_named_signal_is_written_as_in_the_terms() -> None:
     model = NarxModel.from_terms(
-        {"y(k-1)": 0.5, "u(k-1)": 2.0}, sample_time=1.0, output_names=("T",), output_units=("K",),
-        input_names=("heater power",), input_units=("1",), output_origin=np.array([300.0]),
+        {"y(k-1)": 0.5, "u(k-1)": 2.0},
+        sample_time=1.0,
+        output_names=("T",),
+        output_units=("K",),
+        input_names=("heater power",),
+        input_units=("1",),
+        output_origin=np.array([300.0]),
         input_origin=np.array([40.0]),
-    )  # fmt: skip
+    )
     assert str(model).splitlines()[1] == "where T counts from 300 K, u is heater power less 40"

@@ -61,8 +61,11 @@ def test_normal_draws_keep_the_noise():
 def test_equations_have_a_noise_of_their_own():
     two = NarxModel.from_terms(
         {"y1": {"y1(k-1)": 0.5}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}},
-        sample_time=1.0, theta_cov=np.diag([1.0, 2.0, 3.0]), noise_variance=[0.1, 0.2], theta_dof=8.0,
-    )  # fmt: skip
+        sample_time=1.0,
+        theta_cov=np.diag([1.0, 2.0, 3.0]),
+        noise_variance=[0.1, 0.2],
+        theta_dof=8.0,
+    )
     draws = ThetaPosterior(model=two).sample(np.random.default_rng(2), 20_000)
     ratio = draws.noise_variance / [0.1, 0.2]
     assert abs(np.corrcoef(ratio.T)[0, 1]) < 0.05

@@ -99,8 +99,10 @@ def test_past_noise_acts_in_one_step_and_free_run():
 def test_each_output_has_the_band_of_its_equation():
     two = NarxModel.from_terms(
         {"y1": {"u(k-1)": 0.5}, "y2": {"y1(k-1)": 1.0}},
-        sample_time=0.1, theta_cov=np.diag([0.04, 0.0]), noise_variance=[0.0, 0.09],
-    )  # fmt: skip
+        sample_time=0.1,
+        theta_cov=np.diag([0.04, 0.0]),
+        noise_variance=[0.0, 0.09],
+    )
     rng = np.random.default_rng(8)
     new = Recording.from_arrays(rng.uniform(-1, 1, 50), rng.normal(size=(2, 50)), 0.1)
     half = (lambda band: (band.upper - band.lower)[:, 1:] / 2)(one_step_band(two, new))

@@ -41,8 +41,13 @@ def signal(kind, rng, n=1600):
 @pytest.mark.parametrize(
     ("lag", "kind", "snr", "colour"),
     [
-        (0, "held", 20.0, 0.9), (1, "white", 40.0, 0.0), (3, "held", 40.0, 0.9), (7, "white", 20.0, 0.9),
-        (25, "held", 20.0, 0.9), (60, "white", 40.0, 0.0), (60, "held", 20.0, 0.9),
+        (0, "held", 20.0, 0.9),
+        (1, "white", 40.0, 0.0),
+        (3, "held", 40.0, 0.9),
+        (7, "white", 20.0, 0.9),
+        (25, "held", 20.0, 0.9),
+        (60, "white", 40.0, 0.0),
+        (60, "held", 20.0, 0.9),
     ],
 )
 def test_the_first_lag_at_which_the_input_acts(lag, kind, snr, colour):

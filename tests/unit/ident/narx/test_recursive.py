@@ -43,9 +43,7 @@ def drifting(seed=0, n=600, std=(0.002, 0.02, 0.0)):
 
 def regressors(*recordings):
     """Regressors, shape (n, 3), and outputs, written once more."""
-    rows = [
-        np.stack([r.outputs[0, :-1], r.inputs[0, :-1], r.inputs[0, :-1] ** 2], axis=1) for r in recordings
-    ]
+    rows = [np.stack([r.outputs[0, :-1], r.inputs[0, :-1], r.inputs[0, :-1] ** 2], axis=1) for r in recordings]
     return np.concatenate(rows), np.concatenate([r.outputs[0, 1:] for r in recordings])
 
 
@@ -251,9 +249,7 @@ def test_several_outputs_each_have_their_equation():
     for k in range(1, 400):
         y[0, k] = 0.5 * y[0, k - 1] + (1 + k / 400) * u[k - 1] + e[0, k]
         y[1, k] = 0.8 * y[0, k - 1] + e[1, k]
-    model = NarxModel.from_terms(
-        {"y1": {"y1(k-1)": 0.5, "u(k-1)": 1.0}, "y2": {"y1(k-1)": 0.8}}, sample_time=0.1
-    )
+    model = NarxModel.from_terms({"y1": {"y1(k-1)": 0.5, "u(k-1)": 1.0}, "y2": {"y1(k-1)": 0.8}}, sample_time=0.1)
     recording = Recording.from_arrays(u, y, 0.1)
     written = {"y1": ["y1(k-1)", "u(k-1)"], "y2": ["y1(k-1)"]}
     for estimator in (Rls(terms=model, forgetting=0.97), ThetaSmoother(terms=model), ThetaSmoother(terms=written)):
@@ -289,8 +285,11 @@ def test_a_trajectory_runs_with_the_parameters_of_each_time():
     recording, theta = drifting(12, 120)
     known = ThetaTrajectory(
         model=NarxModel.from_terms(dict.fromkeys(TERMS, 1.0), sample_time=0.1),
-        timepts=recording.timepts, theta=theta, theta_cov=np.zeros((120, 3, 3)), drift_variance=np.zeros(3),
-    )  # fmt: skip
+        timepts=recording.timepts,
+        theta=theta,
+        theta_cov=np.zeros((120, 3, 3)),
+        drift_variance=np.zeros(3),
+    )
     u, y = recording.inputs[0], recording.outputs[0]
     step, free = known.predict(recording).outputs[0], known.simulate(recording).outputs[0]
     run = [y[0]]
@@ -354,7 +353,7 @@ def test_the_contract_and_what_cannot_be():
         (Rls(terms=TERMS, forgetting=1.1), "forgetting = 1.1"),
         (Rls(terms=("e(k-1)",)), "without noise"),
         (Rls(terms=()), "give a list of terms"),
-        (Rls(terms=("y(k-1", )), "cannot read the term"),
+        (Rls(terms=("y(k-1",)), "cannot read the term"),
         (ThetaSmoother(terms=TERMS, drift="al"), "known are each and common"),
         (ThetaSmoother(terms=TERMS, variances="likelyhood"), 'did you mean "likelihood"'),
         (ThetaSmoother(terms=TERMS, noise_variance=1.0), "together"),

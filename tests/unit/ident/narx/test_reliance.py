@@ -61,9 +61,7 @@ def test_a_missing_input_term_is_a_caveat() -> None:
         ({"y(k-1)": 1.5, "u(k-1)": 0.2}, ValidationStatus.UNSTABLE, "the model is unstable"),
     ],
 )
-def test_a_free_run_that_runs_away_is_a_caveat(
-    terms: dict[str, float], status: ValidationStatus, said: str
-) -> None:
+def test_a_free_run_that_runs_away_is_a_caveat(terms: dict[str, float], status: ValidationStatus, said: str) -> None:
     model = NarxModel.from_terms(terms, sample_time=0.01)
     found = assess_reliance(model, [recorded(3, factor=3.0)])
     assert found is not None and found.status is status and found.gain_error is None

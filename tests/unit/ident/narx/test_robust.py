@@ -61,9 +61,7 @@ def test_all_cosines_together_are_the_sample_covariance() -> None:
     # Parseval: an orthonormal transform keeps the sum of squares about the mean
     np.testing.assert_allclose(cosines.scale, np.cov(series.T) / 40, rtol=1e-12)
     direction = np.array([[1.0, -2.0, 0.3]])
-    np.testing.assert_allclose(
-        cosines.projected(direction).scale, Cosines.of(series @ direction.T).scale, rtol=1e-12
-    )  # fmt: skip
+    np.testing.assert_allclose(cosines.projected(direction).scale, Cosines.of(series @ direction.T).scale, rtol=1e-12)
 
 
 def test_a_drift_is_told_from_scatter_and_followed() -> None:

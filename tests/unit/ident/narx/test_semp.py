@@ -36,11 +36,16 @@ def published_search(terms, u, y, first, steps):
     """Piroddi and Spinelli's search, one candidate at a time; returns (added, pruned, SRR) of each step."""
 
     def msse(chosen):
-        phi = np.array([
-            np.prod([np.ones(y.size - first)] + [
-                (y if v.kind == "y" else u)[first - v.lag : y.size - v.lag] for v in term.expanded
-            ], axis=0) for term in chosen
-        ]).T  # fmt: skip
+        phi = np.array(
+            [
+                np.prod(
+                    [np.ones(y.size - first)]
+                    + [(y if v.kind == "y" else u)[first - v.lag : y.size - v.lag] for v in term.expanded],
+                    axis=0,
+                )
+                for term in chosen
+            ]
+        ).T
         theta = np.linalg.lstsq(phi, y[first:])[0]
         return np.mean((y - simulated(chosen, theta, u, y, first))[first:] ** 2)
 

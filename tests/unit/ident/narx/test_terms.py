@@ -9,9 +9,7 @@ from deatwin.ident.narx import Term, TermTable, generate_terms
 from deatwin.plant.errors import ModelError
 
 
-@pytest.mark.parametrize(
-    "text", ["1", "y(k-1)", "u(k)", "y(k-1)u(k-2)^2", "y(k-1)^3u(k-4)", "y1(k-1)u2(k-3)^2"]
-)
+@pytest.mark.parametrize("text", ["1", "y(k-1)", "u(k)", "y(k-1)u(k-2)^2", "y(k-1)^3u(k-4)", "y1(k-1)u2(k-3)^2"])
 def test_writing_and_reading_are_inverse(text):
     assert str(Term.parse(text)) == text
 
@@ -45,9 +43,7 @@ def test_explicit_lags_and_channels():
     assert terms == {"1", "y(k-1)", "u1(k-1)", "u2(k-1)"}
 
 
-@pytest.mark.parametrize(
-    "arguments", [(1, 1, 0), ([0], 1, 1), (1, [-1], 1), (0, 0, 2), (-1, 1, 1), ([1.5], 1, 1)]
-)
+@pytest.mark.parametrize("arguments", [(1, 1, 0), ([0], 1, 1), (1, [-1], 1), (0, 0, 2), (-1, 1, 1), ([1.5], 1, 1)])
 def test_senseless_candidates_are_refused(arguments):
     with pytest.raises(ModelError):
         generate_terms(*arguments)
@@ -56,9 +52,7 @@ def test_senseless_candidates_are_refused(arguments):
 def test_regressors_equal_the_written_products():
     rng = np.random.default_rng(1)
     u, y = rng.normal(size=(2, 30)), rng.normal(size=(1, 30))
-    table = TermTable(
-        tuple(map(Term.parse, ["1", "y(k-2)u1(k-1)^2", "u2(k)", "y(k-2)u1(k-1)^2u2(k-3)", "y(k-1)"]))
-    )
+    table = TermTable(tuple(map(Term.parse, ["1", "y(k-2)u1(k-1)^2", "u2(k)", "y(k-2)u1(k-1)^2u2(k-3)", "y(k-1)"])))
     assert table.max_lag == 3
     k = np.arange(3, 30)
     product = y[0, k - 2] * u[0, k - 1] ** 2

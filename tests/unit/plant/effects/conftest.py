@@ -52,9 +52,13 @@ class Chain(Rig):
         build.watch("capacitance", 1e-9 * (1 + swelling))
         point = FilmPoint(volume=self.volume, stretches=self.stretches, radius=0.5)
         film = Film(
-            points=[point], elastic=0.0, stretch=swelling, relaxed=lambda xi: [(xi, xi)], stiffness=1.0,
+            points=[point],
+            elastic=0.0,
+            stretch=swelling,
+            relaxed=lambda xi: [(xi, xi)],
+            stiffness=1.0,
             rest_stretch=1.0,
-        )  # fmt: skip
+        )
         build.share("film", film)
         command = build.watch("acting_command", build.place(Place.DRIVE, "command", build.command))
         voltage = build.parameter("gain") * command

@@ -182,7 +182,8 @@ is no larger than both."""
 
 @pytest.mark.parametrize("quarters", [1, 2, 4, 6, 7])
 @pytest.mark.parametrize(
-    "commands", [STAIRS, REVERSALS, FROM_ZERO, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)],
+    "commands",
+    [STAIRS, REVERSALS, FROM_ZERO, band_limited_noise(np.random.default_rng(4), 10.0, 0.02)],
     ids=["stairs", "reversals", "from 0 V", "noise"],
 )
 def test_a_delay_between_samples_is_one_of_whole_shorter_samples(commands, quarters):

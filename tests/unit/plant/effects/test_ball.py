@@ -71,8 +71,12 @@ def integrated(commands, force, damper=0.05):
     for u in commands:
         state = solve_ivp(
             lambda _, s, u=u: [s[1], (u - STIFFNESS * s[0] - damper * s[1] + force(s[0], s[1])) / MASS],
-            (0, SAMPLE), state, method="DOP853", rtol=1e-10, atol=1e-14,
-        ).y[:, -1]  # fmt: skip
+            (0, SAMPLE),
+            state,
+            method="DOP853",
+            rtol=1e-10,
+            atol=1e-14,
+        ).y[:, -1]
         ends.append(state[0])
     return np.array(ends)
 
@@ -180,9 +184,13 @@ def test_friction_survives_noise_and_holds(force):
 
 
 PASSIVE = [
-    CoulombFriction(force=1e-3, slip=50e-9), CubicStiffness(stiffness=2e7), EndStop(position=0.1e-3), Hysteresis(),
-    QuadraticDamping(coefficient=3.0), Resonance(mass=0.5e-3),
-]  # fmt: skip
+    CoulombFriction(force=1e-3, slip=50e-9),
+    CubicStiffness(stiffness=2e7),
+    EndStop(position=0.1e-3),
+    Hysteresis(),
+    QuadraticDamping(coefficient=3.0),
+    Resonance(mass=0.5e-3),
+]
 
 
 @pytest.mark.parametrize("seed", range(4))

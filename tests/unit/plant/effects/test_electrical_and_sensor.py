@@ -22,10 +22,21 @@ from deatwin.plant.effects.sensor_saturation import SensorSaturation
 from deatwin.plant.excitation import band_limited_noise
 
 EFFECTS = (
-    AmplifierOffset(), AmplifierSaturation(limit=2.2e3), AmplifierSlew(), ChargeInjection(time=3.0), Delay(time=0.033),
-    DielectricAbsorption(time=2.0), ElectrodeLoss(at=1.006), ElectrodeRC(), Leakage(), SensorCurvature(),
-    SensorDrift(time=30.0), SensorJump(at=1.506), SensorLag(), SensorSaturation(limit=0.15e-3),
-)  # fmt: skip
+    AmplifierOffset(),
+    AmplifierSaturation(limit=2.2e3),
+    AmplifierSlew(),
+    ChargeInjection(time=3.0),
+    Delay(time=0.033),
+    DielectricAbsorption(time=2.0),
+    ElectrodeLoss(at=1.006),
+    ElectrodeRC(),
+    Leakage(),
+    SensorCurvature(),
+    SensorDrift(time=30.0),
+    SensorJump(at=1.506),
+    SensorLag(),
+    SensorSaturation(limit=0.15e-3),
+)
 NOISE = band_limited_noise(np.random.default_rng(8), 2.4, 0.02)
 TOLERANCE = 1e-6  # demanded of each parameter's sensitivity, relative to its rms
 

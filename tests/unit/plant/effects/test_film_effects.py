@@ -171,9 +171,14 @@ def permitting(effect, stretch):
     point = FilmPoint(volume=1e-8, stretches=(symbol, symbol), radius=0.5)
     capacitance = 4.5 * VACUUM_PERMITTIVITY / (0.5e-3) ** 2 * 1e-8 * symbol**4
     film = Film(
-        points=[point], elastic=ca.SX(0), capacitances=[capacitance], stretch=symbol, relaxed=lambda xi: [(xi, xi)],
-        stiffness=1.0, rest_stretch=3.5,
-    )  # fmt: skip
+        points=[point],
+        elastic=ca.SX(0),
+        capacitances=[capacitance],
+        stretch=symbol,
+        relaxed=lambda xi: [(xi, xi)],
+        stiffness=1.0,
+        rest_stretch=3.5,
+    )
     changed = effect.rewrite(film, build)
     slope = build.own("permittivity_stretch.slope")
     found = [ca.Function("f", [symbol, slope], [f.force(symbol, 1.0), f.capacitance]) for f in (film, changed)]

@@ -39,10 +39,17 @@ from deatwin.plant.effects.primitives import (
 
 X, V, U = ({"variable": n, "scale": s} for n, s in (("displacement", 1e-3), ("velocity", 0.02), ("command", 2.0)))
 TERMS = (
-    Power(order=3, **X), DeadBand(width=0.5, **X), Play(width=0.3, **X), Largest(**X), Smallest(**X),
-    LowPass(time=0.5, order=2, **U), SignedSquare(**V), Magnitude(**V),
-    Power(variable="command_rate", scale=50.0), Power(variable="time", scale=3.0),
-)  # fmt: skip
+    Power(order=3, **X),
+    DeadBand(width=0.5, **X),
+    Play(width=0.3, **X),
+    Largest(**X),
+    Smallest(**X),
+    LowPass(time=0.5, order=2, **U),
+    SignedSquare(**V),
+    Magnitude(**V),
+    Power(variable="command_rate", scale=50.0),
+    Power(variable="time", scale=3.0),
+)
 FORM = FreeForm(size=0.1, terms=TERMS, coefficients=(-1.0, 0.2, -0.2, 0.1, 0.1, 0.3, -0.1, 0.1, 0.05, 0.2))
 CORNER = 0.01
 """Rounding of corners in units of the scale: p(x) = x²/(x + 0.01) is at most 0.01 below x."""

@@ -101,9 +101,12 @@ def test_a_sensor_that_clips_leaves_the_ball_alone(base, experiment):
 
 def test_the_chain_of_a_sensor_is_bent_then_shifted_then_late_then_clipped(chain):
     effects = (
-        SensorCurvature(curvature=80.0), SensorDrift(change=40e-6, time=30.0), SensorJump(change=30e-6, at=2.01),
-        SensorLag(time=0.0), SensorSaturation(limit=0.3e-3),
-    )  # fmt: skip
+        SensorCurvature(curvature=80.0),
+        SensorDrift(change=40e-6, time=30.0),
+        SensorJump(change=30e-6, at=2.01),
+        SensorLag(time=0.0),
+        SensorSaturation(limit=0.3e-3),
+    )
     step = (1 + np.tanh((ENDS - 2.01) / 0.005 / 2)) / 2
     shifted = MOTION + 80.0 * MOTION**2 + 40e-6 * (1 - np.exp(-ENDS / 30.0)) + 30e-6 * step
     exact = shifted - 1e-6 * np.logaddexp(0.0, (shifted - 0.3e-3) / 1e-6)

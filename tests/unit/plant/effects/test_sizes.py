@@ -22,7 +22,7 @@ from deatwin.plant import (
     Rig,
     StartProcedure,
     catalogue,
-)  # fmt: skip
+)
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
@@ -31,9 +31,15 @@ DIAPHRAGM = Sizes()
 MOTION, FORCE, TIME, COMMAND = 250.0, 3e4, 0.2, 40.0
 """Of a plant beside the diaphragm's: lengths, forces, times and commands are so many times larger."""
 LARGE = Sizes(
-    motion=MOTION * DIAPHRAGM.motion, force=FORCE * DIAPHRAGM.force, period=TIME * DIAPHRAGM.period,
-    command=COMMAND * DIAPHRAGM.command, motion_unit="V", force_unit="V/s2", command_unit="A", body="mass",
-)  # fmt: skip
+    motion=MOTION * DIAPHRAGM.motion,
+    force=FORCE * DIAPHRAGM.force,
+    period=TIME * DIAPHRAGM.period,
+    command=COMMAND * DIAPHRAGM.command,
+    motion_unit="V",
+    force_unit="V/s2",
+    command_unit="A",
+    body="mass",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +80,10 @@ class Mass(Rig):
         force = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
         build.rate(position, velocity)
         build.rate(
-            velocity, build.parameter("gain") * command - build.parameter("stiffness") * position + force,
+            velocity,
+            build.parameter("gain") * command - build.parameter("stiffness") * position + force,
             mass=build.parameter("mass"),
-        )  # fmt: skip
+        )
         return build.place(Place.SENSOR, "reading", position)
 
 

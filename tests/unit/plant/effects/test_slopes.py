@@ -20,9 +20,15 @@ from deatwin.plant.excitation import band_limited_noise
 
 NOISE = band_limited_noise(np.random.default_rng(3), 3.0, 0.02)
 SMOOTH = [
-    CubicStiffness(), PeriodicDisturbance(), PermittivityStretch(), PrestretchRelaxation(time=20.0),
-    QuadraticDamping(), Resonance(mass=2e-3), StrainStiffening(), ThermalStiffness(period=20.0),
-]  # fmt: skip
+    CubicStiffness(),
+    PeriodicDisturbance(),
+    PermittivityStretch(),
+    PrestretchRelaxation(time=20.0),
+    QuadraticDamping(),
+    Resonance(mass=2e-3),
+    StrainStiffening(),
+    ThermalStiffness(period=20.0),
+]
 """Functions of state and time without corners."""
 CORNERED = [CoulombFriction(), CoulombFriction(slip=1e-6), EndStop(), Hysteresis(beta=0.6), Mullins()]
 """Their corners are rounded, but to widths that a difference must stay below: shorter steps, larger errors."""

@@ -50,18 +50,16 @@ def test_input_output_data(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("ending", "package"), [(".tdms", "nptdms"), (".nc", "h5py"), (".nc", "h5netcdf"), (".nc", "xarray")]
 )
-def test_missing_package_is_named(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ending: str, package: str
-) -> None:
+def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, ending: str, package: str) -> None:
     for other in ("nptdms", "h5py", "h5netcdf", "xarray"):
         monkeypatch.setitem(sys.modules, other, ModuleType(other))
     monkeypatch.setitem(sys.modules, package, None)  # as if it were not installed
     path = tmp_path / f"rec{ending}"
-    with pytest.raises(DataError, match=rf'needs the package {package}: pip install {package}$'):
+    with pytest.raises(DataError, match=rf"needs the package {package}: pip install {package}$"):
         write_recording(path, RECORDING)
     assert not list(tmp_path.iterdir())
     path.write_bytes(b"\x89HDF")
-    with pytest.raises(DataError, match=rf'rec{ending}: .* needs the package {package}: pip install {package}$'):
+    with pytest.raises(DataError, match=rf"rec{ending}: .* needs the package {package}: pip install {package}$"):
         read_recording(path)
 
 

@@ -48,9 +48,7 @@ def lines_at(times: np.ndarray) -> list[str]:
 
 @pytest.fixture
 def write(tmp_path: Path):
-    def write_file(
-        lines: list[str], *, encoding: str = "utf-8", end: str = "\n", name: str = "rec.csv"
-    ) -> Path:
+    def write_file(lines: list[str], *, encoding: str = "utf-8", end: str = "\n", name: str = "rec.csv") -> Path:
         path = tmp_path / name
         path.write_bytes((end.join(lines) + end).encode(encoding))
         return path
@@ -74,18 +72,14 @@ class TestFormats:
     def test_chinese_header_with_units_below_quotes_and_blank_lines(self, write, encoding: str) -> None:
         quoted = [",".join(f'"{cell}"' for cell in row.split(",")) for row in rows()]
         lines = ["", "时间,位移,力", "(s),(mm),(N)", *quoted, ""]
-        recording = read_recording(
-            write(lines, encoding=encoding, end="\r\n"), input_column="位移", output_column="力"
-        )
+        recording = read_recording(write(lines, encoding=encoding, end="\r\n"), input_column="位移", output_column="力")
         assert (recording.input_names, recording.input_units) == (("位移",), ("m",))
         assert (recording.output_names, recording.output_units) == (("力",), ("N",))
         assert (recording.n_samples, recording.inputs[0, 0], recording.outputs[0, 0]) == (50, 1e-3, 0.1)
         assert recording.provenance["rows"] == "4-53"
 
     def test_latin_1(self, write) -> None:
-        path = write(
-            ["Zeit [s],Spannung [V],Weg [µm],Überdruck", *(f"{row},1" for row in rows())], encoding="latin-1"
-        )
+        path = write(["Zeit [s],Spannung [V],Weg [µm],Überdruck", *(f"{row},1" for row in rows())], encoding="latin-1")
         recording = read_recording(path, input_column="Spannung", output_column="Weg [µm]")
         assert recording.output_names == ("Weg",)
         assert recording.outputs[0, 0] == pytest.approx(0.1e-6)
@@ -138,9 +132,7 @@ class TestFormats:
 
 
 class TestClock:
-    @pytest.mark.parametrize(
-        ("rate", "decimals"), [(50.0, 2), (60.0, 4), (300.0, 3), (3.0, 1), (1.0, 0), (48.7, 3)]
-    )
+    @pytest.mark.parametrize(("rate", "decimals"), [(50.0, 2), (60.0, 4), (300.0, 3), (3.0, 1), (1.0, 0), (48.7, 3)])
     def test_rounded_print_of_even_times(self, write, rate: float, decimals: int) -> None:
         times = np.round(np.arange(3000) / rate, decimals)
         recording = read_recording(write(lines_at(times)))
@@ -217,9 +209,7 @@ class TestClock:
     def test_times_must_increase(self, write, time: str) -> None:
         lines = [HEADER, *rows()]
         lines[11] = f"{time},1.0,0.1"
-        with pytest.raises(
-            DataError, match=rf"row 12: times do not increase: {float(time):g} s follows 0.18 s"
-        ):
+        with pytest.raises(DataError, match=rf"row 12: times do not increase: {float(time):g} s follows 0.18 s"):
             read_recording(write(lines))
 
     def test_one_row(self, write) -> None:
@@ -235,23 +225,11 @@ class TestFaults:
             (["", "  "], r"rec.csv: the file is empty"),
             ([HEADER], r"rec.csv: a header but no samples"),
             (rows(), r"rec.csv, row 1: no header, so no column is named as the input; name the columns"),
-            (
-                [HEADER.replace("command", "comand"), *rows()],
-                r'no column "command_V"; .*mean "comand_V"\?.*--input-',
-            ),
-            (
-                [HEADER.replace("displacement", "d"), *rows()],
-                r'no column "displacement_mm"; .*--output-column',
-            ),
+            ([HEADER.replace("command", "comand"), *rows()], r'no column "command_V"; .*mean "comand_V"\?.*--input-'),
+            ([HEADER.replace("displacement", "d"), *rows()], r'no column "displacement_mm"; .*--output-column'),
             ([HEADER.replace("time_s", "tme_s_"), *rows()], r'no column "time_s"; .*mean "tme_s_"\?'),
-            (
-                [HEADER.replace("command_V", "command"), *rows()],
-                r'"command" has the unit \(none\).*"command_V"',
-            ),
-            (
-                [HEADER.replace("_mm", "_N"), *rows()],
-                r'"displacement_N" has the unit N; it must be one like mm',
-            ),
+            ([HEADER.replace("command_V", "command"), *rows()], r'"command" has the unit \(none\).*"command_V"'),
+            ([HEADER.replace("_mm", "_N"), *rows()], r'"displacement_N" has the unit N; it must be one like mm'),
             (["time_s,command_V,command_V", *rows()], r'column "command" stands 2 times; .*#2'),
             (
                 [HEADER + ",tempreature_C", *(row + ",20" for row in rows())],

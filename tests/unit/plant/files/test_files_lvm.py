@@ -24,11 +24,18 @@ def lvm(
         return tab.join([tag, value, *apart, other or value, ""])
 
     lines = [
-        f"LabVIEW Measurement{tab}", f"Writer_Version{tab}2", f"Separator{tab}{'Tab' if tab != ',' else 'Comma'}",
-        f"Decimal_Separator{tab}{'C' if comma else '.'}", f"Multi_Headings{tab}{'Yes' if multi else 'No'}",
-        f"X_Columns{tab}{x}", f"Time_Pref{tab}Relative", f"Date{tab}2024/05/01", f"Time{tab}12:00:00.0", f"{end}{tab}",
+        f"LabVIEW Measurement{tab}",
+        f"Writer_Version{tab}2",
+        f"Separator{tab}{'Tab' if tab != ',' else 'Comma'}",
+        f"Decimal_Separator{tab}{'C' if comma else '.'}",
+        f"Multi_Headings{tab}{'Yes' if multi else 'No'}",
+        f"X_Columns{tab}{x}",
+        f"Time_Pref{tab}Relative",
+        f"Date{tab}2024/05/01",
+        f"Time{tab}12:00:00.0",
+        f"{end}{tab}",
         tab,
-    ]  # fmt: skip
+    ]
     for number, second in enumerate(seconds):
         if multi or not number:
             lines += ["***Start_Special***", f"Channels{tab}9", f"1{tab}2", "***End_Special***"]

@@ -149,8 +149,12 @@ def test_written_for_matlab(tmp_path: Path) -> None:
     write_recording(tmp_path / "rec.mat", recording)
     found = loadmat(tmp_path / "rec.mat")
     assert {name for name in found if not name.startswith("__")} == {
-        "deatwin", "displacement_m", "signal_1", "temperature_K", "time_s",
-    }  # fmt: skip
+        "deatwin",
+        "displacement_m",
+        "signal_1",
+        "temperature_K",
+        "time_s",
+    }
     np.testing.assert_array_equal(found["time_s"], [[7.0], [7.5]])
     assert read_recording(tmp_path / "rec.mat").input_names == ("位移 1",)
 

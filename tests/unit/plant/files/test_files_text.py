@@ -136,9 +136,15 @@ class TestDescription:
 
     def test_other_signals(self, tmp_path: Path) -> None:
         recording = Recording.from_arrays(
-            np.arange(6.0).reshape(2, 3), np.ones((1, 3)), 1 / 3, input_names=["x_mm", "a, b"], output_names=["force"],
-            extras={"p": np.ones(3)}, extra_units={"p": "bar"}, provenance={"file": "old.csv", "note": "x"},
-        )  # fmt: skip
+            np.arange(6.0).reshape(2, 3),
+            np.ones((1, 3)),
+            1 / 3,
+            input_names=["x_mm", "a, b"],
+            output_names=["force"],
+            extras={"p": np.ones(3)},
+            extra_units={"p": "bar"},
+            provenance={"file": "old.csv", "note": "x"},
+        )
         write_recording(tmp_path / "rec.csv", recording)
         again = read_recording(tmp_path / "rec.csv")
         assert (again.input_names, again.input_units, again.output_names) == (("x_mm", "a, b"), ("", ""), ("force",))

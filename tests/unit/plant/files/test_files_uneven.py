@@ -53,8 +53,18 @@ def bare(folder: Path) -> Path:
 
 def labview(folder: Path) -> Path:
     end = "***End_of_Header***"
-    head = ["LabVIEW Measurement", "Separator\tTab", "X_Columns\tOne", end, "", "Channels\t2",
-            "Y_Unit_Label\tV\trpm", "X_Dimension\tTime\tTime", end, "X_Value\tu\tspeed\tComment"]  # fmt: skip
+    head = [
+        "LabVIEW Measurement",
+        "Separator\tTab",
+        "X_Columns\tOne",
+        end,
+        "",
+        "Channels\t2",
+        "Y_Unit_Label\tV\trpm",
+        "X_Dimension\tTime\tTime",
+        end,
+        "X_Value\tu\tspeed\tComment",
+    ]
     return table(folder, "labview.lvm", [repr(float(t)) for t in TIMES], "\n".join(head), "\t")
 
 
@@ -75,10 +85,15 @@ def matlab(folder: Path) -> Path:
 
 BY_NAME = {"input_column": "u", "output_column": "speed"}
 SHAPES = [
-    (named, {**BY_NAME, "time_column": "clock=ms"}), (stamped, BY_NAME), (unix, BY_NAME), (dates, BY_NAME),
-    (bare, {"input_column": "#2", "output_column": "#3", "time_column": "#1"}), (labview, BY_NAME),
-    (workbook, BY_NAME), (matlab, {**BY_NAME, "time_column": "clock=ms"}),
-]  # fmt: skip
+    (named, {**BY_NAME, "time_column": "clock=ms"}),
+    (stamped, BY_NAME),
+    (unix, BY_NAME),
+    (dates, BY_NAME),
+    (bare, {"input_column": "#2", "output_column": "#3", "time_column": "#1"}),
+    (labview, BY_NAME),
+    (workbook, BY_NAME),
+    (matlab, {**BY_NAME, "time_column": "clock=ms"}),
+]
 
 
 @pytest.mark.parametrize(("shape", "asked"), SHAPES)

@@ -20,9 +20,13 @@ from deatwin.plant.files import read_recording
 from deatwin.plant.rigs.rigfile import read_rig
 
 READERS: dict[str, Callable[[Path], object]] = {
-    "csv": read_recording, "mat": read_recording, "tdms": read_recording, "nc": read_recording,
-    "toml": read_rig, "json": CalibratedPlant.load,
-}  # fmt: skip
+    "csv": read_recording,
+    "mat": read_recording,
+    "tdms": read_recording,
+    "nc": read_recording,
+    "toml": read_rig,
+    "json": CalibratedPlant.load,
+}
 IN_LITTLE_MEMORY = """
 import resource, sys
 import h5py, nptdms, scipy.io, xarray, h5netcdf
@@ -189,9 +193,13 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
         "columns.csv": "it has 20000 columns; at most 10000 can be read",
     }
     done = subprocess.run(
-        [sys.executable, "-c", IN_LITTLE_MEMORY, *expected], cwd=tmp_path, capture_output=True, text=True, check=False,
+        [sys.executable, "-c", IN_LITTLE_MEMORY, *expected],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
         env={**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
-    )  # fmt: skip
+    )
     assert done.returncode == 0 and done.stderr == "", done.stderr[-2000:]
     *said, peak = done.stdout.splitlines()
     for (name, text), line in zip(expected.items(), said, strict=True):

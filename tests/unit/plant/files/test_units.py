@@ -10,18 +10,39 @@ from deatwin.plant.files.units import UNITS, find_unit, split_unit
 @pytest.mark.parametrize(
     ("header", "name", "unit"),
     [
-        ("displacement_mm", "displacement", "mm"), ("Force [N]", "Force", "N"), ("U (kV)", "U", "kV"),
-        ("U_cmd (kV)", "U_cmd", "kV"), ("x_pos_2[µm]", "x_pos_2", "um"), ("t_rel (ms)", "t_rel", "ms"),
-        ("x_mm (V)", "x_mm", "V"), ("film_voltage", "film_voltage", ""), ("x_left (left)", "x_left (left)", ""),
-        ("gain (V)_mm", "gain (V)", "mm"), ("mm", "mm", ""), ("U/mV", "U", "mV"), ("U_cmd / kV", "U_cmd", "kV"),
-        ("t/s", "t", "s"), ("mm/s", "mm/s", ""), ("x/s", "x/s", ""), ("N/m", "N/m", ""), ("rad/m", "rad/m", ""),
-        ("v_m/s", "v", "m/s"), ("U in mV", "U", "mV"), ("Weg 2 in µm", "Weg 2", "um"),
-        ("U (Volt)", "U", "V"), ("U [Kilovolts]", "U", "kV"), ("Weg in Millimeter", "Weg", "mm"),
-        ("t (seconds)", "t", "s"), ("gap [micron]", "gap", "um"), ("T (Celsius)", "T", "C"),
+        ("displacement_mm", "displacement", "mm"),
+        ("Force [N]", "Force", "N"),
+        ("U (kV)", "U", "kV"),
+        ("U_cmd (kV)", "U_cmd", "kV"),
+        ("x_pos_2[µm]", "x_pos_2", "um"),
+        ("t_rel (ms)", "t_rel", "ms"),
+        ("x_mm (V)", "x_mm", "V"),
+        ("film_voltage", "film_voltage", ""),
+        ("x_left (left)", "x_left (left)", ""),
+        ("gain (V)_mm", "gain (V)", "mm"),
+        ("mm", "mm", ""),
+        ("U/mV", "U", "mV"),
+        ("U_cmd / kV", "U_cmd", "kV"),
+        ("t/s", "t", "s"),
+        ("mm/s", "mm/s", ""),
+        ("x/s", "x/s", ""),
+        ("N/m", "N/m", ""),
+        ("rad/m", "rad/m", ""),
+        ("v_m/s", "v", "m/s"),
+        ("U in mV", "U", "mV"),
+        ("Weg 2 in µm", "Weg 2", "um"),
+        ("U (Volt)", "U", "V"),
+        ("U [Kilovolts]", "U", "kV"),
+        ("Weg in Millimeter", "Weg", "mm"),
+        ("t (seconds)", "t", "s"),
+        ("gap [micron]", "gap", "um"),
+        ("T (Celsius)", "T", "C"),
         ("x_millimeters", "x", "mm"),
-        ("run in air", "run in air", ""), ("m/s/s", "m/s/s", ""), ("1/m", "1/m", ""),
+        ("run in air", "run in air", ""),
+        ("m/s/s", "m/s/s", ""),
+        ("1/m", "1/m", ""),
     ],
-)  # fmt: skip
+)
 def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str) -> None:
     assert split_unit(header) == (name, unit)
 
@@ -36,15 +57,28 @@ def test_any_name_keeps_its_unit(name: str, unit: str, form: str) -> None:
 @pytest.mark.parametrize(
     ("unit", "si", "value"),
     [
-        ("bar", "Pa", constants.bar), ("mbar", "Pa", constants.bar / 1e3), ("psi", "Pa", constants.psi),
-        ("kPa", "Pa", constants.kilo), ("hPa", "Pa", constants.hecto), ("lbf", "N", constants.lbf),
-        ("deg", "rad", constants.degree), ("rpm", "rad/s", 2 * constants.pi / constants.minute),
-        ("rev/s", "rad/s", 2 * constants.pi), ("deg/s", "rad/s", constants.degree), ("gn", "m/s2", constants.g),
-        ("km/h", "m/s", constants.kmh), ("g", "kg", constants.gram), ("kHz", "Hz", constants.kilo),
-        ("mN m", "N m", constants.milli), ("uA", "A", constants.micro), ("kV", "V", constants.kilo),
-        ("kV/mm", "V/m", constants.mega), ("1/min", "1/s", 1 / constants.minute), ("%", "1", 0.01),
+        ("bar", "Pa", constants.bar),
+        ("mbar", "Pa", constants.bar / 1e3),
+        ("psi", "Pa", constants.psi),
+        ("kPa", "Pa", constants.kilo),
+        ("hPa", "Pa", constants.hecto),
+        ("lbf", "N", constants.lbf),
+        ("deg", "rad", constants.degree),
+        ("rpm", "rad/s", 2 * constants.pi / constants.minute),
+        ("rev/s", "rad/s", 2 * constants.pi),
+        ("deg/s", "rad/s", constants.degree),
+        ("gn", "m/s2", constants.g),
+        ("km/h", "m/s", constants.kmh),
+        ("g", "kg", constants.gram),
+        ("kHz", "Hz", constants.kilo),
+        ("mN m", "N m", constants.milli),
+        ("uA", "A", constants.micro),
+        ("kV", "V", constants.kilo),
+        ("kV/mm", "V/m", constants.mega),
+        ("1/min", "1/s", 1 / constants.minute),
+        ("%", "1", 0.01),
     ],
-)  # fmt: skip
+)
 def test_factors_are_those_of_scipy(unit: str, si: str, value: float) -> None:
     assert UNITS[unit].si == si
     np.testing.assert_allclose(UNITS[unit].to_si(np.array(1.0)), value, rtol=1e-14)
@@ -66,15 +100,22 @@ def test_temperatures_are_shifted_and_their_differences_are_not() -> None:
     [
         (spelt, unit)
         for unit, spellings in {
-            "N m": "Nm N·m N*m N.m N-m N⋅m Newton-meter", "mN m": "mNm mN·m mN*m",
+            "N m": "Nm N·m N*m N.m N-m N⋅m Newton-meter",
+            "mN m": "mNm mN·m mN*m",
             "m/s2": "m/s^2 m/s² m/s**2 m/s/s m·s⁻²",
-            "rad/s": "rad/sec rad·s⁻¹ rad*s^-1 rads/s", "deg/s": "°/s deg/sec", "rpm": "RPM rev/min r/min",
+            "rad/s": "rad/sec rad·s⁻¹ rad*s^-1 rads/s",
+            "deg/s": "°/s deg/sec",
+            "rpm": "RPM rev/min r/min",
             "1/s": "s⁻¹ s^-1 /s",
-            "um": "µm μm", "uA": "µA μA", "C": "°C ℃ degC degree_Celsius", "ohm": "Ω Ohm",
-            "kohm": "kΩ", "Hz": "hz Hertz",
+            "um": "µm μm",
+            "uA": "µA μA",
+            "C": "°C ℃ degC degree_Celsius",
+            "ohm": "Ω Ohm",
+            "kohm": "kΩ",
+            "Hz": "hz Hertz",
         }.items()
         for spelt in spellings.split()
     ],
-)  # fmt: skip
+)
 def test_spellings(spelt: str, unit: str) -> None:
     assert find_unit(spelt) == find_unit(f"({spelt})") == unit

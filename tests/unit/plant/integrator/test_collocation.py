@@ -93,8 +93,9 @@ def test_a_step_that_the_simplified_method_leaves_is_still_solved(base, monkeypa
     assert np.abs(differences).max() < 2 * newton.SETTLED
 
 
-@pytest.mark.parametrize(("errors", "left"), [((1e-3, 2e-3), 2e-3), ((5e-3, 2e-3), 5e-3), ((np.nan, 1.0), np.nan),
-                                              ((1.0, np.nan), np.nan)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("errors", "left"), [((1e-3, 2e-3), 2e-3), ((5e-3, 2e-3), 5e-3), ((np.nan, 1.0), np.nan), ((1.0, np.nan), np.nan)]
+)
 def test_two_steps_of_a_divided_sample_are_told_their_middles_and_as_wrong_as_the_worse(errors, left):
     """A step that writes down what it was given: the state is 10 x + middle, the reading when it ends."""
     names = ("x", "z", "d", "u", "t", "h", "p", "c")

@@ -83,9 +83,10 @@ def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, 
     equations = base.with_effects(Creep()).equations
     origin, scale = (base.equations.dynamics, base.equations.output), base.equations.scale
     keys = [
-        compiled.key_of(origin, scale), compiled.key_of((equations.dynamics, equations.output), scale),
+        compiled.key_of(origin, scale),
+        compiled.key_of((equations.dynamics, equations.output), scale),
         compiled.key_of(origin, 2 * scale),
-    ]  # fmt: skip
+    ]
     monkeypatch.setattr(compiled, "_own_code", lambda: "changed")
     keys.append(compiled.key_of(origin, scale))
     assert len(set(keys)) == 4
@@ -117,8 +118,10 @@ def cut(folder):
 @pytest.mark.usefixtures("c_compiler")
 def test_a_damaged_library_is_built_anew(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
-    for build in (lambda: compiled.compile_functions({"square": square()}, key="known"),
-                  lambda: compiled.recalled(["square"], "known")):  # fmt: skip
+    for build in (
+        lambda: compiled.compile_functions({"square": square()}, key="known"),
+        lambda: compiled.recalled(["square"], "known"),
+    ):
         compiled.compile_functions({"square": square()}, key="known")
         caplog.clear()
         library = cut(tmp_path)
@@ -182,9 +185,7 @@ def test_a_note_that_leads_nowhere_is_passed_over(note, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("program", ["", "false"])
-def test_without_a_working_compiler_the_virtual_machine_serves(
-    program, compiler_named, tmp_path, monkeypatch, caplog
-):
+def test_without_a_working_compiler_the_virtual_machine_serves(program, compiler_named, tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
     compiler_named(program)
     with caplog.at_level(logging.WARNING, logger="deatwin"):  # which a quiet command may have silenced before

@@ -18,13 +18,51 @@ def ordinary(x, y):
     """One of each operation that equations use."""
     positive = ca.sqrt(x**2 + 1)
     return ca.vertcat(
-        x + y, x - y, x * y, x / y, -x, x**2, 2 * x, 1 / y, positive, ca.exp(x), ca.log(positive), positive**y,
-        positive**2.5, ca.sin(x), ca.cos(x), ca.tan(x), ca.asin(ca.tanh(x)), ca.acos(ca.tanh(x)), ca.atan(x),
-        ca.atan2(x, y), ca.sinh(x), ca.cosh(x), ca.tanh(x), ca.asinh(x), ca.acosh(positive), ca.atanh(ca.tanh(x)),
-        ca.log1p(positive), ca.expm1(x), ca.hypot(x, y), ca.erf(x), ca.floor(x), ca.ceil(x), ca.fabs(x), ca.fmin(x, y),
-        ca.fmax(x, y), ca.sign(x), ca.if_else(x < y, x, y), ca.if_else(x <= y, 1, 2), ca.if_else(x == y, 1, 2),
-        ca.if_else(x != y, 1, 2), ca.logic_and(x, y), ca.logic_or(x, y), ca.logic_not(x), 0.1,
-    )  # fmt: skip
+        x + y,
+        x - y,
+        x * y,
+        x / y,
+        -x,
+        x**2,
+        2 * x,
+        1 / y,
+        positive,
+        ca.exp(x),
+        ca.log(positive),
+        positive**y,
+        positive**2.5,
+        ca.sin(x),
+        ca.cos(x),
+        ca.tan(x),
+        ca.asin(ca.tanh(x)),
+        ca.acos(ca.tanh(x)),
+        ca.atan(x),
+        ca.atan2(x, y),
+        ca.sinh(x),
+        ca.cosh(x),
+        ca.tanh(x),
+        ca.asinh(x),
+        ca.acosh(positive),
+        ca.atanh(ca.tanh(x)),
+        ca.log1p(positive),
+        ca.expm1(x),
+        ca.hypot(x, y),
+        ca.erf(x),
+        ca.floor(x),
+        ca.ceil(x),
+        ca.fabs(x),
+        ca.fmin(x, y),
+        ca.fmax(x, y),
+        ca.sign(x),
+        ca.if_else(x < y, x, y),
+        ca.if_else(x <= y, 1, 2),
+        ca.if_else(x == y, 1, 2),
+        ca.if_else(x != y, 1, 2),
+        ca.logic_and(x, y),
+        ca.logic_or(x, y),
+        ca.logic_not(x),
+        0.1,
+    )
 
 
 def test_every_operation_gives_what_casadi_gives(c_compiler, tmp_path):
@@ -61,8 +99,9 @@ def test_elimination_solves_the_system_of_all_stages(c_compiler, tmp_path, seed,
     filled[coordinates, np.roll(coordinates, 1)] = True
     pattern = ca.sparsify(ca.DM(filled.astype(float))).sparsity()
     mass, h = np.append(np.ones(n_x - 1), 0.0), 0.02
-    jacobians = [np.where(filled, rng.normal(size=(n, n)) * 10.0 ** rng.integers(-3, 4, size=(n, 1)), 0.0)
-                 for _ in range(COUNT)]  # fmt: skip
+    jacobians = [
+        np.where(filled, rng.normal(size=(n, n)) * 10.0 ** rng.integers(-3, 4, size=(n, 1)), 0.0) for _ in range(COUNT)
+    ]
     right = rng.normal(size=(n * COUNT, columns))
     rows = np.array([h] * n_x + [1.0] * (n - n_x))
     system = np.kron(inverse, np.diag([*mass, *[0.0] * (n - n_x)]))
@@ -165,8 +204,13 @@ def test_the_plants_code_has_the_function_that_is_exchanged(base):
     source = generator.dump()
     exchange = step.in_lanes
     assert set(exchange.bodies) == {
-        "stage_residual", "stage_values", "stage_jacobian", "stage_jacobians", "stage_derivatives", "stage_slopes",
-    }  # fmt: skip
+        "stage_residual",
+        "stage_values",
+        "stage_jacobian",
+        "stage_jacobians",
+        "stage_derivatives",
+        "stage_slopes",
+    }
     assert set(exchange.beginnings) == {"all_stages", "last_stage"}
     for name, body in exchange.bodies.items():
         exchanged = lanes.Exchange(bodies={name: body}).into(source)

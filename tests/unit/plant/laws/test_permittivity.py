@@ -79,8 +79,12 @@ def test_a_lagging_polarisation_answers_a_harmonic_field_as_debye_says():
     times = np.linspace(30.0, 30.0 + period, 401)
     solved = solve_ivp(
         lambda t, p: polarisation_rate(np.cos(omega * t), p, step, tau),
-        (0, times[-1]), [0.0], t_eval=times, rtol=1e-10, atol=1e-24,
-    )  # fmt: skip
+        (0, times[-1]),
+        [0.0],
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-24,
+    )
     field = np.cos(omega * times)
     answer = displacement(field, at_once, solved.y[0]) / VACUUM_PERMITTIVITY
     found = 2 * np.mean((answer * np.exp(-1j * omega * times))[:-1])

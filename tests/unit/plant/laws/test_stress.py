@@ -28,12 +28,7 @@ def extension(first, second):
 OF_INVARIANTS = {
     "neo-Hookean": (neo_hookean, (MU,), lambda a, b: MU / 2, 0.0),
     "Mooney-Rivlin": (mooney_rivlin, (8e3, 2e3), lambda a, b: 8e3, 2e3),
-    "Yeoh": (
-        yeoh,
-        (10e3, -100.0, 2.0),
-        lambda a, b: 10e3 - 200.0 * extension(a, b) + 6.0 * extension(a, b) ** 2,
-        0.0,
-    ),
+    "Yeoh": (yeoh, (10e3, -100.0, 2.0), lambda a, b: 10e3 - 200.0 * extension(a, b) + 6.0 * extension(a, b) ** 2, 0.0),
     "Gent": (gent, (MU, LIMIT), lambda a, b: MU / 2 * LIMIT / (LIMIT - extension(a, b)), 0.0),
     "Arruda-Boyce": (arruda_boyce, (MU, LOCKING), cohen, 0.0),
 }

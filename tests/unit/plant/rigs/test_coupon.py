@@ -86,9 +86,7 @@ def test_each_pull_starts_from_rest():
 def test_area_is_a_scale_of_all_moduli(experiment):
     thick = Plant(rig=Coupon(width=20e-3)).with_effects(Creep())
     stiff = Plant(
-        rig=Coupon(),
-        effects=(Creep(),),
-        values={"shear_modulus": 2 * MU, "creep.modulus": 2 * Creep().modulus},
+        rig=Coupon(), effects=(Creep(),), values={"shear_modulus": 2 * MU, "creep.modulus": 2 * Creep().modulus}
     )
     forces = [plant.simulate(experiment(pull())).outputs[0] for plant in (thick, stiff)]
     np.testing.assert_allclose(forces[0], forces[1], rtol=1e-9, atol=1e-12)

@@ -17,9 +17,7 @@ def rest(plant, command=2.4):
     return dict(zip(plant.equations.states + plant.equations.coordinates, [*state.x, *state.z], strict=True))
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "near"), [("ball", "bondet", "bonded"), ("resolution", "fines", "fine")]
-)
+@pytest.mark.parametrize(("field", "value", "near"), [("ball", "bondet", "bonded"), ("resolution", "fines", "fine")])
 def test_a_misspelt_form_gets_the_near_one(field, value, near):
     with pytest.raises(RigError, match=f'unknown {field} .*did you mean "{near}"'):
         Diaphragm(**{field: value})

@@ -14,9 +14,14 @@ from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
 
 RIGS = (
-    Planar(), Planar(sides="free", side_prestretch=2.0), Planar(sides="clamped"), Stack(), BowTie(),
-    BowTie(sides="free", side_prestretch=None, stations=2), Roll(),
-)  # fmt: skip
+    Planar(),
+    Planar(sides="free", side_prestretch=2.0),
+    Planar(sides="clamped"),
+    Stack(),
+    BowTie(),
+    BowTie(sides="free", side_prestretch=None, stations=2),
+    Roll(),
+)
 STEP = np.r_[np.zeros(10), np.full(40, 1.5)]
 EACH = pytest.mark.parametrize("rig", RIGS, ids=lambda r: f"{r.kind} {getattr(r, 'sides', '')}")
 

@@ -93,21 +93,9 @@ def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
         ("prestretch = 3.5", "prestretch = 350", r"prestretch: 350 is out of range; it must be from 1 to 10"),
         ("gain = 800.0", "gain = nan", r"gain: nan is out of range; it must be from 1 to 100000"),
         ("noise_um = 2.0", "noise_um = -2.0", r"noise_um: -2.0 is out of range; it must be from 0 to 10000"),
-        (
-            "prestretch = 3.5",
-            'prestretch = 3.5\nball = "glued"',
-            r'ball: "glued" is not known; it must be "bonded" or',
-        ),
-        (
-            "at zero volts",
-            "at rest",
-            r'"displacement at rest" is not known; it must be "displacement at zero',
-        ),
-        (
-            "electrode_diameter_mm = 35.0",
-            "electrode_diameter_mm = 90.0",
-            r"must be below frame_diameter_mm, 80",
-        ),
+        ("prestretch = 3.5", 'prestretch = 3.5\nball = "glued"', r'ball: "glued" is not known; it must be "bonded" or'),
+        ("at zero volts", "at rest", r'"displacement at rest" is not known; it must be "displacement at zero'),
+        ("electrode_diameter_mm = 35.0", "electrode_diameter_mm = 90.0", r"must be below frame_diameter_mm, 80"),
         ("contact_diameter_mm = 6.0", "contact_diameter_mm = 36.0", r"below electrode_diameter_mm, 35"),
         (
             "gain = 800.0",
@@ -138,9 +126,7 @@ def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
 
 def test_section_is_missing(tmp_path: Path) -> None:
     text = RIG.split("[sensor]")[0]
-    with pytest.raises(
-        RigError, match=r"section \[sensor\] is missing; it must hold sample_rate_Hz, noise_um, zero"
-    ):
+    with pytest.raises(RigError, match=r"section \[sensor\] is missing; it must hold sample_rate_Hz, noise_um, zero"):
         read(tmp_path, text)
 
 

@@ -32,28 +32,37 @@ noise_um = -2.0
 zero = "displacement at rest"
 """
 ALL = (
-    ("thickness_mm = 0.0005", "[film] thickness_mm: 0.0005 is out of range; it must be from 0.001 to 10; if that is in "
-     "m, write 0.5"),
+    (
+        "thickness_mm = 0.0005",
+        "[film] thickness_mm: 0.0005 is out of range; it must be from 0.001 to 10; if that is in m, write 0.5",
+    ),
     ("prestrech = 3.5", '[film]: unknown key "prestrech"; did you mean "prestretch"?'),
-    ("electrode_diameter_mm = 90.0", "[film] electrode_diameter_mm: 90 is out of range; it must be below "
-     "frame_diameter_mm, 80"),
+    (
+        "electrode_diameter_mm = 90.0",
+        "[film] electrode_diameter_mm: 90 is out of range; it must be below frame_diameter_mm, 80",
+    ),
     ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0 to 1000'),
     ("[drive]", '[drive]: the key "gain" is missing; it must be a number from 1 to 100000'),
     ("[senser]", 'unknown section [senser]; did you mean "sensor"?'),
     ("noise_um = -2.0", "[senser] noise_um: -2.0 is out of range; it must be from 0 to 10000"),
-    ('zero = "displacement at rest"', '[senser] zero: "displacement at rest" is not known; it must be "displacement at '
-     'zero volts"'),
-)  # fmt: skip
+    (
+        'zero = "displacement at rest"',
+        '[senser] zero: "displacement at rest" is not known; it must be "displacement at zero volts"',
+    ),
+)
 """The line at which each is told, and what is said, in the order of the file."""
 SOUND = {
     "film": {
-        "material": "VHB 4905", "thickness_mm": 0.5, "prestretch": 3.5, "frame_diameter_mm": 80.0,
+        "material": "VHB 4905",
+        "thickness_mm": 0.5,
+        "prestretch": 3.5,
+        "frame_diameter_mm": 80.0,
         "electrode_diameter_mm": 35.0,
     },
     "load": {"mass_g": 3, "contact_diameter_mm": 6.0},
     "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
     "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
-}  # fmt: skip
+}
 
 
 def said_of(tmp_path: Path, text: str) -> str:
@@ -67,21 +76,26 @@ def said_of(tmp_path: Path, text: str) -> str:
 def test_all_are_told_in_the_order_of_the_file(tmp_path: Path, ends: str) -> None:
     lines = WRONG.splitlines()
     expected = [
-        f"({number}) line {lines.index(line) + 1}, {text}" if text.startswith("[") else
-        f"({number}) line {lines.index(line) + 1}: {text}"
+        f"({number}) line {lines.index(line) + 1}, {text}"
+        if text.startswith("[")
+        else f"({number}) line {lines.index(line) + 1}: {text}"
         for number, (line, text) in enumerate(ALL, start=1)
-    ]  # fmt: skip
+    ]
     assert said_of(tmp_path, WRONG.replace("\n", ends)) == f"rig.toml: {len(ALL)} mistakes: {' '.join(expected)}"
 
 
 @pytest.mark.parametrize(("line", "text"), ALL, ids=lambda text: text[:20])
 def test_one_alone_is_told_without_its_line(tmp_path: Path, line: str, text: str) -> None:
     right = {
-        "thickness_mm = 0.0005": "thickness_mm = 0.5", "prestrech = 3.5": "prestretch = 3.5",
-        "electrode_diameter_mm = 90.0": "electrode_diameter_mm = 35.0", 'mass_g = "3"': "mass_g = 3",
-        "[drive]": "[drive]\ngain = 800.0", "[senser]": "[sensor]", "noise_um = -2.0": "noise_um = 2.0",
+        "thickness_mm = 0.0005": "thickness_mm = 0.5",
+        "prestrech = 3.5": "prestretch = 3.5",
+        "electrode_diameter_mm = 90.0": "electrode_diameter_mm = 35.0",
+        'mass_g = "3"': "mass_g = 3",
+        "[drive]": "[drive]\ngain = 800.0",
+        "[senser]": "[sensor]",
+        "noise_um = -2.0": "noise_um = 2.0",
         'zero = "displacement at rest"': 'zero = "displacement at zero volts"',
-    }  # fmt: skip
+    }
     single = WRONG
     for wrong, repaired in right.items():
         if wrong != line:

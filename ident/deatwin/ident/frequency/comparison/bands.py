@@ -133,9 +133,7 @@ def band_means(
             if len(omega):
                 found.append(_mean(model, order, band, omega, operating_input))
     if not found:
-        raise ModelError(
-            f"no order reaches a band with input frequencies from {inputs[0]:g} to {inputs[1]:g} Hz"
-        )
+        raise ModelError(f"no order reaches a band with input frequencies from {inputs[0]:g} to {inputs[1]:g} Hz")
     return tuple(found)
 
 
@@ -175,8 +173,12 @@ def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_inp
     # A t law with that covariance has a smaller scale.
     share = 1.0 if np.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
     return BandMean(
-        order=order, from_Hz=band[0], to_Hz=band[1], value=read_only([mean.real, mean.imag]),
+        order=order,
+        from_Hz=band[0],
+        to_Hz=band[1],
+        value=read_only([mean.real, mean.imag]),
         gradient=read_only(gradient),
         scatter=Scatter(scale=read_only(share * gradient @ model.theta_cov @ gradient.T), dof=model.theta_dof),
-        gain=float(np.sqrt(np.mean(response.gain**2))), unit=response.unit,
-    )  # fmt: skip
+        gain=float(np.sqrt(np.mean(response.gain**2))),
+        unit=response.unit,
+    )

@@ -303,10 +303,16 @@ def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float
     apart = a.value - b.value
     test = equality(apart, (a.scatter, b.scatter), least * gain)
     return Difference(
-        first=names[0], second=names[1], order=a.order, from_Hz=a.from_Hz, to_Hz=a.to_Hz, test=test,
-        adjusted=test.p_value, size=float(np.linalg.norm(apart)) / gain if gain > 0 else 0.0,
+        first=names[0],
+        second=names[1],
+        order=a.order,
+        from_Hz=a.from_Hz,
+        to_Hz=a.to_Hz,
+        test=test,
+        adjusted=test.p_value,
+        size=float(np.linalg.norm(apart)) / gain if gain > 0 else 0.0,
         agreement=Agreement.ALIKE,
-    )  # fmt: skip
+    )
 
 
 def tabulated(differences: Sequence[Difference], level: float) -> Comparison:

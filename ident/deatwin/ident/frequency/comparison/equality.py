@@ -96,9 +96,7 @@ def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float =
     else:
         p = f.sf(statistic * second / (freedom * rank), rank, second)
     worst = np.unravel_index(np.argmax(p), p.shape)
-    return Equality(
-        statistic=float(statistic[worst]), dof=(float(rank), float(second[worst])), p_value=float(p[worst])
-    )  # fmt: skip
+    return Equality(statistic=float(statistic[worst]), dof=(float(rank), float(second[worst])), p_value=float(p[worst]))
 
 
 def _inverted(total: Array) -> tuple[Array, int]:

@@ -46,9 +46,14 @@ def plot_comparison(comparison: Comparison, ax: Axes | None = None) -> Axes:
             text = f"{percent:.0f}" if percent >= 10 else f"{percent:.1f}"
             row, column = divmod(number, shape[1])
             axes.text(
-                column, row, f"({text})" if difference.agreement is Agreement.DRIFT else text, ha="center", va="center",
-                fontsize="x-small", color="white" if percent > 0.6 * most else "black",
-            )  # fmt: skip
+                column,
+                row,
+                f"({text})" if difference.agreement is Agreement.DRIFT else text,
+                ha="center",
+                va="center",
+                fontsize="x-small",
+                color="white" if percent > 0.6 * most else "black",
+            )
     axes.set_yticks(range(shape[0]), rows, fontsize="small")
     names = [f"$H_{order}$\n{low:g}–{high:g}" for order, low, high in columns]
     axes.set_xticks(range(shape[1]), names, fontsize="small")

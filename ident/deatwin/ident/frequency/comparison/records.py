@@ -156,9 +156,15 @@ def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
     reach = float(np.linalg.norm(way[:, None] - way, axis=-1).max())
     test = no_drift(cosines)
     drift = Drift(
-        name=name, order=mean.order, from_Hz=mean.from_Hz, to_Hz=mean.to_Hz, test=test, adjusted=test.p_value,
-        size=reach / mean.gain if mean.gain > 0 else 0.0, drifts=False,
-    )  # fmt: skip
+        name=name,
+        order=mean.order,
+        from_Hz=mean.from_Hz,
+        to_Hz=mean.to_Hz,
+        test=test,
+        adjusted=test.p_value,
+        size=reach / mean.gain if mean.gain > 0 else 0.0,
+        drifts=False,
+    )
     known = replace(mean, scatter=Scatter(scale=cosines.scale, dof=float(cosines.dof)))
     return _Track(mean=known, cosines=cosines, drift=drift)
 

@@ -48,7 +48,7 @@ def plot_plane(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
         some = uncertain.values[drawn_points(uncertain.response)]
         axes.plot(
             some.real, some.imag, color=color, linewidth=1.2, markersize=4, label=uncertain.label, **_style(uncertain)
-        )  # fmt: skip
+        )
     shown = shown_points(uncertain)
     outlines = uncertain.ellipse()[shown]
     segments = np.stack([outlines.real, outlines.imag], axis=-1)
@@ -156,17 +156,19 @@ def _draw_band(axes: Axes, uncertain: Uncertain, values: Array, band: Band, labe
         axes.plot(frequency, np.where(drawn, values, np.nan), color=color, label=label, **_style(uncertain))
     text = f"{_percent(band.level)} band {uncertain.source}"
     if _is_line(uncertain):
-        axes.fill_between(
-            frequency, band.low, band.high, where=drawn, color=color, alpha=0.25, linewidth=0, label=text
-        )  # fmt: skip
+        axes.fill_between(frequency, band.low, band.high, where=drawn, color=color, alpha=0.25, linewidth=0, label=text)
     else:
         axes.vlines(frequency[drawn], band.low[drawn], band.high[drawn], color=color, alpha=0.5, label=text)
     exact = drawn & ~band.linear_law
     if uncertain.linearised and exact.any():
         axes.plot(
-            np.tile(np.where(exact, frequency, np.nan), 2), np.concatenate([band.low, band.high]), ".", color=color,
-            markersize=3, label="range of the ellipse",
-        )  # fmt: skip
+            np.tile(np.where(exact, frequency, np.nan), 2),
+            np.concatenate([band.low, band.high]),
+            ".",
+            color=color,
+            markersize=3,
+            label="range of the ellipse",
+        )
     if np.all(frequency > 0):
         axes.set_xscale("log")
     axes.set_xlabel(name)

@@ -84,9 +84,7 @@ def plot_equilibria(response: VaryingResponse, ax: Axes | None = None) -> Axes:
     half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
     low, high = response.equilibria - half, response.equilibria + half
     (line,) = axes.plot(response.timepts, response.equilibria, label="equilibrium")
-    axes.fill_between(
-        response.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label="95 % band"
-    )  # fmt: skip
+    axes.fill_between(response.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label="95 % band")
     axes.set_xlabel("time (s)")
     unit = next(model.output_units[0] for model in response.models if model is not None)
     axes.set_ylabel(f"equilibrium ({unit})" if unit else "equilibrium")

@@ -118,10 +118,12 @@ class VaryingResponse(Frozen):
     @cached_property
     def equilibrium_std(self) -> Array:
         """Standard deviation that the parameters give the equilibrium, in the output's unit, shape (n_times,)."""
-        return read_only([
-            np.nan if model is None or response is None else _std_of(model, response)
-            for model, response in zip(self.models, self.responses, strict=True)
-        ])  # fmt: skip
+        return read_only(
+            [
+                np.nan if model is None or response is None else _std_of(model, response)
+                for model, response in zip(self.models, self.responses, strict=True)
+            ]
+        )
 
     @cached_property
     def values(self) -> Complex:

@@ -150,10 +150,13 @@ class SlidingStatistics:
             },
             coords={"time": ("time", self.timepts, {"units": "s"})},
             attrs={
-                "window_s": self.window_s, "level": self.level, "p_mean": self.p_mean, "p_gain": self.p_gain,
+                "window_s": self.window_s,
+                "level": self.level,
+                "p_mean": self.p_mean,
+                "p_gain": self.p_gain,
                 "status": self.status.value,
             },
-        )  # fmt: skip
+        )
 
 
 def sliding_mean_and_gain(

@@ -127,12 +127,17 @@ class Advice:
                 **({} if self.recording is None else {"time": ("time", self.recording.timepts, "s")}),
             },
             {
-                "sentence": self.sentence, "advised": self.waveform or None, "measure": self.measure,
+                "sentence": self.sentence,
+                "advised": self.waveform or None,
+                "measure": self.measure,
                 "undecided": ", ".join(self.undecided),
-                "confusion_before": self.confusion_before, "confusion_after": self.confusion_after,
-                "seconds": self.seconds, "added_mass_kg": self.added_mass, "output_name": self.output[0],
+                "confusion_before": self.confusion_before,
+                "confusion_after": self.confusion_after,
+                "seconds": self.seconds,
+                "added_mass_kg": self.added_mass,
+                "output_name": self.output[0],
             },
-        )  # fmt: skip
+        )
 
     def _input(self, recording: Recording) -> Variables:
         found: dict[str, tuple[Any, ...]] = {
@@ -201,9 +206,7 @@ class Advice:
         span = float(np.ptp(recording.inputs[0])) or 1.0
         commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
         commands.set_ylabel(axis_label(recording.input_names[0], recording.input_units[0]), color="0.4")
-        ax.legend(
-            handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False
-        )
+        ax.legend(handles=[*lines, band, line], loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         load = "" if self.added_mass is None else f", {1e3 * self.added_mass:.3g} g added"
         ax.set_title(f"{self.waveform}{load}\nconfusion {before} to {after}", fontsize="medium")

@@ -101,20 +101,36 @@ def advise(
     tell(0.9, "writing the advice")
     rig, before = bench.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
     tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
-    common: dict[str, Any] = {"rivals": _labels(left), "confusion_before": before, "tried": tried,
-                              "noise": here.noise, "output": (rig.output_name, rig.output_unit)}  # fmt: skip
+    common: dict[str, Any] = {
+        "rivals": _labels(left),
+        "confusion_before": before,
+        "tried": tried,
+        "noise": here.noise,
+        "output": (rig.output_name, rig.output_unit),
+    }
     if found is None:
         return Advice(
-            recording=None, waveform="", added_mass=None, measure=_to_measure(here, left, here.fits, tried),
-            confusion_after=before, predicted=(), undecided=common["rivals"], **common,
-        )  # fmt: skip
+            recording=None,
+            waveform="",
+            added_mass=None,
+            measure=_to_measure(here, left, here.fits, tried),
+            confusion_after=before,
+            predicted=(),
+            undecided=common["rivals"],
+            **common,
+        )
     question, close = found.load.question, found.nearest < TOLD_APART
     open_, fits = list(compress(left, close)), list(compress(here.fits, close))
     return Advice(
-        recording=question.recording(found.commands), waveform=found.name, added_mass=found.load.added,
-        measure=_to_measure(here, open_, fits, tried) if open_ else None, confusion_after=found.confusion,
-        predicted=_predicted(question, found.commands), undecided=tuple(compress(common["rivals"], close)), **common,
-    )  # fmt: skip
+        recording=question.recording(found.commands),
+        waveform=found.name,
+        added_mass=found.load.added,
+        measure=_to_measure(here, open_, fits, tried) if open_ else None,
+        confusion_after=found.confusion,
+        predicted=_predicted(question, found.commands),
+        undecided=tuple(compress(common["rivals"], close)),
+        **common,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -125,8 +125,10 @@ class Difference:
         -------
         Difference
         """
-        arrays = {name: np.concatenate([getattr(self, name), getattr(other, name)])
-                  for name in ("readings", "left", "model_error")}  # fmt: skip
+        arrays = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("readings", "left", "model_error")
+        }
         return Difference(**arrays, sizes=self.sizes + other.sizes)
 
 

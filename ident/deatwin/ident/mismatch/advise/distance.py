@@ -120,9 +120,7 @@ class Memory:
         return Memory(known=self.known.beside(other.known), jacobian=np.vstack([self.jacobian, other.jacobian]))
 
 
-def separation(
-    one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, steps: int = STEPS
-) -> float:
+def separation(one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, steps: int = STEPS) -> float:
     """d² between two fitted explanations, the smaller one of both directions.
 
     Parameters
@@ -236,9 +234,13 @@ def difference(
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])
     imitation = _Imitation(
-        plant=rival.plant, parts=tuple(parts), names=rival.names, beyond=readings - measured, memory=memory,
+        plant=rival.plant,
+        parts=tuple(parts),
+        names=rival.names,
+        beyond=readings - measured,
+        memory=memory,
         response=response,
-    )  # fmt: skip
+    )
     left = imitation.left(steps)
     return None if left is None else replace(whole, left=left)
 

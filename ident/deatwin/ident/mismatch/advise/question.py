@@ -88,11 +88,14 @@ class Question:
             (number[id(truth)], number[id(rival)]) for couple in couples for truth, rival in directions(*couple)
         )
         return cls(
-            bench=bench, fits=tuple(fits), noise=noise, pairs=pairs,
+            bench=bench,
+            fits=tuple(fits),
+            noise=noise,
+            pairs=pairs,
             shifts=tuple((np.zeros(len(fit.names)), *_draws(bench, fit, rng)) for fit in fits),
             memories=tuple(Memory.of(fits[truth], fits[rival], bench.fitted) for truth, rival in pairs),
             seed=int(rng.integers(2**32)),
-        )  # fmt: skip
+        )
 
     @property
     def before(self) -> np.ndarray:
@@ -219,9 +222,15 @@ class Question:
         start = max(part.experiment.end for part in self.bench.everything) if events else 0.0
         rig = self.bench.nominal.rig
         return Recording.from_arrays(
-            commands, np.empty((0, commands.size)), self.sample_time, start=start, input_names=(rig.input_name,),
-            input_units=(rig.input_unit,), output_names=(), output_units=(),
-        )  # fmt: skip
+            commands,
+            np.empty((0, commands.size)),
+            self.sample_time,
+            start=start,
+            input_names=(rig.input_name,),
+            input_units=(rig.input_unit,),
+            output_names=(),
+            output_units=(),
+        )
 
     def parts(self, commands: np.ndarray) -> list[Part]:
         """The same for a fit, with readings of zero.
@@ -326,9 +335,13 @@ class Question:
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
             found = difference(
-                _moved(fit, shift), self.fits[rival], parts, memory=replace(memory, known=known), steps=STEPS,
+                _moved(fit, shift),
+                self.fits[rival],
+                parts,
+                memory=replace(memory, known=known),
+                steps=STEPS,
                 response=responses[rival],
-            )  # fmt: skip
+            )
             if found is not None:
                 distances[k] = found.squared_distance(self.noise)
         return self._nearest(distances)

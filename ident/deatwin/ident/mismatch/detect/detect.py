@@ -42,9 +42,7 @@ POINTS = 400
 """Of a curve that is drawn."""
 
 
-def detect(
-    base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Sequence[Footprint] = ()
-) -> Detection:
+def detect(base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Sequence[Footprint] = ()) -> Detection:
     """Test whether a calibrated plant lacks anything.
 
     Parameters
@@ -98,15 +96,24 @@ def detect_in(
     least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
     certain = _is_certain(left, law.refit.white, least)
     return Detection(
-        p_value=p_value, statistics=_statistics(law, left, scores, groups), size=size, practical=practical,
-        noise=left.noise, model_error=left.model_error, certain=certain,
+        p_value=p_value,
+        statistics=_statistics(law, left, scores, groups),
+        size=size,
+        practical=practical,
+        noise=left.noise,
+        model_error=left.model_error,
+        certain=certain,
         sensor=noise_level(pieces, left.sample_time, left.sheet, commands, repeats),
         repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
-        evidence=origin_of(left, repeats, practical) if counts(p_value, size, practical, certain)
+        evidence=origin_of(left, repeats, practical)
+        if counts(p_value, size, practical, certain)
         else OriginEvidence.none(size),
-        moved=float(np.sqrt(np.mean(left.moved**2))), visible=visible, smallest=smallest,
-        output_unit=left.output_unit, curves=_curves(law, left, scores),
-    )  # fmt: skip
+        moved=float(np.sqrt(np.mean(left.moved**2))),
+        visible=visible,
+        smallest=smallest,
+        output_unit=left.output_unit,
+        curves=_curves(law, left, scores),
+    )
 
 
 def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
@@ -153,10 +160,15 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
         (float(scores.squared[0, squared] / root), names[squared]),
     )
     return tuple(
-        Statistic(name=name, value=value, where=where, score=float(score),
-                  p_value=float((1 + np.sum(law.drawn[:, k] >= score)) / (1 + law.drawn.shape[0])))
+        Statistic(
+            name=name,
+            value=value,
+            where=where,
+            score=float(score),
+            p_value=float((1 + np.sum(law.drawn[:, k] >= score)) / (1 + law.drawn.shape[0])),
+        )
         for k, (name, (value, where), score) in enumerate(zip(GROUPS, rows, groups, strict=True))
-    )  # fmt: skip
+    )
 
 
 def _seen(
@@ -191,9 +203,14 @@ def _curves(law: Law, left: Leftover, scores: Scores) -> Curves:
     weights = [r.stop - r.start for r in left.records]
     some = np.unique(np.linspace(0, law.spectrum.size - 1, POINTS).astype(int))
     return Curves(
-        frequency=densities[0][0][1:], spectrum=np.average([d[1:] for _, d in densities], axis=0, weights=weights),
+        frequency=densities[0][0][1:],
+        spectrum=np.average([d[1:] for _, d in densities], axis=0, weights=weights),
         noise=2 * left.sample_time * left.noise**2,
-        lines=law.battery.frequencies[some], cumulated=scores.spectra[0][some], expected=law.spectrum[some],
-        distance=law.distance, regressors=law.battery.names, correlations=law.correlations(scores)[0],
+        lines=law.battery.frequencies[some],
+        cumulated=scores.spectra[0][some],
+        expected=law.spectrum[some],
+        distance=law.distance,
+        regressors=law.battery.names,
+        correlations=law.correlations(scores)[0],
         bound=law.correlation,
-    )  # fmt: skip
+    )

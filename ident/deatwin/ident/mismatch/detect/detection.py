@@ -183,12 +183,17 @@ class Detection:
                 for s in self.statistics
             ],
             "noise_source": self.sensor.source.name.lower(),
-            "repeatability": None if found is None else {
-                "correlation": found.correlation, "share": found.share, "low": found.low, "high": found.high,
+            "repeatability": None
+            if found is None
+            else {
+                "correlation": found.correlation,
+                "share": found.share,
+                "low": found.low,
+                "high": found.high,
                 "explainable": found.explainable,
             },
             "origin": self.evidence.to_dict(size),
-        }  # fmt: skip
+        }
 
     def to_xarray(self) -> Any:
         """Return statistics, spectra and correlations of the residual as an `xarray.Dataset`."""
@@ -203,11 +208,21 @@ class Detection:
                 "expected": ("line", curves.expected),
                 "correlation": ("regressor", curves.correlations),
             },
-            {"frequency": ("frequency", curves.frequency, "Hz"), "line": ("line", curves.lines, "Hz"),
-             "regressor": ("regressor", np.array(curves.regressors, dtype=str))},
-            {"p_value": self.p_value, "size": self.size, "practical": self.practical, "noise": self.noise,
-             "model_error": self.model_error, "moved": self.moved, "units": self.output_unit},
-        )  # fmt: skip
+            {
+                "frequency": ("frequency", curves.frequency, "Hz"),
+                "line": ("line", curves.lines, "Hz"),
+                "regressor": ("regressor", np.array(curves.regressors, dtype=str)),
+            },
+            {
+                "p_value": self.p_value,
+                "size": self.size,
+                "practical": self.practical,
+                "noise": self.noise,
+                "model_error": self.model_error,
+                "moved": self.moved,
+                "units": self.output_unit,
+            },
+        )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
         """Draw spectrum, cumulated periodogram and correlations of the residual with what chance allows.

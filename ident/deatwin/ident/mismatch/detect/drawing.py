@@ -51,8 +51,9 @@ def _spectrum(detection: Detection, axes: Axes) -> None:
     axes.set_title(
         f"excess {amount(f'{detection.size / size:.3g}', unit)}, counts from "
         f"{amount(f'{detection.practical / size:.3g}', unit)}",
-        fontsize="small", loc="left",
-    )  # fmt: skip
+        fontsize="small",
+        loc="left",
+    )
     axes.legend(fontsize="small")
 
 

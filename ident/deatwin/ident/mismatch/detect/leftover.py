@@ -133,15 +133,21 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
     of_record = [mask.sum() for part in parts for mask in part.masks]
     of_experiment = [part.size for part in parts]
     return Leftover(
-        residual=residual, fitted=_fitted(bench, parts), jacobian=jacobian[:, free],
+        residual=residual,
+        fitted=_fitted(bench, parts),
+        jacobian=jacobian[:, free],
         commands=np.concatenate([r.inputs[0, m] for p in parts for r, m in _records(p)]),
-        readings=readings, moved=readings - (np.mean(readings) if held is None else held),
+        readings=readings,
+        moved=readings - (np.mean(readings) if held is None else held),
         timepts=np.concatenate([part.timepts for part in parts]),
         record=np.repeat(np.arange(len(of_record)), of_record),
         experiment=np.repeat(np.arange(len(of_experiment)), of_experiment),
-        sample_time=parts[0].experiment.sample_time, noise=base.noise, model_error=fit.plant.rig.model_error,
-        sheet=fit.plant.rig.noise, output_unit=fit.plant.rig.output_unit,
-    )  # fmt: skip
+        sample_time=parts[0].experiment.sample_time,
+        noise=base.noise,
+        model_error=fit.plant.rig.model_error,
+        sheet=fit.plant.rig.noise,
+        output_unit=fit.plant.rig.output_unit,
+    )
 
 
 def _records(part: Part) -> list[tuple]:

@@ -89,9 +89,7 @@ class Refit:
         return residuals - (residuals[:, self._fitted] @ self._inverse.T) @ self._jacobian.T
 
 
-def null_residuals(
-    left: Leftover, refit: Refit, rng: np.random.Generator, draws: int
-) -> Iterator[np.ndarray]:
+def null_residuals(left: Leftover, refit: Refit, rng: np.random.Generator, draws: int) -> Iterator[np.ndarray]:
     """Draw residuals under which nothing is missing.
 
     Parameters

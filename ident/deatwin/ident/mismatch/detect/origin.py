@@ -102,8 +102,14 @@ class OriginEvidence:
         -------
         dict
         """
-        return {"by": self.by, "share": self.share, "low": self.low, "high": self.high, "left": self.left / size,
-                "conclusion": self.origin.name.lower()}  # fmt: skip
+        return {
+            "by": self.by,
+            "share": self.share,
+            "low": self.low,
+            "high": self.high,
+            "left": self.left / size,
+            "conclusion": self.origin.name.lower(),
+        }
 
 
 def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:
@@ -235,10 +241,24 @@ def _predictors(left: Leftover) -> np.ndarray:
     drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])
     usual = max(float(np.std(rate)), 1e-300)
     plays = [_play(reading, width * float(np.ptp(reading))) for width in PLAYS]
-    columns = [error_terms(left)[0], *(x[:, None] for x in (
-        rate, np.abs(rate), rate * np.abs(rate), np.tanh(10 * rate / usual), drive, np.abs(drive), command, command**2,
-        *plays, *(reading - play for play in plays),
-    ))]  # fmt: skip
+    columns = [
+        error_terms(left)[0],
+        *(
+            x[:, None]
+            for x in (
+                rate,
+                np.abs(rate),
+                rate * np.abs(rate),
+                np.tanh(10 * rate / usual),
+                drive,
+                np.abs(drive),
+                command,
+                command**2,
+                *plays,
+                *(reading - play for play in plays),
+            )
+        ),
+    ]
     together = np.concatenate(columns, axis=1)
     together = together - together.mean(axis=0)
     deviation = together.std(axis=0)

@@ -117,8 +117,15 @@ def _regressors(left: Leftover) -> tuple[tuple[str, ...], np.ndarray]:
     """Command, its rate and their powers at several lags, and time; each with mean 0 and variance 1."""
     level = _standard(left.commands)
     rate = _standard(np.concatenate([np.gradient(level[r]) if level[r].size > 1 else level[r] for r in left.records]))
-    signals = {"u": level, "u^2": level**2, "u^3": level**3, "u'": rate, "u'^2": rate**2, "u'^3": rate**3,
-               "u u'": level * rate}  # fmt: skip
+    signals = {
+        "u": level,
+        "u^2": level**2,
+        "u^3": level**3,
+        "u'": rate,
+        "u'^2": rate**2,
+        "u'^3": rate**3,
+        "u u'": level * rate,
+    }
     names, columns = ["time"], [_standard(left.timepts)]
     for name, signal in signals.items():
         for lag in _lags(left):

@@ -3,8 +3,4 @@
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm
 
-__all__ = [
-    "Discovery",
-    "FoundTerm",
-    "discover",
-]
+__all__ = ["Discovery", "FoundTerm", "discover"]

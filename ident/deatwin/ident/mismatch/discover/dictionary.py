@@ -58,9 +58,13 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
     n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
     commands, h = timeline.commands[:n], timeline.sample_time
     run = plant.simulator.run(
-        commands, start=timeline.start, sample_time=h, rest_command=rest, values=plant.free_values,
+        commands,
+        start=timeline.start,
+        sample_time=h,
+        rest_command=rest,
+        values=plant.free_values,
         channels=timeline.channels,
-    )  # fmt: skip
+    )
     watched = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
     ends = watched.get(position, run.outputs[1:])
     before = np.concatenate([ends[:1], ends[:-1]])

@@ -100,9 +100,13 @@ class _Site:
 
     def free_form(self, terms: Sequence[Primitive], size: float, coefficients: Sequence[float]) -> FreeForm:
         return FreeForm(
-            size=size, terms=tuple(terms), coefficients=tuple(coefficients), enters=Place(self.opening.place),
-            node=self.opening.signal, unit=self.unit,
-        )  # fmt: skip
+            size=size,
+            terms=tuple(terms),
+            coefficients=tuple(coefficients),
+            enters=Place(self.opening.place),
+            node=self.opening.signal,
+            unit=self.unit,
+        )
 
 
 def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
@@ -261,12 +265,16 @@ def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) ->
     pieces = values * np.array(form.coefficients)
     order = [int(k) for k in np.argsort(-pieces.std(axis=0), kind="stable")]
     return Discovery(
-        calibration=fit.calibration, terms=tuple(_found(form, k, fit.stable[k].inclusion, plant) for k in order),
-        before=before, after=after, gain_low=gain_low, unseen=unseen,
+        calibration=fit.calibration,
+        terms=tuple(_found(form, k, fit.stable[k].inclusion, plant) for k in order),
+        before=before,
+        after=after,
+        gain_low=gain_low,
+        unseen=unseen,
         state=np.concatenate([signals[form.terms[order[0]].variable] for signals in along]),
         entering=form.size * pieces.sum(axis=1),
         latent=_latent(plant.without_effects(form.name), bench.fitted, fit.site.opening, base.noise),
-    )  # fmt: skip
+    )
 
 
 def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
@@ -289,9 +297,12 @@ def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> Found
         wide, of = (term.scale, unit) if parameter.unit == "1" else (1.0, parameter.unit)
         shape = (parameter.name, parameter.value * wide, of)
     return FoundTerm(
-        term=term, coefficient=form.size * form.coefficients[number] / term.scale**term.degree,
-        unit=unit_per(form.unit, unit, term.degree), shape=shape, inclusion=inclusion,
-    )  # fmt: skip
+        term=term,
+        coefficient=form.size * form.coefficients[number] / term.scale**term.degree,
+        unit=unit_per(form.unit, unit, term.degree),
+        shape=shape,
+        inclusion=inclusion,
+    )
 
 
 def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float) -> Latent | None:
@@ -307,10 +318,11 @@ def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float)
 def _with_known_parameters(linear: Linear) -> Linear:
     """Nothing follows from parameters being other than they are."""
     return replace(
-        linear, by_parameter=np.zeros_like(linear.by_parameter),
+        linear,
+        by_parameter=np.zeros_like(linear.by_parameter),
         rows_by_parameter=np.zeros_like(linear.rows_by_parameter),
         start_by_parameter=np.zeros_like(linear.start_by_parameter),
-    )  # fmt: skip
+    )
 
 
 def _unit_at(opening: Opening, plant: Plant) -> str:

@@ -32,10 +32,15 @@ BINS, FEWEST, BAND = 40, 5, 2.0
 """Bins of the band over the state, samples that a bin needs, and half its width in standard deviations."""
 NOT_PHYSICS = "free form, not physics"
 WORDS = {
-    "power": "{x}", "magnitude": "|{x}|", "signed_square": "{x} |{x}|", "dead_band": "{x} beyond a dead band",
-    "low_pass": "low-pass of {x}", "play": "play of {x}", "largest": "largest {x} so far",
+    "power": "{x}",
+    "magnitude": "|{x}|",
+    "signed_square": "{x} |{x}|",
+    "dead_band": "{x} beyond a dead band",
+    "low_pass": "low-pass of {x}",
+    "play": "play of {x}",
+    "largest": "largest {x} so far",
     "smallest": "smallest {x} so far",
-}  # fmt: skip
+}
 """Kinds of terms in words."""
 VARIABLES = {"command_rate": "rate of the command"}
 
@@ -79,9 +84,12 @@ class FoundTerm:
         """Plain data, SI."""
         shape = None if self.shape is None else dict(zip(("name", "value", "unit"), self.shape, strict=True))
         return {
-            "term": self.text, "coefficient": self.coefficient, "unit": self.unit, "shape": shape,
+            "term": self.text,
+            "coefficient": self.coefficient,
+            "unit": self.unit,
+            "shape": shape,
             "inclusion": self.inclusion,
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -207,8 +215,12 @@ def _row(term: FoundTerm) -> dict[str, Any]:
     """A term in a table: flat."""
     told = term.to_dict()
     shape = told.pop("shape") or {}
-    return {"text": told.pop("term"), "variable": term.term.variable, **told,
-            **{f"shape_{key}": value for key, value in shape.items()}}  # fmt: skip
+    return {
+        "text": told.pop("term"),
+        "variable": term.term.variable,
+        **told,
+        **{f"shape_{key}": value for key, value in shape.items()},
+    }
 
 
 def unit_of(variable: str, plant: Plant) -> str:

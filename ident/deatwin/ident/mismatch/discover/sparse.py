@@ -48,9 +48,7 @@ class Stable:
     inclusion: float
 
 
-def stable_terms(
-    columns: Array, target: Array, nuisances: Array, rng: np.random.Generator
-) -> tuple[Stable, ...]:
+def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random.Generator) -> tuple[Stable, ...]:
     """Choose a few columns that make up a target.
 
     Runs of neighbouring blocks of samples are drawn with replacement, and each record made so chooses its own columns.

@@ -31,8 +31,15 @@ def faults_of(checked: Gate) -> tuple[dict[str, Any], ...]:
             for fault, masks in kinds:
                 bad = record.timepts[masks[number][place]]
                 if bad.size:
-                    found.append({
-                        "experiment": number + 1, "recording": place + 1, "file": label(record), "fault": fault,
-                        "samples": int(bad.size), "from_s": float(bad[0]), "to_s": float(bad[-1]),
-                    })  # fmt: skip
+                    found.append(
+                        {
+                            "experiment": number + 1,
+                            "recording": place + 1,
+                            "file": label(record),
+                            "fault": fault,
+                            "samples": int(bad.size),
+                            "from_s": float(bad[0]),
+                            "to_s": float(bad[-1]),
+                        }
+                    )
     return tuple(found)

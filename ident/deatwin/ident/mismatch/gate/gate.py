@@ -100,8 +100,10 @@ class Gate:
                 found += _coarse(_called(record, number), record)
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
-                    found.append(f"no readings between {before.end:.2f} and {after.start:.2f} s: "
-                                 "the last command is taken to have been held")  # fmt: skip
+                    found.append(
+                        f"no readings between {before.end:.2f} and {after.start:.2f} s: "
+                        "the last command is taken to have been held"
+                    )
         return tuple(found)
 
     def _described(self, masks: Masks, what: str) -> list[str]:
@@ -111,8 +113,10 @@ class Gate:
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
                 if bad.any():
                     where = record.timepts[bad]
-                    found.append(f"{_called(record, number)}: {what} in {int(bad.sum())} samples "
-                                 f"between {where[0]:.2f} and {where[-1]:.2f} s")  # fmt: skip
+                    found.append(
+                        f"{_called(record, number)}: {what} in {int(bad.sum())} samples "
+                        f"between {where[0]:.2f} and {where[-1]:.2f} s"
+                    )
         return found
 
     def to_xarray(self) -> Any:
@@ -144,8 +148,12 @@ class Gate:
         """
         axes, passed = axes_or_new(ax), 0.0
         unit, size = written_amplitude(self.experiments[0].recordings[0].output_units[0])
-        kinds = (("stuck", self.stuck, "C3", "s"), ("outlier", self.outliers, "C1", "x"),
-                 ("at a limit", self.clipped, "C4", "_"), ("jump", self.jumps, "C2", "^"))  # fmt: skip
+        kinds = (
+            ("stuck", self.stuck, "C3", "s"),
+            ("outlier", self.outliers, "C1", "x"),
+            ("at a limit", self.clipped, "C4", "_"),
+            ("jump", self.jumps, "C2", "^"),
+        )
         marked: dict[str, list[np.ndarray]] = {}
         for k, experiment in enumerate(self.experiments):
             for number, record in enumerate(experiment.recordings):
@@ -242,9 +250,7 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
-def split(
-    checked: Gate, onset: float | None = None
-) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
+def split(checked: Gate, onset: float | None = None) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
     """The fitted part, the unseen part, and both together.
 
     The last 30 % of the sound samples of each record are unseen. Where the mismatch begins inside such a part, the

@@ -180,10 +180,14 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
     within = float(np.mean((residual[repeats.first] - residual[repeats.second]) ** 2) / 2)
     total = float(np.var(np.concatenate([residual[repeats.first], residual[repeats.second]])))
     return Repeatability(
-        pairs=one.size, correlation=float(cross / square) if square > 0 else 0.0, share=share,
-        low=share - BOUND * deviation, high=share + BOUND * deviation, within=within,
+        pairs=one.size,
+        correlation=float(cross / square) if square > 0 else 0.0,
+        share=share,
+        low=share - BOUND * deviation,
+        high=share + BOUND * deviation,
+        within=within,
         explainable=max(0.0, 1 - within / total) if total > 0 else 0.0,
-    )  # fmt: skip
+    )
 
 
 def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:

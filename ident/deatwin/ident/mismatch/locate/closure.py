@@ -112,10 +112,13 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
         answers = [_means(piece[linear.counted], size) for piece, linear in zip(pieces, linears, strict=True)]
         found.append(
             Regression(
-                residual=residual, parameters=_of_length_one(parameters),
-                answers=_of_length_one(np.concatenate(answers)), fold=fold, readings=size,
+                residual=residual,
+                parameters=_of_length_one(parameters),
+                answers=_of_length_one(np.concatenate(answers)),
+                fold=fold,
+                readings=size,
             )
-        )  # fmt: skip
+        )
     return tuple(found)
 
 

@@ -154,7 +154,8 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     for run in _runs(lines):
         bands.append(
             Band(
-                from_Hz=float(max(0.0, frequency[run[0]] - width / 2)), to_Hz=float(frequency[run[-1]] + width / 2),
+                from_Hz=float(max(0.0, frequency[run[0]] - width / 2)),
+                to_Hz=float(frequency[run[-1]] + width / 2),
                 excess_dB=float(10 * np.log10(np.mean(ratio[run]))),
             )
         )

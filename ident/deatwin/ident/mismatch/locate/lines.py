@@ -193,9 +193,11 @@ def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -
     ratio = float(power.sum()) * periods / max(float(varying.sum()), 1e-300)
     steady = max(0.0, float((power - varying / periods).sum()))
     return LineGroup(
-        kind=kind, rms=float(np.sqrt(2 * steady)) / period,
-        p_value=float(fdtrc(2 * count, 2 * count * (periods - 1), ratio)), lines=count,
-    )  # fmt: skip
+        kind=kind,
+        rms=float(np.sqrt(2 * steady)) / period,
+        p_value=float(fdtrc(2 * count, 2 * count * (periods - 1), ratio)),
+        lines=count,
+    )
 
 
 def _repeats(command: Array, period: int) -> int:

@@ -67,9 +67,14 @@ class OpenedPlace:
     def to_dict(self) -> dict[str, Any]:
         """The place as a diagnosis file has it."""
         return {
-            "place": self.place, "score": self.score, "signal": self.signal, "log_likelihood_gain": self.gain,
-            "p_value": self.p_value, "explained": self.explained, "among_best": self.among_best,
-        }  # fmt: skip
+            "place": self.place,
+            "score": self.score,
+            "signal": self.signal,
+            "log_likelihood_gain": self.gain,
+            "p_value": self.p_value,
+            "explained": self.explained,
+            "among_best": self.among_best,
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,9 +120,12 @@ class Places:
         return dataset(
             dict(table("opened", map(asdict, self.opened), told)),
             {},
-            {"closure_p_value": self.closure_p_value, "repeatable": self.repeatable,
-             "among_best": list(self.among_best)},
-        )  # fmt: skip
+            {
+                "closure_p_value": self.closure_p_value,
+                "repeatable": self.repeatable,
+                "among_best": list(self.among_best),
+            },
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be told from the best one filled.
@@ -190,15 +198,18 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
     explicable = 1 - floor.noise**2 / problems[0].readings / max(float(best.closed.mean()), 1e-300)
     found = [
         OpenedPlace(
-            place=opening.place, signal=opening.signal, gain=gain, p_value=float(p), explained=one.explained,
+            place=opening.place,
+            signal=opening.signal,
+            gain=gain,
+            p_value=float(p),
+            explained=one.explained,
             score=float(np.clip(one.explained / max(explicable, one.explained, 1e-300), 0.0, 1.0)),
             among_best=_as_good(one, best),
         )
         for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
-    ]  # fmt: skip
+    ]
     return Places(
-        opened=tuple(sorted(found, key=lambda o: -o.explained)),
-        closure_p_value=closure_p_value(problems, rng),
+        opened=tuple(sorted(found, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
     )
 
 

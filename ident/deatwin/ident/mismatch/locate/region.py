@@ -113,8 +113,11 @@ class Regions:
 
     def to_xarray(self) -> Any:
         """Return the regions, and all bins that were tested, as tables in an `xarray.Dataset`, in the report's unit."""
-        bins = {"mean": (self.unit, "mean residual"), "deviation": (self.unit, "standard error of the mean"),
-                "count": ("samples",)}  # fmt: skip
+        bins = {
+            "mean": (self.unit, "mean residual"),
+            "deviation": (self.unit, "standard error of the mean"),
+            "count": ("samples",),
+        }
         return dataset(
             {
                 **table("region", map(asdict, self.regions), {"mean_residual": (self.unit,)}),
@@ -142,9 +145,15 @@ class Regions:
             low, span = bins[0].low, bins[-1].high - bins[0].low
             at = [((one.low + one.high) / 2 - low) / span for one in bins]
             ax.errorbar(
-                at, [one.mean for one in bins], [2 * one.deviation for one in bins], marker="o", markersize=3,
-                linewidth=1, capsize=2, label=f"{name.replace('_', ' ')}: {low:.3g} to {low + span:.3g}",
-            )  # fmt: skip
+                at,
+                [one.mean for one in bins],
+                [2 * one.deviation for one in bins],
+                marker="o",
+                markersize=3,
+                linewidth=1,
+                capsize=2,
+                label=f"{name.replace('_', ' ')}: {low:.3g} to {low + span:.3g}",
+            )
         ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--")
         ax.set_xlim(-0.05, 1.05)
         ax.set_xlabel("signal, from its lowest to its highest value")
@@ -235,10 +244,16 @@ def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarr
         mean, deviation, p_value = _mean_test(residual[inside], seconds[inside])
         found.append(
             Bin(
-                signal=name, number=number, low=float(edges[number]), high=float(edges[number + 1]), mean=mean,
-                deviation=deviation, count=int(inside.sum()), p_value=p_value,
+                signal=name,
+                number=number,
+                low=float(edges[number]),
+                high=float(edges[number + 1]),
+                mean=mean,
+                deviation=deviation,
+                count=int(inside.sum()),
+                p_value=p_value,
             )
-        )  # fmt: skip
+        )
     return found
 
 

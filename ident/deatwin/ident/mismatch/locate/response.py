@@ -188,7 +188,9 @@ def _difference(ours: BandMean, theirs: BandMean, own: Array, other: Array, marg
     cosines = Cosines.of(other @ theirs.gradient.T - own @ ours.gradient.T)
     apart = theirs.value - ours.value
     return ResponseDifference(
-        order=ours.order, from_Hz=ours.from_Hz, to_Hz=ours.to_Hz,
+        order=ours.order,
+        from_Hz=ours.from_Hz,
+        to_Hz=ours.to_Hz,
         p_value=equality(apart, [Scatter(cosines.scale, float(cosines.dof))], margin).p_value,
         size=float(np.linalg.norm(apart)) / ours.gain if ours.gain > 0 else 0.0,
-    )  # fmt: skip
+    )

@@ -82,13 +82,19 @@ class Times:
         """Return the windows, and the residuals of all tracks one after another, as an `xarray.Dataset`; SI."""
         counts = [track.residual.size for track in self.tracks]
         none = np.zeros(0)
-        told = {"from_s": ("s",), "to_s": ("s",), "score": ("", "share of the mismatch's energy"),
-                "slope": ("", "growth of the residual, SI per s")}  # fmt: skip
+        told = {
+            "from_s": ("s",),
+            "to_s": ("s",),
+            "score": ("", "share of the mismatch's energy"),
+            "slope": ("", "growth of the residual, SI per s"),
+        }
         return dataset(
             {
                 **table("window", self.to_dict(), told),
                 "residual": (
-                    "sample", np.concatenate([none, *(track.residual for track in self.tracks)]), "",
+                    "sample",
+                    np.concatenate([none, *(track.residual for track in self.tracks)]),
+                    "",
                     "measured minus simulated, SI",
                 ),
             },
@@ -97,7 +103,7 @@ class Times:
                 "track": ("sample", np.repeat(np.arange(len(counts)), counts)),
             },
             {"period_s": self.period_s},
-        )  # fmt: skip
+        )
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the residuals over the clock, the windows shaded by their scores.

@@ -95,7 +95,9 @@ def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]
             }
             found.append(
                 Track(
-                    timepts=record.timepts, residual=record.outputs[0] - reading, signals=signals,
+                    timepts=record.timepts,
+                    residual=record.outputs[0] - reading,
+                    signals=signals,
                     sample_time=record.sample_time,
                 )
             )

@@ -5,11 +5,4 @@ from deatwin.ident.mismatch.naming.decide import Distance, Naming
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 
-__all__ = [
-    "Candidate",
-    "Distance",
-    "Footprint",
-    "Naming",
-    "footprints",
-    "name_causes",
-]
+__all__ = ["Candidate", "Distance", "Footprint", "Naming", "footprints", "name_causes"]

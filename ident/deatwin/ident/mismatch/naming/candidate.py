@@ -148,11 +148,14 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         return None
     added = tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names)
     return Candidate(
-        effects=added, calibration=calibration, unseen=residuals, noise=noise,
+        effects=added,
+        calibration=calibration,
+        unseen=residuals,
+        noise=noise,
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
         measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
-    )  # fmt: skip
+    )
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:

@@ -71,12 +71,14 @@ def naming_dataset(naming: Naming) -> Any:
 def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:
     """Candidates as a table, and their residuals beside it; all are judged on the same samples."""
     told = {
-        "fitted": (unit, "rms residual on the fitted part"), "unseen": (unit, "rms residual on the unseen part"),
-        "model_error": (unit, "rms of the plant's own error by which it is judged"), "evidence": ("nat",),
+        "fitted": (unit, "rms residual on the fitted part"),
+        "unseen": (unit, "rms residual on the unseen part"),
+        "model_error": (unit, "rms of the plant's own error by which it is judged"),
+        "evidence": ("nat",),
         "fitted_p_value": ("", "of no more than noise and model error on the fitted part"),
         "unseen_p_value": ("", "of no more than noise and model error on the unseen part"),
         "adequate": ("", "whether it explains the recordings"),
-    }  # fmt: skip
+    }
     fitted = np.stack([row.candidate.calibration.residuals for row in rows])
     unseen = np.stack([row.candidate.unseen for row in rows])
     return {
@@ -90,7 +92,14 @@ def _told(row: Row) -> dict[str, Any]:
     one = row.candidate
     fitted, unseen = row.sizes
     return {
-        "name": row.name, "role": row.role, "effects": "+".join(one.effects), "fitted": fitted, "unseen": unseen,
-        "model_error": one.fitted_test.model_error, "fitted_p_value": one.fitted_test.p_value,
-        "unseen_p_value": one.unseen_test.p_value, "evidence": one.evidence, "adequate": one.adequate,
-    }  # fmt: skip
+        "name": row.name,
+        "role": row.role,
+        "effects": "+".join(one.effects),
+        "fitted": fitted,
+        "unseen": unseen,
+        "model_error": one.fitted_test.model_error,
+        "fitted_p_value": one.fitted_test.p_value,
+        "unseen_p_value": one.unseen_test.p_value,
+        "evidence": one.evidence,
+        "adequate": one.adequate,
+    }

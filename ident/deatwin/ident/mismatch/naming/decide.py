@@ -103,11 +103,13 @@ class Naming:
         elsewhere = {"+".join(effects) for effects in rivals}
         competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
         return replace(
-            self, candidates=(*self.candidates, *rivals.values()), rivals=(*self.rivals, *rivals.values()),
+            self,
+            candidates=(*self.candidates, *rivals.values()),
+            rivals=(*self.rivals, *rivals.values()),
             probabilities=_probabilities(list(competing.values())),
             # That of the same effects in another form says nothing of these.
             distances=tuple(d for d in self.distances if d.effects[1] not in elsewhere),
-        )  # fmt: skip
+        )
 
     def led_by(self, first: Candidate) -> Naming:
         """The same answer with another explanation at its head; the one that was there becomes a rival.
@@ -164,9 +166,7 @@ class Naming:
         if len(rivals) == len(self.rivals):
             return self
         weights = {effects: p for effects, p in self.probabilities.items() if frozenset(effects) not in refuted}
-        return replace(
-            self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights
-        )  # fmt: skip
+        return replace(self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights)
 
     def knowing(self, later: Naming) -> Naming:
         """The same answer, with what was tried in the same form of the plant since.
@@ -342,9 +342,10 @@ def with_distances(
     ]
     found = run_jobs(separation, tasks, workers=bench.jobs)
     near = [
-        c for c, close, d2 in zip(others, alike, found, strict=True)
+        c
+        for c, close, d2 in zip(others, alike, found, strict=True)
         if close and d2 < TOLD_APART and c not in naming.rivals
-    ]  # fmt: skip
+    ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
 

@@ -33,9 +33,13 @@ WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
 LABEL, TITLE = 36, 66
 """Characters in a line."""
 COLOURS = {
-    "chosen": "C0", "other form": "0.7", "best explanation": "C0", "not ruled out": "C1", "base plant": "0.4",
+    "chosen": "C0",
+    "other form": "0.7",
+    "best explanation": "C0",
+    "not ruled out": "C1",
+    "base plant": "0.4",
     "other": "0.7",
-}  # fmt: skip
+}
 """Of each role, in the legend's order."""
 
 
@@ -158,14 +162,21 @@ def _explain(axes: Axes, rows: Sequence[Row], title: str) -> None:
     from matplotlib.patches import Patch
 
     lines, _ = axes.get_legend_handles_labels()
-    parts = [Patch(facecolor="none", edgecolor="0.2", label="fitted part"),
-             Patch(facecolor="0.2", edgecolor="0.2", label="unseen part")]  # fmt: skip
+    parts = [
+        Patch(facecolor="none", edgecolor="0.2", label="fitted part"),
+        Patch(facecolor="0.2", edgecolor="0.2", label="unseen part"),
+    ]
     present = {row.role for row in rows}
     roles = [Patch(color=colour, label=role) for role, colour in COLOURS.items() if role in present]
     legend = axes.legend(
-        handles=[*parts, *roles, *lines], loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2, ncols=2,
-        frameon=False, fontsize="small",
-    )  # fmt: skip
+        handles=[*parts, *roles, *lines],
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.2,
+        ncols=2,
+        frameon=False,
+        fontsize="small",
+    )
     high = legend.get_window_extent().height / axes.figure.dpi
     written = "\n".join(_wrapped(line, TITLE) for line in title.split("\n"))
     axes.set_title(written, fontsize="small", loc="left", pad=72.0 * high + 6.0)

@@ -129,9 +129,7 @@ def _decided_in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -
     return other, found, decided(other, found)
 
 
-def _with_more(
-    taken: _InForm, own: _InForm, tell: Callable[[int, float], None]
-) -> tuple[Search, Naming]:
+def _with_more(taken: _InForm, own: _InForm, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
     """The decision over one effect or more in the form that was `taken`; where there is none, in the rig file's `own`.
 
     A form that explains one of two effects away has none for the other. A single one that suffices in the file's form

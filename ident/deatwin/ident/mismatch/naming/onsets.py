@@ -150,4 +150,3 @@ def _from(effect: Effect, times: np.ndarray) -> Effect:
     """The event before all samples."""
     at = effect.described(effect.event)
     return replace(effect, **{effect.event: float(np.clip(times.min(), at.lower, at.upper))})
-

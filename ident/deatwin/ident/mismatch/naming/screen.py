@@ -83,9 +83,7 @@ class Lead:
     left: float = 0.0
 
 
-def footprints(
-    bench: Bench, base: Calibration, effects: Sequence[Effect], fit: Calibration
-) -> tuple[Footprint, ...]:
+def footprints(bench: Bench, base: Calibration, effects: Sequence[Effect], fit: Calibration) -> tuple[Footprint, ...]:
     """Simulate the base plant with each effect, at each of its shapes.
 
     Parameters
@@ -279,9 +277,7 @@ def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
     return start, estimate
 
 
-def _of_effect(
-    base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration
-) -> list[Footprint]:
+def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration) -> list[Footprint]:
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)

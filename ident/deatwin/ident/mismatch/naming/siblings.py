@@ -76,9 +76,13 @@ def _bare(bench: Bench, explanation: Calibration) -> Calibration | None:
         return None
     residuals, jacobian = found
     return replace(
-        explanation, plant=plant, names=names, covariance=explanation.covariance[np.ix_(kept, kept)],
-        residuals=residuals, jacobian=jacobian,
-    )  # fmt: skip
+        explanation,
+        plant=plant,
+        names=names,
+        covariance=explanation.covariance[np.ix_(kept, kept)],
+        residuals=residuals,
+        jacobian=jacobian,
+    )
 
 
 def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:

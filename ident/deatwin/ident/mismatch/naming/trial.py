@@ -83,7 +83,9 @@ def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[T
     """
     return [
         Trial(
-            start=unbent.with_effects(lead.effect), bent=fit.plant.with_effects(lead.estimate), without=fit,
+            start=unbent.with_effects(lead.effect),
+            bent=fit.plant.with_effects(lead.estimate),
+            without=fit,
             share=lead.share,
         )
         for lead in chosen

@@ -179,9 +179,7 @@ class Tried:
             return True
         return naming.best is None and self.one_takes_most(stage)
 
-    def attempt(
-        self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf
-    ) -> list[Names]:
+    def attempt(self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf) -> list[Names]:
         """Fit and judge `trials`, which compete with a `rival` rms; `finished` is called with the share that is done.
 
         What is returned are the sets of which no fit was known, or none as good.

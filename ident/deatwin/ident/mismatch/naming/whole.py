@@ -82,9 +82,10 @@ def settled_on_everything(
     # How far apart the two are is known of fits to the fitted part only, which err where they are extrapolated.
     near = [w for w in answers if w not in (lead, *led.rivals) and cannot_rule_out(w, lead)]
     back = [
-        w for w in fitted
+        w
+        for w in fitted
         if w.effects in strayed and is_as_likely(w, lead) and _is_as_likely_there(strayed[w.effects], best)
-    ]  # fmt: skip
+    ]
     odds = {w.effects: _odds(w, lead, w in holding) for w in (*wholes, *back)}
     rivals = (*(known[c.effects] for c in (*led.rivals, *near)), *(strayed[w.effects] for w in back))
     return replace(led, best=best, rivals=rivals, probabilities=normalised(odds))
@@ -117,10 +118,10 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
         return naming
     kept = {best.effects, *(rival.effects for rival in naming.rivals)}
     doubtful = [
-        c for c in naming.candidates
-        if c.effects in naming.probabilities and c.effects not in kept and possible(c)
-        and _is_as_likely_there(c, best)
-    ]  # fmt: skip
+        c
+        for c in naming.candidates
+        if c.effects in naming.probabilities and c.effects not in kept and possible(c) and _is_as_likely_there(c, best)
+    ]
     if not doubtful:
         return naming
     competing = {c.effects: c for c in (best, *doubtful)}
@@ -169,9 +170,12 @@ def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | N
     if not fit.status.ok:
         return None
     return replace(
-        candidate, calibration=fit, unseen=np.zeros(0), sizes=tuple((part.size, 0) for part in parts),
+        candidate,
+        calibration=fit,
+        unseen=np.zeros(0),
+        sizes=tuple((part.size, 0) for part in parts),
         measured=np.concatenate([part.measured for part in parts]),
-    )  # fmt: skip
+    )
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:

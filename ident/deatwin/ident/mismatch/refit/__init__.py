@@ -2,7 +2,4 @@
 
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 
-__all__ = [
-    "Base",
-    "calibrate_base",
-]
+__all__ = ["Base", "calibrate_base"]

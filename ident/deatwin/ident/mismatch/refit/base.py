@@ -12,15 +12,7 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
-from deatwin.ident.mismatch.refit.search import (
-    OPENING_SAMPLES,
-    approach,
-    at_its_time,
-    finish,
-    opening,
-    roughly,
-    settle,
-)
+from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, at_its_time, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant

@@ -32,9 +32,14 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
         parameter, (low, high) = fit.plant.parameters[name], fit.interval(name)
         before = nominal.parameters[name].value if name in nominal.parameters else None
         found[name] = FittedParameter(
-            value=parameter.value, low=low, high=high, unit=parameter.unit, nominal=before,
-            at_bound=name in fit.at_bound, undetermined=not fit.is_determined(name),
-        )  # fmt: skip
+            value=parameter.value,
+            low=low,
+            high=high,
+            unit=parameter.unit,
+            nominal=before,
+            at_bound=name in fit.at_bound,
+            undetermined=not fit.is_determined(name),
+        )
     return found
 
 

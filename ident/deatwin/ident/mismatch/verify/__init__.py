@@ -6,12 +6,4 @@ from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verification import Ablation, Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
-__all__ = [
-    "Ablation",
-    "Constancy",
-    "Sham",
-    "ShamKind",
-    "Transfer",
-    "Verification",
-    "verify",
-]
+__all__ = ["Ablation", "Constancy", "Sham", "ShamKind", "Transfer", "Verification", "verify"]

@@ -128,6 +128,9 @@ def _constancy(
     taken = half**2 * power / free.size
     sums = [float(np.sum(s)) for s in np.array_split(free * (fit.residuals - half * free), STRETCHES)]
     return Constancy(
-        effect=effect, own=own, change=2.0 * half, deviation=2.0 * float(np.linalg.norm(sums)) / power,
+        effect=effect,
+        own=own,
+        change=2.0 * half,
+        deviation=2.0 * float(np.linalg.norm(sums)) / power,
         mends=too_much is not None and taken > MOST * too_much**2,
-    )  # fmt: skip
+    )

@@ -259,13 +259,15 @@ def backwards(experiment: Experiment) -> Experiment:
     return Experiment(
         recordings=tuple(
             replace(
-                record, inputs=record.inputs[:, ::-1], outputs=record.outputs[:, ::-1],
+                record,
+                inputs=record.inputs[:, ::-1],
+                outputs=record.outputs[:, ::-1],
                 extras={name: values[::-1] for name, values in record.extras.items()},
                 start=experiment.start + (experiment.end - record.end),
             )
             for record in reversed(experiment.recordings)
         )
-    )  # fmt: skip
+    )
 
 
 def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray:

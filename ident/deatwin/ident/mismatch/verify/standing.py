@@ -74,8 +74,10 @@ def _without_doubted(
     known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}
     rest = [known.get(frozenset(naming.best.effects) - {name}) for name in verification.doubted]
     standing = [
-        c for c in rest
-        if c is not None and frozenset(c.effects) not in refuted
+        c
+        for c in rest
+        if c is not None
+        and frozenset(c.effects) not in refuted
         and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
-    ]  # fmt: skip
+    ]
     return standing if len(standing) == len(rest) else []

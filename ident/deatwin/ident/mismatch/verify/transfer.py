@@ -73,12 +73,16 @@ def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.
     parts = [*_records(base, amended, bench), *_thirds(base, amended, bench)]
     return tuple(
         Transfer(
-            part=name, before=float(np.sqrt(before.mean())), after=float(np.sqrt(after.mean())),
-            gain_low=bootstrap_gain(before, after, rng), gain_high=-bootstrap_gain(after, before, rng),
-            floor=floor, model_error=error,
+            part=name,
+            before=float(np.sqrt(before.mean())),
+            after=float(np.sqrt(after.mean())),
+            gain_low=bootstrap_gain(before, after, rng),
+            gain_high=-bootstrap_gain(after, before, rng),
+            floor=floor,
+            model_error=error,
         )
         for name, before, after in parts
-    )  # fmt: skip
+    )
 
 
 Losses = tuple[str, np.ndarray, np.ndarray]

@@ -146,27 +146,39 @@ class Verification:
             "counts": self.counts,
             "ablation": [
                 {
-                    "effect": a.effect, "fitted": a.fitted / size, "unseen": a.unseen / size,
-                    "gain_low": a.gain_low / size, "share": a.share, "counts": a.counts,
+                    "effect": a.effect,
+                    "fitted": a.fitted / size,
+                    "unseen": a.unseen / size,
+                    "gain_low": a.gain_low / size,
+                    "share": a.share,
+                    "counts": a.counts,
                 }
                 for a in self.ablations
             ],
             "shams": [
                 {
-                    "effect": s.effect, "sham": s.kind.value, "share": s.share, "expected": s.expected,
-                    "rejected": s.rejected if s.share is not None else None, "skipped": s.skipped,
+                    "effect": s.effect,
+                    "sham": s.kind.value,
+                    "share": s.share,
+                    "expected": s.expected,
+                    "rejected": s.rejected if s.share is not None else None,
+                    "skipped": s.skipped,
                 }
                 for s in self.shams
             ],
             "transfer": [
                 {
-                    "part": t.part, "before": t.before / size, "after": t.after / size,
-                    "gain_low": t.gain_low / size, "gain_high": t.gain_high / size, "worse": t.worse,
+                    "part": t.part,
+                    "before": t.before / size,
+                    "after": t.after / size,
+                    "gain_low": t.gain_low / size,
+                    "gain_high": t.gain_high / size,
+                    "worse": t.worse,
                 }
                 for t in self.transfers
             ],
             "constancy": [{**asdict(c), "holds": c.holds} for c in self.constancies],
-        }  # fmt: skip
+        }
 
     def to_xarray(self) -> Any:
         """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
@@ -181,30 +193,49 @@ class Verification:
                 "unseen": (stages[0], [self.unseen_before, self.unseen_after], unit, "rms residual on the unseen part"),
                 "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall on the unseen part"),
                 "noise": ((), self.noise, unit, "rms of the sensor's noise"),
-                **table("ablation", map(asdict, self.ablations), {
-                    "fitted": (unit, "rms residual without the effect"),
-                    "unseen": (unit, "rms residual without the effect"),
-                    "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
-                    "share": ("", "share of the mismatch's energy that returns"),
-                }),
-                **table("sham", shams, {"share": ("", "gain relative to that of the effect"),
-                                        "expected": ("", "the same were the effect the truth")}),
-                **table("transfer", [{**asdict(t), "worse": t.worse} for t in self.transfers], {
-                    "before": (unit, "rms residual"), "after": (unit, "rms residual"),
-                    "gain_low": (unit, "lower 95 % bound of the fall"),
-                    "gain_high": (unit, "upper 95 % bound of the fall"),
-                    "floor": (unit, "rms of noise and model error"),
-                    "model_error": (unit, "rms of the plant's own error"),
-                }),
-                **table("constancy", [{**asdict(c), "holds": c.holds} for c in self.constancies], {
-                    "change": ("", "relative change of the strength over the recordings"),
-                    "deviation": ("", "its standard deviation"),
-                    "own": ("", "share of its power that nothing else can make"),
-                }),
+                **table(
+                    "ablation",
+                    map(asdict, self.ablations),
+                    {
+                        "fitted": (unit, "rms residual without the effect"),
+                        "unseen": (unit, "rms residual without the effect"),
+                        "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
+                        "share": ("", "share of the mismatch's energy that returns"),
+                    },
+                ),
+                **table(
+                    "sham",
+                    shams,
+                    {
+                        "share": ("", "gain relative to that of the effect"),
+                        "expected": ("", "the same were the effect the truth"),
+                    },
+                ),
+                **table(
+                    "transfer",
+                    [{**asdict(t), "worse": t.worse} for t in self.transfers],
+                    {
+                        "before": (unit, "rms residual"),
+                        "after": (unit, "rms residual"),
+                        "gain_low": (unit, "lower 95 % bound of the fall"),
+                        "gain_high": (unit, "upper 95 % bound of the fall"),
+                        "floor": (unit, "rms of noise and model error"),
+                        "model_error": (unit, "rms of the plant's own error"),
+                    },
+                ),
+                **table(
+                    "constancy",
+                    [{**asdict(c), "holds": c.holds} for c in self.constancies],
+                    {
+                        "change": ("", "relative change of the strength over the recordings"),
+                        "deviation": ("", "its standard deviation"),
+                        "own": ("", "share of its power that nothing else can make"),
+                    },
+                ),
             },
             {"stage": stages},
             {"holds": self.holds, "failures": list(self.failures)},
-        )  # fmt: skip
+        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the error on unseen data: before and after on each part, without each effect, and with its shams.

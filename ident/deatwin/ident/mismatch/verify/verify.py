@@ -57,21 +57,23 @@ def verify(
     reduced = _reduced(base, amended, bench, tried)
     whole = None if bench is None else _whole(amended, bench)
     return Verification(
-        fitted_before=base.calibration.rms, fitted_after=amended.calibration.rms,
-        unseen_before=_rms(base.unseen), unseen_after=_rms(amended.unseen),
+        fitted_before=base.calibration.rms,
+        fitted_after=amended.calibration.rms,
+        unseen_before=_rms(base.unseen),
+        unseen_after=_rms(amended.unseen),
         gain_low=bootstrap_gain(block_losses(base.unseen), block_losses(amended.unseen), rng),
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
         shams=() if bench is None else _shams(amended, reduced, bench, rng),
         transfers=() if bench is None else transfers(base, amended, bench, rng),
         constancies=() if bench is None else _constancies(amended, bench, whole),
         counts=_takes_most_unseen(base, amended) and _counts(base, amended, rng),
-        noise=amended.noise, output_unit=amended.calibration.plant.rig.output_unit, whole=whole,
-    )  # fmt: skip
+        noise=amended.noise,
+        output_unit=amended.calibration.plant.rig.output_unit,
+        whole=whole,
+    )
 
 
-def shares_explained(
-    base: Candidate, amended: Candidate, tried: Sequence[Candidate], noise: float
-) -> dict[str, float]:
+def shares_explained(base: Candidate, amended: Candidate, tried: Sequence[Candidate], noise: float) -> dict[str, float]:
     """What share of the mismatch's energy goes with each effect of a candidate.
 
     An effect's share is what returns when it alone is taken out (the other effects refitted), relative to the
@@ -120,15 +122,16 @@ def _refitted(bench: Bench, amended: Candidate, name: str) -> Candidate | None:
     return judge(bench, fit, amended.noise) if fit.status.ok else None
 
 
-def _ablation(
-    name: str, base: Candidate, amended: Candidate, without: Candidate, rng: np.random.Generator
-) -> Ablation:
+def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate, rng: np.random.Generator) -> Ablation:
     gain_low = bootstrap_gain(block_losses(without.unseen), block_losses(amended.unseen), rng)
     return Ablation(
-        effect=name, fitted=without.calibration.rms, unseen=_rms(without.unseen), gain_low=gain_low,
+        effect=name,
+        fitted=without.calibration.rms,
+        unseen=_rms(without.unseen),
+        gain_low=gain_low,
         share=_share(base, amended, without, amended.noise),
         counts=_counts(without, amended, rng),
-    )  # fmt: skip
+    )
 
 
 def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) -> bool:

@@ -46,8 +46,11 @@ def model_dataset(model: LinearModel) -> Any:
             "noise_variance": ((), model.noise_variance, squared(model.output_units[0])),
             "offset": ((), model.offset, model.output_units[0]),
         },
-        {"power": ("power", np.arange(length)), "input": ("input", list(model.input_names)),
-         "input_unit": ("input", list(model.input_units))},
+        {
+            "power": ("power", np.arange(length)),
+            "input": ("input", list(model.input_names)),
+            "input_unit": ("input", list(model.input_units)),
+        },
         {"sample_time": model.sample_time, "output_name": model.output_names[0], "output_unit": model.output_units[0]},
         to_document(model),
-    )  # fmt: skip
+    )

@@ -255,14 +255,7 @@ class BoxJenkins(LinearIdentifier):
     """
 
     def __init__(
-        self,
-        *,
-        nb: Counts = 2,
-        nc: int = 2,
-        nd: int = 2,
-        nf: Counts = 2,
-        nk: Counts = 1,
-        offset: bool = True,
+        self, *, nb: Counts = 2, nc: int = 2, nd: int = 2, nf: Counts = 2, nk: Counts = 1, offset: bool = True
     ) -> None:
         self.nb = nb
         self.nc = nc
@@ -276,15 +269,7 @@ class BoxJenkins(LinearIdentifier):
 
 
 def _orders(
-    n_inputs: int,
-    *,
-    nb: Counts,
-    nk: Counts,
-    offset: bool,
-    na: int = 0,
-    nc: int = 0,
-    nd: int = 0,
-    nf: Counts = 0,
+    n_inputs: int, *, nb: Counts, nk: Counts, offset: bool, na: int = 0, nc: int = 0, nd: int = 0, nf: Counts = 0
 ) -> Orders:
     """Return checked orders."""
     if n_inputs == 0:

@@ -47,10 +47,13 @@ class LinearFrequencyResponse:
                 "covariance": (("input", "point", "part", "other_part"), self.covariance),
                 "omega": ("point", self.omega, "rad/s"),
             },
-            {"frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"), "part": ("part", list(PARTS)),
-             "other_part": ("other_part", list(PARTS))},
+            {
+                "frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"),
+                "part": ("part", list(PARTS)),
+                "other_part": ("other_part", list(PARTS)),
+            },
             {},
-        )  # fmt: skip
+        )
 
 
 def frequency_response(

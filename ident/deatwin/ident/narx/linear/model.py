@@ -255,9 +255,14 @@ class LinearModel:
         if isinstance(given, Recording):
             self._require(given, outputs=None)
         return Drive.of(
-            given, initial, input_names=self.input_names, n_outputs=1, sample_time=self.sample_time,
-            first=lag + poles, fewest=poles,
-        )  # fmt: skip
+            given,
+            initial,
+            input_names=self.input_names,
+            n_outputs=1,
+            sample_time=self.sample_time,
+            first=lag + poles,
+            fewest=poles,
+        )
 
     def frequency_response(self, omega: ArrayLike) -> LinearFrequencyResponse:
         """Return the frequency response from each input to the output, with its covariance.
@@ -351,9 +356,12 @@ class LinearModel:
     def _require(self, recording: Recording, outputs: int | None = 1) -> None:
         """Raise ModelError unless the recording suits."""
         require_suits(
-            recording, sample_time=self.sample_time, n_inputs=len(self.b), n_outputs=outputs,
+            recording,
+            sample_time=self.sample_time,
+            n_inputs=len(self.b),
+            n_outputs=outputs,
             fewest=self.orders.first + self.orders.nd + self.poles.size + 1,
-        )  # fmt: skip
+        )
 
     def _warmup(self, recording: Recording, states: int) -> int:
         self._require(recording)

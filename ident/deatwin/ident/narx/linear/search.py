@@ -142,14 +142,7 @@ def minimise(loss: PredictionErrorLoss, start: Polynomials) -> Minimum:
     loss.best = float(np.sum(loss.errors(unknowns) ** 2)), unknowns
     try:
         least_squares(
-            loss.errors,
-            unknowns,
-            loss.gradient,
-            x_scale="jac",
-            ftol=1e-12,
-            xtol=1e-10,
-            gtol=1e-12,
-            max_nfev=200,
+            loss.errors, unknowns, loss.gradient, x_scale="jac", ftol=1e-12, xtol=1e-10, gtol=1e-12, max_nfev=200
         )
     except KeyboardInterrupt:
         complete = False

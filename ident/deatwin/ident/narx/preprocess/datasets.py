@@ -36,11 +36,17 @@ def sampling_dataset(choice: SamplingChoice) -> Any:
             "nonlinear": ("lag", choice.nonlinear, "", "correlation of the squared output with itself"),
         },
         {"lag": ("lag", lags, "samples"), "lag_time": ("lag", lags * choice.sample_time, "s")},
-        {"linear_band": choice.linear_band, "nonlinear_band": choice.nonlinear_band,
-         "linear_minimum": choice.linear_minimum, "nonlinear_minimum": choice.nonlinear_minimum,
-         "sample_time": choice.sample_time, "factor": choice.factor, "status": choice.status.name,
-         "advice": choice.status.value},
-    )  # fmt: skip
+        {
+            "linear_band": choice.linear_band,
+            "nonlinear_band": choice.nonlinear_band,
+            "linear_minimum": choice.linear_minimum,
+            "nonlinear_minimum": choice.nonlinear_minimum,
+            "sample_time": choice.sample_time,
+            "factor": choice.factor,
+            "status": choice.status.name,
+            "advice": choice.status.value,
+        },
+    )
 
 
 def orders_dataset(choice: OrderChoice) -> Any:
@@ -57,8 +63,10 @@ def orders_dataset(choice: OrderChoice) -> Any:
         Lags as they were given, as texts; ``chosen`` is true for at most one trial.
     """
     chosen = choice.chosen if choice.done else None
-    given = {name: ("trial", np.array([str(getattr(trial, name)) for trial in choice.trials], dtype=str))
-             for name in ("output_lags", "input_lags")}  # fmt: skip
+    given = {
+        name: ("trial", np.array([str(getattr(trial, name)) for trial in choice.trials], dtype=str))
+        for name in ("output_lags", "input_lags")
+    }
     return dataset(
         {
             **given,
@@ -67,15 +75,19 @@ def orders_dataset(choice: OrderChoice) -> Any:
             "n_input_terms": ("trial", [trial.n_input_terms for trial in choice.trials]),
             "error": ("trial", [t.error for t in choice.trials], choice.unit, "RMS of the free run, held-out data"),
             "mean_square": ("trial", [trial.mean_square for trial in choice.trials], squared(choice.unit)),
-            "standard_error": ("trial", [t.standard_error for t in choice.trials], squared(choice.unit),
-                               "standard error of mean_square"),
+            "standard_error": (
+                "trial",
+                [t.standard_error for t in choice.trials],
+                squared(choice.unit),
+                "standard error of mean_square",
+            ),
             "status": ("trial", np.array([trial.status.name for trial in choice.trials], dtype=str)),
             "reason": ("trial", np.array([trial.reason for trial in choice.trials], dtype=str)),
             "chosen": ("trial", np.array([trial is chosen for trial in choice.trials], dtype=bool)),
         },
         {},
         {"n_done": len(choice.done)},
-    )  # fmt: skip
+    )
 
 
 def sections_dataset(found: Sections) -> Any:
@@ -95,8 +107,9 @@ def sections_dataset(found: Sections) -> Any:
     stretches = [{"record": s.record, "first": s.first, "last": s.last, "p_value": s.p_value} for s in found.stretches]
     tests = [
         {"record": number, "signal": t.signal, "statistic": t.statistic, "kind": t.test, "p_value": t.p_value}
-        for number, each in enumerate(found.tests) for t in each
-    ]  # fmt: skip
+        for number, each in enumerate(found.tests)
+        for t in each
+    ]
     return dataset(
         {
             "section_start": ("section", [one.start for one in sections], "s"),
@@ -110,6 +123,10 @@ def sections_dataset(found: Sections) -> Any:
             "record_end": ("record", [one.end for one in found.recordings], "s"),
         },
         {"section": ("section", ["training", "validation"])},
-        {"level": found.level, "segments_are_long": found.segments_are_long, "status": found.status.name,
-         "advice": found.status.value},
-    )  # fmt: skip
+        {
+            "level": found.level,
+            "segments_are_long": found.segments_are_long,
+            "status": found.status.name,
+            "advice": found.status.value,
+        },
+    )

@@ -123,9 +123,11 @@ class DeadTime:
     @property
     def interval_seconds(self) -> tuple[float, float] | None:
         """The same in s."""
-        return None if self.interval is None else (
-            self.interval[0] * self.sample_time, self.interval[1] * self.sample_time
-        )  # fmt: skip
+        return (
+            None
+            if self.interval is None
+            else (self.interval[0] * self.sample_time, self.interval[1] * self.sample_time)
+        )
 
     def __str__(self) -> str:
         if self.samples is None or self.interval is None:
@@ -293,16 +295,30 @@ def _of_input(
     else:
         status = DeadTimeStatus.UNSEEN
     return DeadTime(
-        input_name=record.input_names[which], output_name=record.output_names[output], sample_time=record.sample_time,
-        status=status, probabilities=probabilities, probability=probability, searched_to=searched_to,
-        feedback_p_value=feedback, impulse=arx.b[row], impulse_std=arx.b_std[row],
-    )  # fmt: skip
+        input_name=record.input_names[which],
+        output_name=record.output_names[output],
+        sample_time=record.sample_time,
+        status=status,
+        probabilities=probabilities,
+        probability=probability,
+        searched_to=searched_to,
+        feedback_p_value=feedback,
+        impulse=arx.b[row],
+        impulse_std=arx.b_std[row],
+    )
 
 
 def _untold(record: Recording, which: int, output: int, status: DeadTimeStatus, probability: float) -> DeadTime:
     nothing = np.empty(0)
     return DeadTime(
-        input_name=record.input_names[which], output_name=record.output_names[output], sample_time=record.sample_time,
-        status=status, probabilities=nothing, probability=probability, searched_to=0, feedback_p_value=math.nan,
-        impulse=nothing, impulse_std=nothing,
-    )  # fmt: skip
+        input_name=record.input_names[which],
+        output_name=record.output_names[output],
+        sample_time=record.sample_time,
+        status=status,
+        probabilities=nothing,
+        probability=probability,
+        searched_to=0,
+        feedback_p_value=math.nan,
+        impulse=nothing,
+        impulse_std=nothing,
+    )

@@ -173,9 +173,11 @@ def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
     levels = few_levels(channel.values, degree)
     if levels.size:
         finding = channel.finding(
-            FindingKind.FEW_LEVELS, np.arange(channel.values.size), float(np.ptp(levels)),
+            FindingKind.FEW_LEVELS,
+            np.arange(channel.values.size),
+            float(np.ptp(levels)),
             said_of_levels(channel.name, levels.size),
-        )  # fmt: skip
+        )
         yield replace(finding, count=levels.size)
 
 

@@ -273,9 +273,11 @@ def choose_orders(
         if not done:
             raise
     return OrderChoice(
-        trials=(*done, *grid[len(done) :]), unit=held_out[0].output_units[0], dead_times=dead_times,
+        trials=(*done, *grid[len(done) :]),
+        unit=held_out[0].output_units[0],
+        dead_times=dead_times,
         remarks=remarks_on_levels(train, max(trial.degree for trial in grid)),
-    )  # fmt: skip
+    )
 
 
 def _with_dead_times(

@@ -84,8 +84,7 @@ class ArrayTable(Table):
             if not (finite := np.isfinite(values.astype(np.float64))).all():
                 sample = int(np.argmin(finite))
                 raise DataError(
-                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} '
-                    "is not a finite number"
+                    f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'
                 )
         return np.array([self._si(column) for column in columns])
 

@@ -76,8 +76,7 @@ def read_lvm(path: str | Path) -> CsvTable:
     first = segments[0]
     if other := next((segment for segment in segments if segment.names != first.names), None):
         raise DataError(
-            f"{name}, row {other.rows[0]}: a segment with other channels than the first one has; "
-            "give each its own file"
+            f"{name}, row {other.rows[0]}: a segment with other channels than the first one has; give each its own file"
         )
     kind = next((cell for cell in first.header.get("X_Dimension", []) if cell and cell != "Time"), "")
     if kind:

@@ -106,9 +106,12 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
         units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
-            path, sha256, columns, {name: str(text) for name, text in units.items()},
+            path,
+            sha256,
+            columns,
+            {name: str(text) for name, text in units.items()},
             declared=Declared(timing=_timing(arrays, path), provenance=notes),
-        )  # fmt: skip
+        )
     return array_table(path, sha256, columns, {}, declared=declared)
 
 

@@ -269,8 +269,7 @@ class Table(ABC):
         found = found or [k for k, name in enumerate(self.names) if name == wanted]
         if not found:
             raise DataError(
-                f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}'
-                f"{self.near(wanted, works)}"
+                f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}{self.near(wanted, works)}'
             )
         if len(found) > 1:
             different = len({self.headers[k] for k in found}) == len(found) <= _LISTED

@@ -17,14 +17,7 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
-from deatwin.plant.files.formats.description import (
-    KEY,
-    describe,
-    plain_header,
-    read_description,
-    rows_of,
-    signals_of,
-)
+from deatwin.plant.files.formats.description import KEY, describe, plain_header, read_description, rows_of, signals_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.intake import in_words

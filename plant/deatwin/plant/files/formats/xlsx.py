@@ -78,7 +78,10 @@ def _text(cell: object) -> str:
         case timedelta():
             return repr(cell.total_seconds())
         case time():
-            return repr(timedelta(hours=cell.hour, minutes=cell.minute, seconds=cell.second,
-                                  microseconds=cell.microsecond).total_seconds())  # fmt: skip
+            return repr(
+                timedelta(
+                    hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
+                ).total_seconds()
+            )
     # A quote would begin a cell that may hold tabs.
     return " ".join(str(cell).replace('"', "'").split())

@@ -6,14 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from deatwin.plant.errors import RigError, nearest
-from deatwin.scenarios.concealed_physics.mechanisms import (
-    electrical,
-    environment,
-    film,
-    mechanical,
-    outside,
-    sensor,
-)
+from deatwin.scenarios.concealed_physics.mechanisms import electrical, environment, film, mechanical, outside, sensor
 from deatwin.scenarios.concealed_physics.mechanisms.base import (
     Drive,
     Mechanism,
@@ -26,9 +19,9 @@ from deatwin.scenarios.concealed_physics.mechanisms.base import (
 __all__ = ["MECHANISMS", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting", "log_uniform", "mechanism_named"]
 
 _MODULES = (film, electrical, mechanical, sensor, environment, outside)
-MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType({
-    kind.name: kind for module in _MODULES for kind in (getattr(module, name) for name in module.__all__)
-})  # fmt: skip
+MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType(
+    {kind.name: kind for module in _MODULES for kind in (getattr(module, name) for name in module.__all__)}
+)
 """All of them by name."""
 
 

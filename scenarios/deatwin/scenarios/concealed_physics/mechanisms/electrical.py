@@ -12,9 +12,16 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Setting, log_uniform
 
 __all__ = [
-    "CrackedElectrode", "GroundShift", "HardClip", "LadderElectrode", "RateLimit", "SlowDipoles", "SpaceCharge",
-    "TransportDelay", "TrapConduction",
-]  # fmt: skip
+    "CrackedElectrode",
+    "GroundShift",
+    "HardClip",
+    "LadderElectrode",
+    "RateLimit",
+    "SlowDipoles",
+    "SpaceCharge",
+    "TransportDelay",
+    "TrapConduction",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +49,12 @@ class SlowDipoles(PlantMechanism):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "squared_voltage"
     spread: ClassVar[tuple[tuple[float, float], ...]] = (
-        (0.1, 0.12), (0.4, 0.24), (1.5, 0.32), (6.0, 0.22), (30.0, 0.1)
-    )  # fmt: skip
+        (0.1, 0.12),
+        (0.4, 0.24),
+        (1.5, 0.32),
+        (6.0, 0.22),
+        (30.0, 0.1),
+    )
     """Time against the centre's, and part of the share."""
 
     @classmethod
@@ -194,9 +205,10 @@ class CrackedElectrode(PlantMechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         return cls(
-            share=cls.largest * rng.uniform(0.1, 0.3), at=setting.seconds * rng.uniform(0.2, 0.8),
+            share=cls.largest * rng.uniform(0.1, 0.3),
+            at=setting.seconds * rng.uniform(0.2, 0.8),
             lasts=rng.uniform(0.05, 0.4),
-        )  # fmt: skip
+        )
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, at, lasts = self.symbols(build)

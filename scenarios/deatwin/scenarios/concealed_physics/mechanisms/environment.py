@@ -42,9 +42,10 @@ class ThermostatSwing(PlantMechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         return cls(
-            change=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3), period=rng.uniform(25.0, 70.0),
+            change=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3),
+            period=rng.uniform(25.0, 70.0),
             phase=rng.uniform(0.0, 1.0),
-        )  # fmt: skip
+        )
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         change, period, phase = self.symbols(build)
@@ -84,9 +85,10 @@ class MainsHum(Mechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         return cls(
-            amplitude=cls.largest * rng.uniform(0.1, 0.3), frequency=log_uniform(rng, 0.05, 15.0),
+            amplitude=cls.largest * rng.uniform(0.1, 0.3),
+            frequency=log_uniform(rng, 0.05, 15.0),
             phase=rng.uniform(-np.pi, np.pi),
-        )  # fmt: skip
+        )
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         passed = np.diff(reading.times, prepend=reading.times[0])

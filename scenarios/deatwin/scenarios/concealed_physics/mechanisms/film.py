@@ -12,9 +12,13 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting, log_uniform
 
 __all__ = [
-    "AgeingPermittivity", "ChainDamage", "DilutedPermittivity", "ExponentialStiffening", "LogarithmicRelaxation",
+    "AgeingPermittivity",
+    "ChainDamage",
+    "DilutedPermittivity",
+    "ExponentialStiffening",
+    "LogarithmicRelaxation",
     "PowerLawCreep",
-]  # fmt: skip
+]
 
 
 def _decades(time: Any, first: Any) -> Any:
@@ -235,8 +239,5 @@ class DilutedPermittivity(PlantMechanism):
         (exponent,) = self.symbols(build)
         mounted = build.constant("mounted_area", signal.rest_stretch**2)
         pairs = zip(signal.points, signal.capacitances, strict=True)
-        diluted = [
-            c * (p.stretches[0] * p.stretches[1] / mounted) ** -exponent if p.active else c
-            for p, c in pairs
-        ]
+        diluted = [c * (p.stretches[0] * p.stretches[1] / mounted) ** -exponent if p.active else c for p, c in pairs]
         return replace(signal, capacitances=diluted)

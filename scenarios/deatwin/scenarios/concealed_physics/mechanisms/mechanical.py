@@ -223,9 +223,10 @@ class TwinModes(PlantMechanism):
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
         return cls(
-            mass=cls.largest * rng.uniform(0.1, 0.3), frequency=rng.uniform(4.0, 12.0),
+            mass=cls.largest * rng.uniform(0.1, 0.3),
+            frequency=rng.uniform(4.0, 12.0),
             damping_ratio=rng.uniform(0.01, 0.04),
-        )  # fmt: skip
+        )
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         mass, frequency, ratio = self.symbols(build)

@@ -18,9 +18,14 @@ from deatwin.scenarios.concealed_physics.mechanisms.base import (
 )
 
 __all__ = [
-    "CapacitiveCrosstalk", "ChargingHeat", "ClockSkew", "CrossoverDeadZone", "GainWander", "InterferenceBursts",
+    "CapacitiveCrosstalk",
+    "ChargingHeat",
+    "ClockSkew",
+    "CrossoverDeadZone",
+    "GainWander",
+    "InterferenceBursts",
     "OneWayDamper",
-]  # fmt: skip
+]
 
 
 @dataclass(frozen=True, kw_only=True)

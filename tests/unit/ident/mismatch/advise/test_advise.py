@@ -103,10 +103,15 @@ def bench_of(nominal: Plant, experiment: Experiment) -> Bench:
     """70 % of a record to be fitted, the rest to judge."""
     early = np.arange(experiment.n_samples) < 0.7 * experiment.n_samples
     return Bench(
-        nominal=nominal, effects=(), fitted=(Part(experiment=experiment, masks=(early,)),),
-        unseen=(Part(experiment=experiment, masks=(~early,)),), everything=(Part.whole(experiment),), jobs=1,
-        stated_error=nominal.rig.model_error, expected_error=nominal.rig.model_error,
-    )  # fmt: skip
+        nominal=nominal,
+        effects=(),
+        fitted=(Part(experiment=experiment, masks=(early,)),),
+        unseen=(Part(experiment=experiment, masks=(~early,)),),
+        everything=(Part.whole(experiment),),
+        jobs=1,
+        stated_error=nominal.rig.model_error,
+        expected_error=nominal.rig.model_error,
+    )
 
 
 def rivals_on(bench: Bench, *effects: Effect) -> list[Candidate]:
@@ -301,8 +306,10 @@ def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
             started.append(problem.plant)
         return evaluate(problem, coordinates)
 
-    alone = [distance.difference(of[t].plant, of[r], asked.parts(commands), memory=memory, steps=question.STEPS)
-             for (t, r), memory in zip(asked.pairs, asked.memories, strict=True)]  # fmt: skip
+    alone = [
+        distance.difference(of[t].plant, of[r], asked.parts(commands), memory=memory, steps=question.STEPS)
+        for (t, r), memory in zip(asked.pairs, asked.memories, strict=True)
+    ]
     monkeypatch.setattr(Problem, "evaluate", counted)
     found = asked.refitted(commands)
     for draw in (1, 2):
@@ -329,10 +336,12 @@ def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
 )
 def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, needed):
     asked = SimpleNamespace(
-        commands=lambda _, count: np.zeros(count), is_safe=lambda _: True, before=np.zeros(2),
+        commands=lambda _, count: np.zeros(count),
+        is_safe=lambda _: True,
+        before=np.zeros(2),
         refitted=lambda _: np.array([reached, 100.0]),
         first_order=lambda commands: np.array([100.0, first if commands.size == SCREENED else last]),
-    )  # fmt: skip
+    )
     assert _needed(asked, "any") == pytest.approx(needed)
 
 
@@ -366,11 +375,14 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     assert found.to_dict()["undecided"] == list(found.undecided)
 
 
-@pytest.mark.parametrize(("effect", "measured", "guessed"), [
-    ("thermal_stiffness", False, ["temperature"]),
-    ("thermal_stiffness", True, []),  # it was measured
-    ("periodic_disturbance", False, []),  # of the environment as well, and no thermometer shows it
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("effect", "measured", "guessed"),
+    [
+        ("thermal_stiffness", False, ["temperature"]),
+        ("thermal_stiffness", True, []),  # it was measured
+        ("periodic_disturbance", False, []),  # of the environment as well, and no thermometer shows it
+    ],
+)
 def test_a_channel_is_to_be_measured_where_an_explanation_guesses_it(effect, measured, guessed):
     commands = sine(2.0, 1.0)
     extras = {"temperature": np.full(commands.size, 293.0)} if measured else {}

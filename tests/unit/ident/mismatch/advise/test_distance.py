@@ -135,9 +135,11 @@ def test_thousands_of_samples_of_a_tenth_of_the_model_error_tell_nothing():
 def test_a_fast_difference_counts_against_the_noise_alone():
     t = np.arange(6000) * STEP
     fast = Difference(
-        readings=200e-6 * np.sin(np.pi * t), left=0.1e-6 * np.cos(np.pi * np.arange(t.size)),
-        model_error=np.full(t.size, 1e-6), sizes=(t.size,),
-    )  # fmt: skip
+        readings=200e-6 * np.sin(np.pi * t),
+        left=0.1e-6 * np.cos(np.pi * np.arange(t.size)),
+        model_error=np.full(t.size, 1e-6),
+        sizes=(t.size,),
+    )
     # the slow half has (1 - a)/(1 + a) = 0.01 of its variance at this frequency, and a level keeps a sample or so
     assert fast.squared_distance(2e-6) == pytest.approx(6000 * 0.01 / 4, rel=0.05)
 

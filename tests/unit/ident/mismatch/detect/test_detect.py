@@ -33,17 +33,36 @@ def lagged(signal: np.ndarray, time: float) -> np.ndarray:
 def film(n: int, seed: int, *, periods: int = 1, holds: bool = False, model_error: float = 0.0) -> Leftover:
     """A film of two lags that answers the square of the command, the derivatives by its parameters, no residual."""
     rng = np.random.default_rng(seed)
-    make = (lambda s: random_holds(rng, s, STEP, 1.2, 3.2, 1.0, 5.0)) if holds else (
-        lambda s: band_limited_noise(rng, s, STEP))  # fmt: skip
+    make = (
+        (lambda s: random_holds(rng, s, STEP, 1.2, 3.2, 1.0, 5.0))
+        if holds
+        else (lambda s: band_limited_noise(rng, s, STEP))
+    )
     command = np.tile(make(n * STEP / periods)[: n // periods], periods)
     reading = 40e-6 * lagged(0.8 * lagged(command**2, 0.05) + 0.2 * lagged(command**2, 3.0), 0.03)
-    columns = [np.full(n, 1e-4), reading, reading**2 / 1e-4, 10 * np.gradient(reading), lagged(reading, 3.0),
-               lagged(reading, 0.2), lagged(reading**2, 3.0) / 1e-4]  # fmt: skip
+    columns = [
+        np.full(n, 1e-4),
+        reading,
+        reading**2 / 1e-4,
+        10 * np.gradient(reading),
+        lagged(reading, 3.0),
+        lagged(reading, 0.2),
+        lagged(reading**2, 3.0) / 1e-4,
+    ]
     return Leftover(
-        residual=np.zeros(n), fitted=np.arange(n) < 0.7 * n, jacobian=np.stack(columns, axis=1), commands=command,
-        readings=reading, moved=reading - reading[0], timepts=STEP * np.arange(n), record=np.zeros(n, dtype=int),
-        experiment=np.zeros(n, dtype=int), sample_time=STEP, noise=NOISE, model_error=model_error,
-    )  # fmt: skip
+        residual=np.zeros(n),
+        fitted=np.arange(n) < 0.7 * n,
+        jacobian=np.stack(columns, axis=1),
+        commands=command,
+        readings=reading,
+        moved=reading - reading[0],
+        timepts=STEP * np.arange(n),
+        record=np.zeros(n, dtype=int),
+        experiment=np.zeros(n, dtype=int),
+        sample_time=STEP,
+        noise=NOISE,
+        model_error=model_error,
+    )
 
 
 def after_fit(left: Leftover, residual: np.ndarray) -> np.ndarray:
@@ -58,8 +77,11 @@ def shape_error(left: Leftover, rng: np.random.Generator, size: float) -> np.nda
     now = (left.readings - left.readings.mean()) / left.readings.std()
     past = lagged(now, float(np.exp(rng.uniform(np.log(0.1), np.log(5.0)))))
     a, b, c = rng.standard_normal(3)
-    error = (np.exp(-((now - a) ** 2)) + rng.standard_normal() * np.tanh(past - b) * now
-             + rng.standard_normal() * np.exp(-2 * (past - c) ** 2))  # fmt: skip
+    error = (
+        np.exp(-((now - a) ** 2))
+        + rng.standard_normal() * np.tanh(past - b) * now
+        + rng.standard_normal() * np.exp(-2 * (past - c) ** 2)
+    )
     return error * size / np.sqrt(np.mean(after_fit(left, error)[left.fitted] ** 2))
 
 
@@ -257,8 +279,13 @@ def test_physics_that_does_not_come_back_is_no_disturbance(form, periods):
     left, rng = film(3000, 50, periods=periods), np.random.default_rng(0)
     t, late = left.timepts, left.timepts > 25.0
     moves = (left.readings - left.readings.mean()) / left.readings.std()
-    excess = {"drift": 20 * np.exp(-t / 15), "gain": 20 * np.exp(-t / 15) * moves, "jump": 15.0 * late,
-              "loss": 12.0 * late * moves, "tone": 8 * np.sin(2 * np.pi * 7.3 * t)}[form]  # fmt: skip
+    excess = {
+        "drift": 20 * np.exp(-t / 15),
+        "gain": 20 * np.exp(-t / 15) * moves,
+        "jump": 15.0 * late,
+        "loss": 12.0 * late * moves,
+        "tone": 8 * np.sin(2 * np.pi * 7.3 * t),
+    }[form]
     assert origin(left, 1e-6 * excess, rng) is not Origin.DISTURBANCE
 
 
@@ -273,9 +300,15 @@ def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> Bench:
     early = np.arange(command.size) < 0.7 * command.size
     fitted, unseen = (Part(experiment=experiment, masks=(mask,)) for mask in (early, ~early))
     return Bench(
-        nominal=PLANT, effects=(), fitted=(fitted,), unseen=(unseen,), everything=(Part.whole(experiment),), jobs=1,
-        stated_error=PLANT.rig.model_error, expected_error=PLANT.rig.model_error,
-    )  # fmt: skip
+        nominal=PLANT,
+        effects=(),
+        fitted=(fitted,),
+        unseen=(unseen,),
+        everything=(Part.whole(experiment),),
+        jobs=1,
+        stated_error=PLANT.rig.model_error,
+        expected_error=PLANT.rig.model_error,
+    )
 
 
 def test_a_plant_that_is_its_own_truth_lacks_nothing():
@@ -312,10 +345,16 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     assert found.to_dict()["taken_up"] is True
 
 
-@pytest.mark.parametrize("refitted", [
-    lambda found, parts: found,  # the refit has failed, or has gone nowhere
-    lambda found, parts: replace(calibrate(found.plant, parts, evaluations=60, starts=1), at_bound=("stretch_limit",)),
-], ids=["the same", "on a bound"])  # fmt: skip
+@pytest.mark.parametrize(
+    "refitted",
+    [
+        lambda found, parts: found,  # the refit has failed, or has gone nowhere
+        lambda found, parts: replace(
+            calibrate(found.plant, parts, evaluations=60, starts=1), at_bound=("stretch_limit",)
+        ),
+    ],
+    ids=["the same", "on a bound"],
+)
 def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)

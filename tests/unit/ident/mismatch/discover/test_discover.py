@@ -163,9 +163,7 @@ def recorded(plant: Plant, seed: int) -> Experiment:
     rng = np.random.default_rng(seed)
     half = SAMPLES * SAMPLE_TIME / 2
     inputs = [band_limited_noise(rng, half, SAMPLE_TIME), random_holds(rng, half, SAMPLE_TIME, 0.5, 3.0)]
-    blank = tuple(
-        Recording.from_arrays(u, np.zeros(u.size), SAMPLE_TIME, start=k * half) for k, u in enumerate(inputs)
-    )
+    blank = tuple(Recording.from_arrays(u, np.zeros(u.size), SAMPLE_TIME, start=k * half) for k, u in enumerate(inputs))
     return plant.record(Experiment(recordings=blank), rng)
 
 
@@ -175,9 +173,15 @@ def benched(rig: Rig, experiment: Experiment) -> tuple[Bench, Candidate]:
     fitted = Part(experiment=experiment, masks=first)
     unseen = Part(experiment=experiment, masks=tuple(~mask for mask in first))
     bench = Bench(
-        nominal=Plant(rig=rig), effects=(), fitted=(fitted,), unseen=(unseen,), everything=(Part.whole(experiment),),
-        jobs=1, stated_error=rig.model_error, expected_error=rig.model_error,
-    )  # fmt: skip
+        nominal=Plant(rig=rig),
+        effects=(),
+        fitted=(fitted,),
+        unseen=(unseen,),
+        everything=(Part.whole(experiment),),
+        jobs=1,
+        stated_error=rig.model_error,
+        expected_error=rig.model_error,
+    )
     base = judge(bench, calibrate(bench.nominal, bench.fitted, starts=1), rig.noise)
     assert base is not None
     return bench, base
@@ -212,9 +216,12 @@ def test_how_often_the_form_is_right():
 
 @pytest.mark.parametrize(
     ("kind", "coefficient", "unit", "shape"),
-    [("bumper", -40.0, "N/m", ("width", 3e-3, "m")), ("drag", -60.0, "N s2/m2", None),
-     ("backlash", -80.0, "N/m", ("width", 0.5e-3, "m"))],
-)  # fmt: skip
+    [
+        ("bumper", -40.0, "N/m", ("width", 3e-3, "m")),
+        ("drag", -60.0, "N s2/m2", None),
+        ("backlash", -80.0, "N/m", ("width", 0.5e-3, "m")),
+    ],
+)
 def test_its_numbers_are_those_of_the_concealed_law(kind, coefficient, unit, shape):
     term = found(kind).terms[0]
     # noise is below a hundredth of the motion; corners are rounded by a hundredth of it
@@ -250,9 +257,13 @@ def test_what_the_plant_does_as_well_without_a_form_is_no_gain(monkeypatch):
     assert far.mismatch and not base.mismatch
     term = Stable(column=0, inclusion=1.0)
     form = FreeForm(
-        size=1e-3, terms=(Power(variable="displacement", scale=1e-2),), coefficients=(1.0,), enters=Place.BALL,
-        node="force", unit="N",
-    )  # fmt: skip
+        size=1e-3,
+        terms=(Power(variable="displacement", scale=1e-2),),
+        coefficients=(1.0,),
+        enters=Place.BALL,
+        node="force",
+        unit="N",
+    )
     beside = calibrate(base.calibration.plant.with_effects(form), bench.fitted, starts=1)
     fit = _Fit(calibration=beside, stable=(term,), site=_site(far.calibration.plant, None))
     rms = {name: np.sqrt(np.mean(r**2)) for name, r in (("far", far.unseen), ("near", base.unseen))}
@@ -349,9 +360,10 @@ def test_functions_along_a_run_are_those_of_their_definitions():
     steps = np.repeat([0.0, 2.0, -1.0], 50)
     signals = {"command": steps, "displacement": steps}
     terms = (
-        Power(variable="command", scale=2.0, order=3), LowPass(variable="command", scale=2.0, time=5.0, order=2),
+        Power(variable="command", scale=2.0, order=3),
+        LowPass(variable="command", scale=2.0, time=5.0, order=2),
         Play(variable="displacement", scale=1.0, width=0.5),
-    )  # fmt: skip
+    )
     cube, slow, play = evaluated(terms, signals, SAMPLE_TIME).T
     np.testing.assert_allclose(cube, (steps / 2) ** 3)
     # implicit Euler: (1 + h/T)^-n instead of exp(-n h/T), 0.2 % apart in the exponent's half

@@ -287,12 +287,15 @@ def test_the_gate_draws_what_it_found(sound):
     assert "stuck, 200 samples" in [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-@pytest.mark.parametrize(("given", "said"), [
-    (lambda sound: (), "no recording was given"),
-    (lambda sound: None, "experiment 1 is a NoneType, not an Experiment"),
-    (lambda sound: sound.recordings[0], "experiment 1 is a Recording, not an Experiment: .*recordings="),
-    (lambda sound: [sound, sound.recordings[0]], "experiment 2 is a Recording"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (lambda sound: (), "no recording was given"),
+        (lambda sound: None, "experiment 1 is a NoneType, not an Experiment"),
+        (lambda sound: sound.recordings[0], "experiment 1 is a Recording, not an Experiment: .*recordings="),
+        (lambda sound: [sound, sound.recordings[0]], "experiment 2 is a Recording"),
+    ],
+)
 def test_what_are_no_experiments_is_said(sound, given, said):
     with pytest.raises(DataError, match=said):
         gate(PLANT, given(sound))

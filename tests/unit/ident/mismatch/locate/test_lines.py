@@ -104,9 +104,14 @@ def test_a_location_writes_its_unit_as_a_person_does():
     noisy = [track(NOISE * rng.standard_normal(3000), stretch=rng.uniform(1.0, 2.0, 3000))]
     silent = SimpleNamespace(plot=lambda ax: ax)
     drawn = Location(
-        time=locate_time(noisy, NOISE**2), frequency=locate_frequency(noisy, NOISE), lines=None,
-        region=locate_region(noisy, 1e-6), place=silent, response=None, unit=amplitude_unit("m"),
-    ).plot()  # fmt: skip
+        time=locate_time(noisy, NOISE**2),
+        frequency=locate_frequency(noisy, NOISE),
+        lines=None,
+        region=locate_region(noisy, 1e-6),
+        place=silent,
+        response=None,
+        unit=amplitude_unit("m"),
+    ).plot()
     labels = [axes.get_ylabel() for axes in drawn]
     assert labels[0] == "residual (µm)" and labels[2] == "mean residual (µm)"
     assert np.abs(drawn[0].lines[0].get_ydata()).max() == pytest.approx(1e6 * np.abs(noisy[0].residual).max())

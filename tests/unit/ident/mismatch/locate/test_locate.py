@@ -90,7 +90,9 @@ def test_a_perfect_plant_has_no_region():
     for _ in range(40):
         signal = np.cumsum(rng.standard_normal(6000))
         track = Track(
-            timepts=0.02 * np.arange(6000), residual=NOISE * rng.standard_normal(6000), signals={"u": signal},
+            timepts=0.02 * np.arange(6000),
+            residual=NOISE * rng.standard_normal(6000),
+            signals={"u": signal},
             sample_time=0.02,
         )
         count += bool(locate_region([track], 1e-6))

@@ -32,9 +32,15 @@ def placed(effect: Effect, seed: int) -> Places:
     nominal = Plant(rig=Diaphragm())
     base = Candidate(effects=(), calibration=calibrate(nominal, [part], starts=1), unseen=np.empty(0), noise=NOISE)
     bench = Bench(
-        nominal=nominal, effects=(), fitted=(part,), unseen=(), everything=(part,), jobs=1, stated_error=1e-6,
+        nominal=nominal,
+        effects=(),
+        fitted=(part,),
+        unseen=(),
+        everything=(part,),
+        jobs=1,
+        stated_error=1e-6,
         expected_error=1e-6,
-    )  # fmt: skip
+    )
     return locate_place(base, bench, np.random.default_rng(0))
 
 
@@ -43,8 +49,11 @@ def weaker(effect: Effect) -> Effect:
 
 
 CONCEALED = {
-    "film": weaker(Creep()), "sensor": weaker(SensorDrift()), "ball": weaker(Hysteresis()), "drive": AmplifierSlew(),
-}  # fmt: skip
+    "film": weaker(Creep()),
+    "sensor": weaker(SensorDrift()),
+    "ball": weaker(Hysteresis()),
+    "drive": AmplifierSlew(),
+}
 
 
 @pytest.mark.parametrize("place", ["film", "sensor", "ball"])

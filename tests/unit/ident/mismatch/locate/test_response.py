@@ -86,9 +86,7 @@ def test_a_lag_of_the_film_voltage_is_found_and_clean_readings_are_not() -> None
 def test_short_records_are_left_out_and_poor_ones_say_nothing() -> None:
     u = commands(4)
     y = run(u)
-    with_short = locate_response(
-        [measured(u, 1.5 * y, 4), measured(u[:100], y[:100], 5)], [y, y[:100]], 0.0
-    )  # fmt: skip
+    with_short = locate_response([measured(u, 1.5 * y, 4), measured(u[:100], y[:100], 5)], [y, y[:100]], 0.0)
     assert with_short == locate_response([measured(u, 1.5 * y, 4)], [y], 0.0)
     assert with_short
     few = slice(0, 40 * len(TERMS))

@@ -45,9 +45,14 @@ def candidate() -> Callable[..., Candidate]:
         fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
         plant, names = SimpleNamespace(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
         calibration = SimpleNamespace(
-            plant=plant, residuals=fitted, names=names, status=FitStatus.SETTLED, at_bound=(),
-            rms=float(np.sqrt(np.mean(fitted**2))), given_up=False,
-        )  # fmt: skip
+            plant=plant,
+            residuals=fitted,
+            names=names,
+            status=FitStatus.SETTLED,
+            at_bound=(),
+            rms=float(np.sqrt(np.mean(fitted**2))),
+            given_up=False,
+        )
         does = np.full(fitted.size, alone)
         return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE, contribution=does)
 
@@ -60,9 +65,7 @@ def differing_fast() -> Callable[[Candidate, float], Candidate]:
 
     def of(explanation: Candidate, size: float) -> Candidate:
         calibration = vars(explanation.calibration) | {"residuals": _added(explanation.calibration.residuals, size)}
-        return replace(
-            explanation, calibration=SimpleNamespace(**calibration), unseen=_added(explanation.unseen, size)
-        )
+        return replace(explanation, calibration=SimpleNamespace(**calibration), unseen=_added(explanation.unseen, size))
 
     return of
 

@@ -59,7 +59,7 @@ def shown(monkeypatch):
         (set(), 2.2, "thermal_stiffness"),  # the other one's was not, either
         ({"creep"}, 4.0, "thermal_stiffness"),  # the other one does not suffice
     ],
-)  # fmt: skip
+)
 def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, shown, seen, left, lead):
     """As a rule it is the likeliest: with a period and a phase that are free it is any slow curve."""
     shown(*seen)
@@ -100,10 +100,10 @@ def test_what_was_fitted_in_another_form_does_not_lead(led_by_a_swing, candidate
     assert shown_first(search, elsewhere) is elsewhere
 
 
-@pytest.mark.parametrize(("seen", "orders"), [
-    (("creep",), [("creep",), ("thermal_stiffness",)]),
-    (("creep", "thermal_stiffness"), [("thermal_stiffness",)]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("seen", "orders"),
+    [(("creep",), [("creep",), ("thermal_stiffness",)]), (("creep", "thermal_stiffness"), [("thermal_stiffness",)])],
+)
 def test_what_the_evidence_has_first_comes_after_what_was_shown(led_by_a_swing, shown, monkeypatch, seen, orders):
     """Were the one that leads refuted, nobody would have asked the likelier one."""
     search, naming = led_by_a_swing

@@ -11,18 +11,14 @@ from deatwin.plant import Creep, PeriodicDisturbance, ThermalStiffness
 
 def part(seconds: float, start: float = 0.0, **extras: np.ndarray) -> SimpleNamespace:
     record = SimpleNamespace(extras=extras)
-    return SimpleNamespace(
-        experiment=SimpleNamespace(recordings=(record,)), timepts=start + np.array([0.0, seconds])
-    )
+    return SimpleNamespace(experiment=SimpleNamespace(recordings=(record,)), timepts=start + np.array([0.0, seconds]))
 
 
 def explained_by(*effects) -> SimpleNamespace:
     """A candidate whose plant has an effect of its own besides."""
     values = {p.name: p for effect in effects for p in effect.parameters}
     usual = tuple(type(effect)() for effect in effects)  # the plant knows where the fit began
-    plant = SimpleNamespace(
-        effects=usual, effect_names=("end_stop", *(e.name for e in usual)), parameters=values
-    )
+    plant = SimpleNamespace(effects=usual, effect_names=("end_stop", *(e.name for e in usual)), parameters=values)
     return SimpleNamespace(effects=tuple(e.name for e in usual), calibration=SimpleNamespace(plant=plant))
 
 

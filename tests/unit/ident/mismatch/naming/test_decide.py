@@ -55,9 +55,13 @@ def test_another_head_keeps_the_distances_that_are_known_from_it(candidate, nois
     one, other, third = (candidate(name, rms=2.1) for name in ("creep", "delay", "leakage"))
     distances = (Distance(effects=("creep", "delay"), d2=9.0), Distance(effects=("creep", "leakage"), d2=4.0))
     naming = Naming(
-        candidates=(one, other, third), best=one, rivals=(other, third), probabilities={}, noise=noise,
+        candidates=(one, other, third),
+        best=one,
+        rivals=(other, third),
+        probabilities={},
+        noise=noise,
         distances=distances,
-    )  # fmt: skip
+    )
     assert naming.led_by(one) is naming
     led = naming.led_by(other)
     assert led.best is other
@@ -69,9 +73,13 @@ def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form
     best, near, twin = candidate("creep", rms=2.1), candidate("leakage", rms=2.1), candidate("delay", rms=9.0)
     distances = (Distance(effects=("creep", "leakage"), d2=4.0), Distance(effects=("creep", "delay"), d2=147.0))
     naming = Naming(
-        candidates=(best, near, twin), best=best, rivals=(near,), probabilities={("creep",): 1.0, ("leakage",): 0.5},
-        noise=noise, distances=distances,
-    )  # fmt: skip
+        candidates=(best, near, twin),
+        best=best,
+        rivals=(near,),
+        probabilities={("creep",): 1.0, ("leakage",): 0.5},
+        noise=noise,
+        distances=distances,
+    )
     rival, bench = candidate("delay", rms=2.1), SimpleNamespace(everything=(), jobs=1)
     asked = []
 

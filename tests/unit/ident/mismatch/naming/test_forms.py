@@ -65,9 +65,11 @@ def elsewhere(
                 return list(found)
 
             fakes = {
-                "attempt": attempt, "judge_by_the_best": judged.append, "fit_from": lambda *_: None,
+                "attempt": attempt,
+                "judge_by_the_best": judged.append,
+                "fit_from": lambda *_: None,
                 "fit_some": lambda full, rest: attempt([rest], np.inf),
-            }  # fmt: skip
+            }
             for name, does in fakes.items():
                 monkeypatch.setattr(other, name, does)
             return other
@@ -152,11 +154,14 @@ def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(
     assert search is (nominal, other)[taken][0]
 
 
-@pytest.mark.parametrize("most, found, answer", [
-    (True, ("end_stop", "delay"), ("end_stop", "delay")),
-    (False, ("end_stop", "delay"), None),
-    (True, ("delay",), None),  # that is what rows are that were read a sample early
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "most, found, answer",
+    [
+        (True, ("end_stop", "delay"), ("end_stop", "delay")),
+        (False, ("end_stop", "delay"), None),
+        (True, ("delay",), None),  # that is what rows are that were read a sample early
+    ],
+)
 def test_what_another_form_cannot_explain_is_looked_for_in_the_rig_files_own(
     candidate, nothing, scripted, most, found, answer
 ):
@@ -283,9 +288,9 @@ def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(candidate, pair_of_a_
     assert [there.best.effects, *(rival.effects for rival in there.rivals)] == [("end_stop",), ("hysteresis",)]
 
 
-@pytest.mark.parametrize("single, pair, answer", [
-    (4.0, 2.1, ("creep", "delay")), (2.1, 2.05, ("creep",)), (4.0, 2.9, None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "single, pair, answer", [(4.0, 2.1, ("creep", "delay")), (2.1, 2.05, ("creep",)), (4.0, 2.9, None)]
+)
 def test_two_effects_may_explain_in_another_form_what_they_do_not_in_the_first(
     candidate, search_over, elsewhere, single, pair, answer
 ):
@@ -311,10 +316,13 @@ def test_of_three_that_leave_too_much_one_may_be_all_that_another_form_is(
     nothing = decided(search, [three.effects])
     assert nothing.best is None
     judged = elsewhere(
-        candidate("creep", rms=3.9), candidate("end_stop", rms=4.0), candidate("sensor_lag", rms=5.4),
-        candidate("end_stop", "sensor_lag", rms=3.4), candidate("creep", "sensor_lag", rms=3.8),
+        candidate("creep", rms=3.9),
+        candidate("end_stop", rms=4.0),
+        candidate("sensor_lag", rms=5.4),
+        candidate("end_stop", "sensor_lag", rms=3.4),
+        candidate("creep", "sensor_lag", rms=3.8),
         candidate("creep", "end_stop", rms=there),
-    )  # fmt: skip
+    )
     taken, naming = with_fewer(search, nothing, [candidate(rms=5.5)])
     assert (naming.best and naming.best.effects) == answer
     assert (taken is search) is (answer is None)
@@ -322,8 +330,10 @@ def test_of_three_that_leave_too_much_one_may_be_all_that_another_form_is(
     singles, pair = [("end_stop",), ("sensor_lag",)], ("end_stop", "sensor_lag")
     others = [("creep", "sensor_lag"), ("creep", "end_stop")]
     assert [sorted(stage) for stage in judged] == [
-        sorted(singles), sorted([*singles, pair]), sorted([*singles, pair, *others])
-    ]  # fmt: skip
+        sorted(singles),
+        sorted([*singles, pair]),
+        sorted([*singles, pair, *others]),
+    ]
 
 
 def test_one_effect_is_looked_for_in_no_further_form(candidate, search_over, elsewhere):

@@ -17,17 +17,20 @@ LOWEST, HIGHEST = 5e-6, 1e-3
 """Of the distance of hysteresis, m."""
 
 
-def candidate(
-    *effects: Effect, deviation: float = 0.01, at_bound: tuple[str, ...] = (), there: int = 0
-) -> Candidate:
+def candidate(*effects: Effect, deviation: float = 0.01, at_bound: tuple[str, ...] = (), there: int = 0) -> Candidate:
     """With a standard deviation of the distance's logarithm; the first `there` effects were in the plant before."""
     plant = Plant(rig=Diaphragm(), effects=effects)
     names = tuple(plant.parameters.free)
     calibration = Calibration(
-        plant=plant, at_bound=at_bound, residuals=np.ones(100), names=names,
-        covariance=deviation**2 * np.eye(len(names)), jacobian=np.eye(100, len(names)),
-        status=FitStatus.SETTLED, evaluations=1,
-    )  # fmt: skip
+        plant=plant,
+        at_bound=at_bound,
+        residuals=np.ones(100),
+        names=names,
+        covariance=deviation**2 * np.eye(len(names)),
+        jacobian=np.eye(100, len(names)),
+        status=FitStatus.SETTLED,
+        evaluations=1,
+    )
     added = tuple(effect.name for effect in effects[there:])
     return Candidate(effects=added, calibration=calibration, unseen=np.ones(50), noise=1.0)
 

@@ -190,9 +190,10 @@ def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
 
 
 @slow_without_compiler
-@pytest.mark.parametrize("place, found", [
-    ("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("footprint", None), ("Problem.evaluate", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "place, found",
+    [("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("footprint", None), ("Problem.evaluate", None)],
+)
 def test_a_plant_that_cannot_be_simulated_has_no_lead(part, monkeypatch, place, found):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
     monkeypatch.setattr(f"deatwin.ident.mismatch.naming.onsets.{place}", lambda *_: found)

@@ -21,9 +21,7 @@ BASE, PAIR = candidate(left=11.0), candidate("creep", "permittivity_drift", left
 
 
 def decided(*singles: Candidate, best: Candidate = PAIR) -> Naming:
-    return Naming(
-        candidates=(BASE, *singles, best), best=best, rivals=(), probabilities={best.effects: 1.0}, noise=1.0
-    )
+    return Naming(candidates=(BASE, *singles, best), best=best, rivals=(), probabilities={best.effects: 1.0}, noise=1.0)
 
 
 def rivals(naming: Naming, possible=lambda c: True) -> list[tuple[str, ...]]:

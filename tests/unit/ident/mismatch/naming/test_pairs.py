@@ -96,9 +96,11 @@ def test_what_acts_as_well_in_the_place_of_the_second_is_a_rival(leaving, candid
     other = candidate("amplifier_saturation", "dielectric_absorption", rms=2.205)
     lost = candidate("amplifier_saturation", "sensor_drift", rms=2.9)
     search = Known(
-        *leaving(5.0, 3.0, 4.6, 2.2), candidate("dielectric_absorption", rms=4.6),
-        candidate("sensor_drift", rms=4.6), replaced=(other, lost),
-    )  # fmt: skip
+        *leaving(5.0, 3.0, 4.6, 2.2),
+        candidate("dielectric_absorption", rms=4.6),
+        candidate("sensor_drift", rms=4.6),
+        replaced=(other, lost),
+    )
     assert decided(search).rivals == (other,)
 
 
@@ -168,9 +170,7 @@ def test_two_of_which_one_cannot_be_fitted_alone_are_not_known_to_be_two(candida
 
 def test_a_pair_that_was_tried_before_a_single_effect_was_found_to_do_counts(leaving, candidate):
     other = ("amplifier_saturation", "hysteresis")
-    search = Known(
-        *leaving(5.0, 3.0, 4.6, 2.8), candidate("hysteresis", rms=4.6), candidate(*other, rms=2.2)
-    )
+    search = Known(*leaving(5.0, 3.0, 4.6, 2.8), candidate("hysteresis", rms=4.6), candidate(*other, rms=2.2))
     search.pair = other  # what is tried beside the first now leaves too much
     naming = decided(search)
     assert naming.best is search.tried[other]
@@ -238,9 +238,10 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     monkeypatch.setattr(search, "replacing", lambda before, best: asked.append(best) or [])
     monkeypatch.setattr(search, "fit_fewer", lambda full: asked.append(("fewer than", *full)) or [])
     monkeypatch.setattr(search, "alike", lambda full: asked.append(("as one of", *full)) or [])
-    asked, nothing = [], Naming(
-        candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise
-    )  # fmt: skip
+    asked, nothing = (
+        [],
+        Naming(candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise),
+    )
     pairs = [names for names in search.tried if len(names) == 2]
     assert PAIR in pairs
     alone = [names for names in search.tried if len(names) == 1]
@@ -275,7 +276,11 @@ def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pa
     search = Known(*leaving(5.0, 2.3, 4.6, 2.1))
     for held, rivals in ((), [CLIP]), (("damping",), []):
         monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.held_back_by", lambda c, held=held: held)
-        monkeypatch.setattr(search, "decision", lambda competing, good: Naming(
-            candidates=(), best=search.tried[PAIR], rivals=(), probabilities={PAIR: 1.0}, noise=2.0
-        ))  # fmt: skip
+        monkeypatch.setattr(
+            search,
+            "decision",
+            lambda competing, good: Naming(
+                candidates=(), best=search.tried[PAIR], rivals=(), probabilities={PAIR: 1.0}, noise=2.0
+            ),
+        )
         assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals

@@ -31,9 +31,15 @@ def candidate(*effects: str, fitted: float, unseen: float, rig: Rig = RIG) -> Ca
     """An explanation that leaves residuals of exactly these sizes, in µm."""
     left, late = 1e-6 * np.tile([fitted, -fitted], 350), 1e-6 * np.tile([unseen, -unseen], 150)
     calibration = Calibration(
-        plant=Plant(rig=rig), names=("damping",), covariance=np.eye(1), residuals=left, jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED, at_bound=(), evaluations=1,
-    )  # fmt: skip
+        plant=Plant(rig=rig),
+        names=("damping",),
+        covariance=np.eye(1),
+        residuals=left,
+        jacobian=np.ones((700, 1)),
+        status=FitStatus.SETTLED,
+        at_bound=(),
+        evaluations=1,
+    )
     return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
 
 
@@ -71,8 +77,12 @@ def roles(axes) -> dict[str, str]:
 def test_each_candidate_has_a_bar_for_each_part_the_base_plant_first():
     axes = named(LAG, CREEP, PAIR, DRIFT, best=CREEP, rivals=(DRIFT,)).plot()
     assert labels(axes) == [
-        "base plant", "permittivity drift", "creep", "permittivity drift + prestretch relaxation", "sensor lag",
-    ]  # fmt: skip
+        "base plant",
+        "permittivity drift",
+        "creep",
+        "permittivity drift + prestretch relaxation",
+        "sensor lag",
+    ]
     fitted, unseen = ([bar.get_width() for bar in bars] for bars in axes.containers)
     assert fitted == pytest.approx([12.0, 2.2, 2.1, 5.0, 7.0])
     assert unseen == pytest.approx([16.0, 2.2, 2.3, 6.0, 11.0])

@@ -74,9 +74,14 @@ def lagged(commands: np.ndarray, time: float) -> np.ndarray:
 
 def measured(readings: np.ndarray) -> Recording:
     return Recording.from_arrays(
-        COMMANDS, readings, STEP, input_names=("command",), input_units=("V",), output_names=("displacement",),
+        COMMANDS,
+        readings,
+        STEP,
+        input_names=("command",),
+        input_units=("V",),
+        output_names=("displacement",),
         output_units=("m",),
-    )  # fmt: skip
+    )
 
 
 def explained(lag: float = LAG) -> tuple[Any, Any]:

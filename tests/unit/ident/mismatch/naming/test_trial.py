@@ -74,10 +74,15 @@ def rough(rms: float, linearised: float, status: FitStatus) -> Calibration:
     """A fit whose linear model would leave so much, by one more step of its only parameter."""
     along, across = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
     return Calibration(
-        plant=SimpleNamespace(rig=SimpleNamespace(model_error=0.1)), names=("a",), covariance=np.eye(1),
-        residuals=linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along, jacobian=along[:, None],
-        status=status, at_bound=(), evaluations=10,
-    )  # fmt: skip
+        plant=SimpleNamespace(rig=SimpleNamespace(model_error=0.1)),
+        names=("a",),
+        covariance=np.eye(1),
+        residuals=linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along,
+        jacobian=along[:, None],
+        status=status,
+        at_bound=(),
+        evaluations=10,
+    )
 
 
 def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_end(monkeypatch):
@@ -127,11 +132,18 @@ def test_what_begins_otherwise_is_what_is_new_wherever_its_name_stands():
     assert [one["creep.modulus"] for one in both] == pytest.approx([1e5, 1e4, 1e2])
 
 
-@pytest.mark.parametrize(("near", "far", "ended"), [
-    (FitStatus.SETTLED, FitStatus.SETTLED, [3.0]),
-    (FitStatus.IMPOSSIBLE, FitStatus.SETTLED, [2.0]),  # with the values it had beside another effect it snaps through
-    (FitStatus.IMPOSSIBLE, FitStatus.IMPOSSIBLE, []),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("near", "far", "ended"),
+    [
+        (FitStatus.SETTLED, FitStatus.SETTLED, [3.0]),
+        (
+            FitStatus.IMPOSSIBLE,
+            FitStatus.SETTLED,
+            [2.0],
+        ),  # with the values it had beside another effect it snaps through
+        (FitStatus.IMPOSSIBLE, FitStatus.IMPOSSIBLE, []),
+    ],
+)
 def test_what_is_fitted_again_begins_from_where_it_is_and_from_afar_only_where_it_must(monkeypatch, near, far, ended):
     fit = {"near": SimpleNamespace(status=near, rms=3.0), "far": SimpleNamespace(status=far, rms=2.0)}
     finished = []

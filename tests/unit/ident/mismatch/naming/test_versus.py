@@ -99,9 +99,10 @@ def test_of_two_laws_that_are_nearly_right_as_many_lead_as_it_says(size, monkeyp
 def test_three_that_beat_each_other_in_turn_end_the_search(monkeypatch):
     beats = {("a", "b"): 1.0, ("b", "c"): 1.0, ("c", "a"): 1.0}
     monkeypatch.setattr(
-        versus, "advantage",
+        versus,
+        "advantage",
         lambda one, other: beats.get(one.effects + other.effects, -beats.get(other.effects + one.effects, 0.0)),
-    )  # fmt: skip
+    )
     noise = np.random.default_rng(4).standard_normal(COUNT)
     three = [explanation(name, noise) for name in "abc"]
     assert likeliest(three) in three

@@ -34,9 +34,7 @@ def together(monkeypatch: pytest.MonkeyPatch):
             rms = sizes[plant.name]
             status = SimpleNamespace(ok=rms != FAILS)
             names = ("a",) * 8
-            return SimpleNamespace(
-                status=status, plant=plant, residuals=wave(rms, 10_000), names=names, at_bound=()
-            )  # fmt: skip
+            return SimpleNamespace(status=status, plant=plant, residuals=wave(rms, 10_000), names=names, at_bound=())
 
         monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.calibrate", calibrate)
 
@@ -90,9 +88,9 @@ def test_strong_evidence_of_everything_rules_out(together, rms, kept):
 
 # Noise of 2.0 and a model error of 1.0 leave 2.24; 100 ln(2.2²/2.15²) = 4.6 nats, and as many from 2.35 to 2.3.
 # What may not lead is at most as likely as what does.
-@pytest.mark.parametrize(("short", "long", "first", "odds"), [
-    (2.2, 2.15, LONG, (2.15 / 2.2) ** 200), (2.35, 2.3, SHORT, 1.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("short", "long", "first", "odds"), [(2.2, 2.15, LONG, (2.15 / 2.2) ** 200), (2.35, 2.3, SHORT, 1.0)]
+)
 def test_the_likelier_one_leads_where_it_explains_everything(together, short, long, first, odds):
     naming = judged(together, SHORT, LONG, together={"creep": short, "dielectric_absorption": long})
     assert naming.best is first
@@ -111,9 +109,9 @@ def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(to
 
 # 10,000 samples that differ fast by 0.1 µm from others of 2.2 µm: d² = 25, 1 / 2(1/25 + 1/9) = 3.3 nats are strong;
 # by 0.08, d² = 16, 2.9 are not. Blocks see 100 ln(1 + 0.1²/2.2²) = 0.2 nats. Of 7000 samples 0.13 are 3.4 nats.
-@pytest.mark.parametrize(("fitted", "everything", "kept"), [
-    (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fitted", "everything", "kept"), [(0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False)]
+)
 def test_what_differs_fast_from_the_best_is_ruled_out_by_that(together_fast, differing_fast, fitted, everything, kept):
     best = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
     rival = differing_fast(candidate("sensor_lag", 2.2, 3.6), fitted)
@@ -179,12 +177,11 @@ def settled(leave, *stage: Candidate, together: dict[str, float], base: float = 
 
 # Beside a noise of 2.0 one and a half times the model error of 1.0 are 2.5; of 2.6² - 2² - 1² a fifth is 0.6², and
 # with it 2.31 are left. Without a fit of the base plant there is nothing to compare with.
-@pytest.mark.parametrize(("base", "rms", "answer"), [
-    (9.0, 2.49, LONG), (9.0, 2.51, None), (9.0, FAILS, None), (2.6, 2.3, LONG), (2.6, 2.33, None), (FAILS, 2.3, None),
-])  # fmt: skip
-def test_what_errs_only_where_it_is_extrapolated_is_the_answer_if_it_holds_for_everything(
-    together, base, rms, answer
-):
+@pytest.mark.parametrize(
+    ("base", "rms", "answer"),
+    [(9.0, 2.49, LONG), (9.0, 2.51, None), (9.0, FAILS, None), (2.6, 2.3, LONG), (2.6, 2.33, None), (FAILS, 2.3, None)],
+)
+def test_what_errs_only_where_it_is_extrapolated_is_the_answer_if_it_holds_for_everything(together, base, rms, answer):
     found = settled(together, LONG, together={"dielectric_absorption": rms}, base=base)
     assert found.best is answer
     assert found.rivals == ()
@@ -262,10 +259,18 @@ def settled_beside_what_strays(leave, fitted: float, everything: float) -> Namin
 
 # 100 ln(2.33²/2.3²) = 2.6 nats are not strong, 100 ln(2.34²/2.3²) = 3.4 are; 70 ln(2.14²/2.1²) = 2.6, and of 2.15² 3.3.
 # Beside a noise of 2.0 one and a half times the model error of 1.0 are 2.5.
-@pytest.mark.parametrize(("fitted", "everything", "kept"), [
-    (2.1, 2.2, True), (2.1, 2.33, True), (2.1, 2.34, False), (2.1, FAILS, False), (2.14, 2.3, True), (2.15, 2.3, False),
-    (2.6, 2.2, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fitted", "everything", "kept"),
+    [
+        (2.1, 2.2, True),
+        (2.1, 2.33, True),
+        (2.1, 2.34, False),
+        (2.1, FAILS, False),
+        (2.14, 2.3, True),
+        (2.15, 2.3, False),
+        (2.6, 2.2, False),
+    ],
+)
 def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_well(together, fitted, everything, kept):
     found = settled_beside_what_strays(together, fitted, everything)
     assert found.best is LONG
@@ -273,9 +278,9 @@ def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_w
 
 
 # As above, of what differs fast from the best.
-@pytest.mark.parametrize(("fitted", "everything", "kept"), [
-    (0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fitted", "everything", "kept"), [(0.0, 0.08, True), (0.0, 0.1, False), (0.1, 0.0, True), (0.13, 0.0, False)]
+)
 def test_what_strays_and_differs_fast_is_ruled_out_by_that(together_fast, differing_fast, fitted, everything, kept):
     answer = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
     strayed = differing_fast(candidate("sensor_lag", 2.2, 12.0), fitted)
@@ -318,10 +323,14 @@ def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_s
     assert settled_beside_what_strays(together, 2.1, 2.2).rivals == ()
 
 
-@pytest.mark.parametrize(("unseen", "left", "holds"), [
-    (9.0, 3.0, True), (9.0, 8.9, False),
-    (2.1, 2.15, True),  # nothing is missing there: there is nothing to take away
-    (2.1, 4.5, False),  # but what goes wrong there with it does not hold
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("unseen", "left", "holds"),
+    [
+        (9.0, 3.0, True),
+        (9.0, 8.9, False),
+        (2.1, 2.15, True),  # nothing is missing there: there is nothing to take away
+        (2.1, 4.5, False),  # but what goes wrong there with it does not hold
+    ],
+)
 def test_what_holds_takes_most_of_what_is_missing_in_the_unseen_part(unseen, left, holds):
     assert _holds(candidate("creep", 2.1, left), candidate("base", 9.0, unseen)) is holds

@@ -31,9 +31,11 @@ def ended(candidate):
             for name in ("shear_modulus", "damping")
         }
         known = vars(whole.calibration) | {
-            "names": tuple(parameters), "jacobian": jacobian, "at_bound": at_bound,
+            "names": tuple(parameters),
+            "jacobian": jacobian,
+            "at_bound": at_bound,
             "plant": SimpleNamespace(**vars(whole.calibration.plant), parameters=parameters),
-        }  # fmt: skip
+        }
         return replace(whole, calibration=SimpleNamespace(**known))
 
     return make

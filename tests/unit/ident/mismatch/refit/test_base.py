@@ -17,9 +17,15 @@ def opened(form: str, rms: float, linearised: float, status: FitStatus = FitStat
     """A fit of the openings whose linear model would leave so much."""
     residuals = linearised * ACROSS + float(np.sqrt(rms**2 - linearised**2)) * ALONG
     return Calibration(
-        plant=form, names=("a",), covariance=np.eye(1), residuals=residuals, jacobian=ALONG[:, None], status=status,
-        at_bound=(), evaluations=8,
-    )  # fmt: skip
+        plant=form,
+        names=("a",),
+        covariance=np.eye(1),
+        residuals=residuals,
+        jacobian=ALONG[:, None],
+        status=status,
+        at_bound=(),
+        evaluations=8,
+    )
 
 
 def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkeypatch):
@@ -84,9 +90,13 @@ def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_go
     early.evidence, bonded.evidence, asked = 5.0, 9.0, []
     found = [early, fitted(Diaphragm()), bonded]  # the same form fitted once more is no rival
     monkeypatch.setattr(base, "_other_forms", lambda bench, first: asked.append(first) or found)
-    monkeypatch.setattr(base, "replace", lambda thing, **new: (
-        SimpleNamespace(**vars(thing) | new) if isinstance(thing, SimpleNamespace) else replace(thing, **new)
-    ))  # fmt: skip
+    monkeypatch.setattr(
+        base,
+        "replace",
+        lambda thing, **new: (
+            SimpleNamespace(**vars(thing) | new) if isinstance(thing, SimpleNamespace) else replace(thing, **new)
+        ),
+    )
     chosen = fitted(Diaphragm())
     alone = base.Base(chosen=chosen, rivals=(), noise=3e-6)
     found = base.beside_rivals(None, alone)

@@ -26,12 +26,11 @@ def fit_of(residuals: np.ndarray, *others: np.ndarray, scale: Scale = Scale.LINE
     slope = scale.slope(4.0)
     effect = SimpleNamespace(name="delay", strength="time", event=event)
     return SimpleNamespace(
-        plant=SimpleNamespace(
-            effects=(effect,), parameters={"delay.time": SimpleNamespace(value=4.0, scale=scale)}
-        ),
-        names=("delay.time", *("other",) * len(others)), residuals=residuals,
+        plant=SimpleNamespace(effects=(effect,), parameters={"delay.time": SimpleNamespace(value=4.0, scale=scale)}),
+        names=("delay.time", *("other",) * len(others)),
+        residuals=residuals,
         jacobian=np.column_stack([by_strength * slope / 4.0, *others]),
-    )  # fmt: skip
+    )
 
 
 PARTS = (SimpleNamespace(timepts=TIMES + 7.0),)
@@ -110,10 +109,14 @@ def test_what_would_be_mended_by_a_change_is_refuted_where_the_change_is_beyond_
     ("change", "deviation", "holds"),
     # 95 % of Student's law with 19 degrees of freedom: 2.09 deviations
     [
-        (1.5, 0.2, False), (-1.5, 0.2, False),
-        (1.5, 0.25, True), (0.9, 0.01, True), (30.0, 20.0, True), (None, None, True),
+        (1.5, 0.2, False),
+        (-1.5, 0.2, False),
+        (1.5, 0.25, True),
+        (0.9, 0.01, True),
+        (30.0, 20.0, True),
+        (None, None, True),
     ],
-)  # fmt: skip
+)
 def test_what_speaks_against_an_effect(change, deviation, holds):
     assert Constancy(effect="delay", change=change, deviation=deviation, own=0.5).holds is holds
 

@@ -61,9 +61,7 @@ def named_by(best: SimpleNamespace | None, *rivals: SimpleNamespace) -> Naming:
     return Naming(candidates=(BASE, ALONE, PAIR), best=best, rivals=rivals, probabilities=chances, noise=2.0)
 
 
-@pytest.mark.parametrize(
-    ("stand", "answer"), [([True], ALONE), ([False, True], PAIR), ([False, False], ALONE)]
-)
+@pytest.mark.parametrize(("stand", "answer"), [([True], ALONE), ([False, True], PAIR), ([False, False], ALONE)])
 def test_where_an_explanation_is_refuted_the_next_one_is_verified(monkeypatch, stand, answer):
     """And where that is refuted, too, the first one is what was found."""
     several = [named_by(ALONE), named_by(PAIR)]

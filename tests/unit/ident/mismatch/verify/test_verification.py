@@ -12,17 +12,21 @@ from deatwin.ident.mismatch.verify.verification import Ablation, Verification
 def verification(**fields) -> Verification:
     """One that holds, but for the fields given."""
     held = Verification(
-        fitted_before=9e-6, fitted_after=2e-6, unseen_before=10e-6, unseen_after=2.1e-6, gain_low=7e-6, noise=2e-6,
+        fitted_before=9e-6,
+        fitted_after=2e-6,
+        unseen_before=10e-6,
+        unseen_after=2.1e-6,
+        gain_low=7e-6,
+        noise=2e-6,
         output_unit="m",
-    )  # fmt: skip
+    )
     return replace(held, **fields)
 
 
 def test_each_failure_is_said_and_is_enough():
     part = Transfer(
-        part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6,
-        model_error=1e-6,
-    )  # fmt: skip
+        part="steps.csv", before=2e-6, after=4e-6, gain_low=-3e-6, gain_high=-1e-6, floor=2.2e-6, model_error=1e-6
+    )
     taken = Ablation(effect="creep", fitted=2e-6, unseen=2.1e-6, gain_low=-1e-8, share=0.0)
     assert verification().holds
     for failed, said in (
@@ -61,9 +65,15 @@ def test_the_file_has_amplitudes_in_micrometres():
     data = verification(ablations=(taken,)).to_dict()
     assert data["gain_low"] == pytest.approx(7.0) and data["counts"] is False
     assert data["ablation"] == [
-        {"effect": "creep", "fitted": pytest.approx(9.0), "unseen": pytest.approx(10.0), "gain_low": pytest.approx(7.0),
-         "share": 0.97, "counts": False}
-    ]  # fmt: skip
+        {
+            "effect": "creep",
+            "fitted": pytest.approx(9.0),
+            "unseen": pytest.approx(10.0),
+            "gain_low": pytest.approx(7.0),
+            "share": 0.97,
+            "counts": False,
+        }
+    ]
     assert verification(output_unit="V").to_dict()["gain_low"] == 7e-6
 
 
@@ -73,9 +83,8 @@ def test_it_draws_every_part(monkeypatch):
     mpl.use("Agg")
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
     part = Transfer(
-        part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6,
-        model_error=1e-6,
-    )  # fmt: skip
+        part="steps.csv", before=9e-6, after=2e-6, gain_low=6e-6, gain_high=8e-6, floor=2.2e-6, model_error=1e-6
+    )
     axes = verification(ablations=(taken,), transfers=(part,)).plot()
     assert [label.get_text() for label in axes.get_yticklabels()] == ["all of it", "steps.csv", "without creep"]
     assert "µm" in axes.get_xlabel()

@@ -46,8 +46,16 @@ def bench_of(*effects, seed: int = 0) -> Bench:
 
 def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> Bench:
     fitted, unseen, everything = split(gate(NOMINAL, (experiment,)))
-    return Bench(nominal=NOMINAL, effects=effects, fitted=fitted, unseen=unseen, everything=everything, jobs=1,
-                 stated_error=1e-6, expected_error=1e-6)  # fmt: skip
+    return Bench(
+        nominal=NOMINAL,
+        effects=effects,
+        fitted=fitted,
+        unseen=unseen,
+        everything=everything,
+        jobs=1,
+        stated_error=1e-6,
+        expected_error=1e-6,
+    )
 
 
 def late_readings(mean: float, growth: float, seed: int) -> Bench:
@@ -88,11 +96,13 @@ def shams_of(effect, seed: int):
 @pytest.mark.parametrize(
     "effect",
     [
-        Creep(modulus=50e3, time=20.0), effect_named("hysteresis"), effect_named("electrode_loss"),
+        Creep(modulus=50e3, time=20.0),
+        effect_named("hysteresis"),
+        effect_named("electrode_loss"),
         effect_named("sensor_drift"),
     ],
     ids=lambda effect: effect.name,
-)  # fmt: skip
+)
 def test_shams_of_a_right_name_are_rejected(effect):
     if effect.event:
         effect = replace(effect, **{effect.event: 22.0})
@@ -212,9 +222,10 @@ def test_the_wrong_sign_is_noticed():
 
 
 @needs_compiler
-@pytest.mark.parametrize(("gain", "simulates", "reason"), [
-    (0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with it"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gain", "simulates", "reason"),
+    [(0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with it")],
+)
 def test_shams_that_nothing_can_be_learned_of_say_so(monkeypatch, gain, simulates, reason):
     bench = bench_of(seed=0)
     base = fitted_with(bench).calibration
