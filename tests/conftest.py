@@ -5,6 +5,8 @@ Long ones are handed to workers first, so that no worker is left alone with them
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -25,3 +27,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONG not in item.path.parents)
+
+
+@pytest.fixture(autouse=True)
+def as_loud_as_before() -> Iterator[None]:
+    """A command that is run in this process with --quiet or --json leaves the package's logger quiet."""
+    logger = logging.getLogger("deatwin")
+    level = logger.level
+    yield
+    logger.setLevel(level)

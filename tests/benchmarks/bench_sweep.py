@@ -25,7 +25,7 @@ import numpy as np
 from joblib import Parallel, delayed, parallel_config
 
 from deatwin.plant import Experiment, Recording, thesis_plant
-from deatwin.scenarios.sweep import CaseStore, SweepSeal, run_study, run_sweep
+from deatwin.studies.sweep import CaseStore, SweepSeal, run_study, run_sweep
 
 COUNT, REPEATS, STUDY = 2500, 4, 1000
 SEAL = SweepSeal(schema="deatwin/bench-case/1", parts={"seed": 0})

@@ -19,7 +19,7 @@ import pytest
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.scenarios.stories import STORIES
+from deatwin.studies.stories import STORIES
 
 COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
 MODULE = """
@@ -55,9 +55,9 @@ def pulls(seed: int, plant: Plant) -> Recording:
 
 def commands(folder: Path) -> None:
     """Run the commands that write reports, on a strip whose creep its plant does not have."""
-    from deatwin.scenarios.cli import main
-    from deatwin.scenarios.diagnosing import DiagnosisTask
-    from deatwin.scenarios.folder import ResultFolder
+    from deatwin.app.cli import main
+    from deatwin.studies.diagnosing import DiagnosisTask
+    from deatwin.studies.folder import ResultFolder
 
     strip = Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
     (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
@@ -86,11 +86,11 @@ def commands(folder: Path) -> None:
 def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Run three stories, with less work where they can be had with less."""
     from deatwin.scenarios import prestretch, svb_benchmark
-    from deatwin.scenarios.folder import ResultFolder
     from deatwin.scenarios.regression_lessons import occam, shrinkage, variance
-    from deatwin.scenarios.stories import Setting, story
     from deatwin.scenarios.svb_benchmark import sampling
     from deatwin.scenarios.svb_benchmark.study import Plan
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.stories import Setting, story
 
     small = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
     for module, name, less in (

@@ -18,7 +18,7 @@ from deatwin.plant import CalibratedPlant, Coupon, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
 
-PROGRAM = "import sys; from deatwin.scenarios.cli import main; sys.exit(main(sys.argv[1:]))"
+PROGRAM = "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"
 DROP = """
 const transfer = new DataTransfer();
 transfer.items.add(new File([arguments[0]], arguments[1], {type: "text/csv"}));

@@ -13,7 +13,7 @@ INSTRUMENTED = [
     "deatwin.plant.files",
     "deatwin.plant.documents",
     "deatwin.scenarios.real_data",
-    "deatwin.scenarios.sweep",
+    "deatwin.studies.sweep",
     "tomllib",
     "json",
 ]

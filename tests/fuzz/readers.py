@@ -441,7 +441,7 @@ def validation_seeds() -> tuple[bytes, ...]:
 
 def exported(path: Path) -> Any:
     """The controller of a check as C source."""
-    from deatwin.scenarios.commands.export import _Given
+    from deatwin.app.commands.export import _Given
 
     return _Given.load(str(path)).source(name="loop")
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from readers import SEEDS, Kind
 
+from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios import evidence, vhb4910
 from deatwin.scenarios.concealed_physics.page import opened_study, page_data
@@ -20,11 +21,10 @@ from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
 from deatwin.scenarios.control_check.page import story_data
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.live.verdicts import Verdict
 from deatwin.scenarios.real_data.tables import csv_columns, hdf5_vectors, matlab_vectors
-from deatwin.scenarios.sweep.seal import SweepSeal
-from deatwin.scenarios.sweep.store import CaseStore, read_seal
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore, read_seal
 
 DOCS = Path(__file__).parents[2] / "docs"
 SWEEP = SweepSeal(schema="deatwin/study-case/1", parts={"code": "c" * 64, "seed": 3, "levels": [0.1, 0.2]})

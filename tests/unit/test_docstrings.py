@@ -9,9 +9,9 @@ from enum import Enum
 
 import pytest
 
-PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control", "deatwin.scenarios")
-PAGES = ("deatwin.scenarios.live.page",)  # written in the words of a framework that is an extra
-SAID_BY_TYPER = "deatwin.scenarios.commands"  # the command line documents its arguments by their help texts
+PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control", "deatwin.studies", "deatwin.app", "deatwin.scenarios")
+PAGES = ("deatwin.app.live.page",)  # written in the words of a framework that is an extra
+SAID_BY_TYPER = "deatwin.app.commands"  # the command line documents its arguments by their help texts
 
 
 def modules() -> Iterator[str]:

@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 import typer.main
 
-from deatwin.scenarios.cli import app
-from deatwin.scenarios.options import fold_experiments
-from deatwin.scenarios.stories import STORIES
+from deatwin.app.cli import app
+from deatwin.app.options import fold_experiments
+from deatwin.studies.stories import STORIES
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -46,7 +46,7 @@ print(json.dumps(loaded))
 """
 HELP = """
 import sys
-from deatwin.scenarios.cli import app, main
+from deatwin.app.cli import app, main
 for command in app.registered_commands:
     assert main([command.callback.__name__, "--help"]) == 0
 print("LOADED", *sys.modules)
@@ -89,7 +89,7 @@ def test_a_diagnosis_loads_no_peer_and_no_pictures() -> None:
 
 def test_no_command_loads_numbers_to_show_its_help() -> None:
     names = run_python(HELP).partition("LOADED")[2].split()
-    assert {"typer", "deatwin.scenarios.cli"} <= set(names)
+    assert {"typer", "deatwin.app.cli"} <= set(names)
     assert {"numpy", "scipy", "casadi", "deatwin.plant", *HEAVY - {"rich", "typer"}}.isdisjoint(names)
 
 

@@ -1,6 +1,6 @@
 """Commands of other programs on the pages: each is run here, by a step of .ci/run, or has its reason.
 
-Those of ``deatwin`` itself are run by tests/unit/scenarios/test_documented_commands.py.
+Those of ``deatwin`` itself are run by tests/unit/app/test_documented_commands.py.
 """
 
 import re
@@ -17,7 +17,7 @@ BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`((?:python3?|mkdocs|pip|jupyter)\s[^`]+)`")
 PLACES = {
-    "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/deatwin demo": "tests/unit/scenarios/test_demo.py runs the demo, .ci/run the rest",
+    "python3 -m venv .venv && .venv/bin/pip install . && .venv/bin/deatwin demo": "tests/unit/app/test_demo.py runs the demo, .ci/run the rest",
     'python3 -m venv .venv-test && .venv-test/bin/pip install -e ".[test]" && OMP_NUM_THREADS=1 '
     ".venv-test/bin/python -m pytest -n auto --dist loadfile": ".ci/run, word for word",
     "jupyter nbconvert --to notebook --execute --inplace docs/notebooks/simulate_and_identify.ipynb": ".ci/run executes the notebooks",
@@ -26,8 +26,8 @@ PLACES = {
     "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_sweep.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/fuzz/fuzz_recordings.py --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
-    "python -m deatwin.scenarios.evidence docs": "tests/unit/scenarios/test_evidence.py",
-    "python -m deatwin.scenarios.evidence docs --scenarios results": "tests/unit/scenarios/test_evidence.py",
+    "python -m deatwin.scenarios.evidence docs": "tests/stories/test_evidence.py",
+    "python -m deatwin.scenarios.evidence docs --scenarios results": "tests/stories/test_evidence.py",
     "python -m pytest -m study": "the long studies, which are run by hand",
 }
 """Where each is run, or why it is not."""

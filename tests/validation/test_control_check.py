@@ -11,8 +11,8 @@ from deatwin.scenarios import control_check
 from deatwin.scenarios.control_check import study
 from deatwin.scenarios.control_check.concealed import EFFECTS
 from deatwin.scenarios.control_check.tracking import nominal_plant, track
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2, 3, 4, 5, 6)]
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from deatwin.ident.narx import NarxModel
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.stories import Setting, story
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting, story
 
 
 @pytest.mark.study

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from deatwin.ident.parallel import run_jobs
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.svb_benchmark import run
 from deatwin.scenarios.svb_benchmark.coverage import VARIATIONAL, covered
 from deatwin.scenarios.svb_benchmark.sampling import compare
 from deatwin.scenarios.svb_benchmark.study import WHITE
 from deatwin.scenarios.svb_benchmark.trials import try_out
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
 
 SEED = 11
 

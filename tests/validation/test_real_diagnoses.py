@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, silverbox
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from deatwin.plant.fleet import fleet, specification
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.stories import Setting, story
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
 from deatwin.scenarios.thesis_data.drifts import gain_change, mean_shift
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting, story
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2)]
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.stories import Setting, story
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting, story
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 

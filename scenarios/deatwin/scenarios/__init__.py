@@ -1,1 +1,1 @@
-"""The stories that use plant, ident and control; the command line; the report."""
+"""The stories that `deatwin scenario NAME` runs: each a notebook page on plant, ident and control."""

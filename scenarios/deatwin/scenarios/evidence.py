@@ -33,9 +33,9 @@ from deatwin.scenarios.concealed_physics.score import NO_CASE, score
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
 from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.report.measured import MEASURED, measured_blocks, measured_data
-from deatwin.scenarios.sweep.casefile import CASE_ENDING, read_case
-from deatwin.scenarios.sweep.kept import read_object
+from deatwin.studies.report.measured import MEASURED, measured_blocks, measured_data
+from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
+from deatwin.studies.sweep.kept import read_object
 
 __all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
 

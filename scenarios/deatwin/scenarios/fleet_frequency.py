@@ -36,7 +36,7 @@ from deatwin.scenarios.fleet_models.preparation import (
     thinned,
 )
 from deatwin.scenarios.fleet_models.variants import RECORDED
-from deatwin.scenarios.voice import Progress
+from deatwin.studies.voice import Progress
 
 __all__ = [
     "ACTUATORS",

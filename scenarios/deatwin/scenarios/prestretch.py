@@ -27,9 +27,9 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
 from deatwin.scenarios.prestretch_claims import RELAXING, Sweep, Verdict, judged_claims
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.prestretch import write_sweep
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.prestretch import write_sweep
+from deatwin.studies.stories import Setting
 
 __all__ = ["PRESTRETCHES", "dead_load", "pull_in_ends_at", "run", "sweep", "unequal"]
 

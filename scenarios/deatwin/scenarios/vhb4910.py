@@ -28,7 +28,7 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.coupon import Coupon
 from deatwin.scenarios.real_data.records import Candidates, DataSet
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.scenarios.stories import Setting, data_folder
+from deatwin.studies.stories import Setting, data_folder
 
 __all__ = ["FITTED_RATES", "HELD_OUT_RATE", "STRETCHES", "case", "files_of", "pull", "run"]
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from deatwin.app.cli import main
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import Coupon, Creep, Delay, Plant
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.rigs.planar import Planar
-from deatwin.scenarios.cli import main
 
 Run = Callable[..., tuple[int, str]]
 

@@ -21,9 +21,9 @@ from deatwin.scenarios.concealed_physics.score import score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
 from deatwin.scenarios.concealed_physics.tables import csv_files, reported, tables
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.story import Note, StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run", "write_results"]
 

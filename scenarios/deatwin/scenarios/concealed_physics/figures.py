@@ -14,9 +14,9 @@ from deatwin.scenarios.concealed_physics.confusion import Confusion, by_effect, 
 from deatwin.scenarios.concealed_physics.opened import Case, Opened
 from deatwin.scenarios.concealed_physics.rates import Rate, bounds, brier_score, expected_calibration_error, reliability
 from deatwin.scenarios.concealed_physics.tables import MADE_BY
-from deatwin.scenarios.report.drawing import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, standalone
 from deatwin.scenarios.svb_benchmark.figures import table_text
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, standalone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,7 +15,7 @@ from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal, digest
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
-from deatwin.scenarios.sweep.kept import read_object
+from deatwin.studies.sweep.kept import read_object
 
 __all__ = ["DATA", "TITLES", "markdown_table", "opened_study", "page_data", "page_of", "results_page", "write_results"]
 

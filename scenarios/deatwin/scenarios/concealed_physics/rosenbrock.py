@@ -36,7 +36,7 @@ __all__ = ["TOLERANCE", "Trajectory", "integrate"]
 
 TOLERANCE = 1e-5
 """Of a step's error, against each unknown's typical size; a millimetre of displacement is then right within some
-hundredths of a micrometre over minutes (tests/unit/scenarios/test_concealed_generator.py)."""
+hundredths of a micrometre over minutes (tests/stories/test_concealed_generator.py)."""
 SHORTEST = 1e-7
 """Of all steps, s."""
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0

@@ -18,7 +18,7 @@ from deatwin.scenarios.concealed_physics.rates import (
     most,
     reliability,
 )
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["NO_CASE", "Goal", "gaps_closed", "harm", "score", "sentence"]
 

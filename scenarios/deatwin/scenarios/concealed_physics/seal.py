@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.scenarios.sweep.seal import Sealed, digest
+from deatwin.studies.sweep.seal import Sealed, digest
 
 __all__ = ["DECIDING", "SCHEMA", "Seal", "digest", "thresholds"]
 

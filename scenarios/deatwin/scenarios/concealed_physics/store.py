@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.sweep.store import CaseStore, read_seal
+from deatwin.studies.sweep.store import CaseStore, read_seal
 
 __all__ = ["Store"]
 

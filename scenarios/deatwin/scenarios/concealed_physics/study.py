@@ -18,7 +18,7 @@ from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, i
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.sizes import SIZES, size_named
 from deatwin.scenarios.concealed_physics.store import Store
-from deatwin.scenarios.sweep.run import run_sweep
+from deatwin.studies.sweep.run import run_sweep
 
 __all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 

@@ -13,8 +13,8 @@ from deatwin.scenarios.concealed_physics.opened import Case, Opened
 from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.report.quantities import three_digits
-from deatwin.scenarios.report.story import Table
+from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.story import Table
 
 __all__ = ["KINDS", "MADE_BY", "csv_files", "reported", "tables"]
 

@@ -23,9 +23,9 @@ from deatwin.scenarios.control_check.study import Study, carry_out
 from deatwin.scenarios.control_check.tables import tables
 from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.verdicts import judge
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.story import StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

@@ -13,9 +13,9 @@ from deatwin.scenarios.control_check.promises import QUANTITIES, promises
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tables import trials_csv, verdicts_seen
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
 from deatwin.scenarios.svb_benchmark.figures import table_text
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

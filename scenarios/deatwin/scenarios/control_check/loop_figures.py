@@ -12,8 +12,8 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

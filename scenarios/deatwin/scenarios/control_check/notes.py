@@ -14,7 +14,7 @@ from deatwin.scenarios.control_check.rigs import CONCEALED
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
-from deatwin.scenarios.report.story import Note, Row
+from deatwin.studies.report.story import Note, Row
 
 __all__ = ["answer", "notes"]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.page import markdown_table
-from deatwin.scenarios.report.quantities import in_interval
-from deatwin.scenarios.sweep.kept import read_object
+from deatwin.studies.report.quantities import in_interval
+from deatwin.studies.sweep.kept import read_object
 
 __all__ = ["STORY", "story_blocks", "story_data"]
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.sweep.seal import SweepSeal, sources_digest
-from deatwin.scenarios.sweep.store import CaseStore
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 __all__ = ["Trials", "name_of"]
 

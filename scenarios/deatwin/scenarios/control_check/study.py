@@ -16,7 +16,7 @@ from deatwin.scenarios.control_check.matters import Matters, compare_models
 from deatwin.scenarios.control_check.record import Trials, name_of
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
 from deatwin.scenarios.control_check.trials import Outcome, try_one
-from deatwin.scenarios.sweep.run import run_sweep
+from deatwin.studies.sweep.run import run_sweep
 
 __all__ = ["SIZES", "Study", "carry_out"]
 

@@ -13,9 +13,9 @@ from deatwin.scenarios.control_check.rates import Rate, broken, caught, inside, 
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
-from deatwin.scenarios.report.quantities import in_interval
-from deatwin.scenarios.report.story import Table
 from deatwin.scenarios.svb_benchmark.figures import table_text
+from deatwin.studies.report.quantities import in_interval
+from deatwin.studies.report.story import Table
 
 __all__ = ["NOTHING", "tables", "trials_csv", "verdicts_seen"]
 

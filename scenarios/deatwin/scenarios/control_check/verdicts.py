@@ -12,7 +12,7 @@ from deatwin.scenarios.control_check.rates import Rate, caught, in_words, inside
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["CAUGHT", "INVERSES", "KEPT", "LOWER", "NEAR", "judge", "named"]
 

@@ -14,9 +14,9 @@ from deatwin.scenarios.fleet_models.preparation import DEGREES, LAGS, Plan, thin
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.scenarios.fleet_models.variants import RECORDED, STEADY
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
 from deatwin.scenarios.thesis_data.drifts import moving_mean
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from statistics import median
 from deatwin.scenarios.fleet_models.preparation import Plan
 from deatwin.scenarios.fleet_models.study import FREE, FRO, SEMP, SVB, Study
 from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY
-from deatwin.scenarios.report.quantities import quantity
-from deatwin.scenarios.report.story import Note
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import Note
 
 __all__ = ["semp_notes", "svb_notes"]
 

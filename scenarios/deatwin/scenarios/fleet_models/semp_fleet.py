@@ -18,8 +18,8 @@ from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, Study
 from deatwin.scenarios.fleet_models.tables import SHOWN, semp_tables
 from deatwin.scenarios.fleet_models.telling import Account, tell
 from deatwin.scenarios.fleet_models.verdicts import judge_semp
-from deatwin.scenarios.report.story import StoryPage
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.report.story import StoryPage
+from deatwin.studies.stories import Setting
 
 __all__ = ["PROGRAMME", "run"]
 

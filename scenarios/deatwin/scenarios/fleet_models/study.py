@@ -17,7 +17,7 @@ from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models.preparation import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
 from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
-from deatwin.scenarios.voice import Progress
+from deatwin.studies.voice import Progress
 
 __all__ = ["FREE", "FRO", "LINEAR", "SEMP", "SVB", "Bench", "Identified", "Programme", "Study", "carry_out", "identify"]
 

@@ -20,8 +20,8 @@ from deatwin.scenarios.fleet_models.figures import (
 )
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import SHOWN
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 __all__ = ["shares", "svb_drawings"]
 

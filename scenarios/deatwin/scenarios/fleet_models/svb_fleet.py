@@ -19,8 +19,8 @@ from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
 from deatwin.scenarios.fleet_models.tables import SHOWN, svb_tables
 from deatwin.scenarios.fleet_models.telling import Account, tell
 from deatwin.scenarios.fleet_models.verdicts import judge_svb
-from deatwin.scenarios.report.story import StoryPage
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.report.story import StoryPage
+from deatwin.studies.stories import Setting
 
 __all__ = ["PROGRAMME", "run"]
 

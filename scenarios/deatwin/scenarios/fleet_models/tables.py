@@ -11,8 +11,8 @@ from deatwin.scenarios.fleet_models.preparation import Plan, Prepared
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.scenarios.fleet_models.variants import VARIANTS
 from deatwin.scenarios.fleet_models.verdicts import deviations
-from deatwin.scenarios.report.quantities import quantity
-from deatwin.scenarios.report.story import Table
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import Table
 
 __all__ = ["SHOWN", "TESTS", "UNITS", "semp_tables", "svb_tables"]
 

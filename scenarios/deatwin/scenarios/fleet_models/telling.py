@@ -9,10 +9,10 @@ from typing import Any
 
 from deatwin.scenarios.fleet_models.figures import Columns
 from deatwin.scenarios.fleet_models.study import Programme, Study, carry_out
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.story import StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["Account", "tell"]
 

@@ -13,7 +13,7 @@ from deatwin.ident.narx.predictive import one_step_band
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.variants import FILM, STEADY
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["deviations", "judge_semp", "judge_svb"]
 

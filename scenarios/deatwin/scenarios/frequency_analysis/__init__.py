@@ -24,9 +24,9 @@ from deatwin.scenarios.frequency_analysis.fleet_figures import fleet_drawings
 from deatwin.scenarios.frequency_analysis.notes import notes
 from deatwin.scenarios.frequency_analysis.tables import tables
 from deatwin.scenarios.frequency_analysis.verdicts import judge
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.story import Row, StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import Row, StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

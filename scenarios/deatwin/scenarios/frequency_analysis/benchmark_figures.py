@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, Evaluated, Identified, Ranges
 from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, QUADRATIC
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,8 +22,8 @@ from deatwin.scenarios.frequency_analysis.actuators import (
 )
 from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
 from deatwin.scenarios.frequency_analysis.benchmark_figures import SUBSCRIPTS, filled, map_of
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,8 +8,8 @@ from deatwin.scenarios.fleet_frequency import OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import ORDERS, Actuators
 from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
 from deatwin.scenarios.frequency_analysis.verdicts import HALF, HIGH, LOW, spread
-from deatwin.scenarios.report.quantities import quantity
-from deatwin.scenarios.report.story import Note
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import Note
 
 __all__ = ["notes"]
 

@@ -9,7 +9,7 @@ import numpy as np
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, TABLED, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_analysis.closed_forms import SYSTEMS
-from deatwin.scenarios.report.story import Table
+from deatwin.studies.report.story import Table
 
 __all__ = ["tables"]
 

@@ -11,7 +11,7 @@ from deatwin.scenarios.fleet_frequency import BAND
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.anchor import Anchor
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["judge", "spread"]
 

@@ -20,8 +20,8 @@ from deatwin.scenarios.frequency_uncertainty.notes import answer, notes
 from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
 from deatwin.scenarios.frequency_uncertainty.tables import tables
 from deatwin.scenarios.frequency_uncertainty.verdicts import judge
-from deatwin.scenarios.report.story import StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks, Sweep
 from deatwin.scenarios.frequency_uncertainty.spread import Spread
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
 from deatwin.scenarios.frequency_uncertainty.words import band_of, column_of
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from deatwin.scenarios.frequency_uncertainty.consistency import SLOW, Consistenc
 from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.scenarios.frequency_uncertainty.verdicts import DRIFTING, FASTER
 from deatwin.scenarios.frequency_uncertainty.words import band_of
-from deatwin.scenarios.report.story import Note
+from deatwin.studies.report.story import Note
 
 __all__ = ["answer", "notes"]
 

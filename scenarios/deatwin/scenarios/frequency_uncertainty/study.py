@@ -21,7 +21,7 @@ from deatwin.scenarios.frequency_uncertainty.benchmarks import (
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, compared, means_of, responses, shares_of
 from deatwin.scenarios.frequency_uncertainty.speed import speed
 from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR, NOTCH, POWERS, PRODUCT, SHORT
-from deatwin.scenarios.voice import Progress
+from deatwin.studies.voice import Progress
 
 __all__ = ["Plan", "Study", "carry_out"]
 

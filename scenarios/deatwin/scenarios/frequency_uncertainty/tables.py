@@ -13,7 +13,7 @@ from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, share_of
 from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.scenarios.frequency_uncertainty.words import column_of
-from deatwin.scenarios.report.story import Table
+from deatwin.studies.report.story import Table
 
 __all__ = ["tables"]
 

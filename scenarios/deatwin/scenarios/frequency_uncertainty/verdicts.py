@@ -12,7 +12,7 @@ from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
 from deatwin.scenarios.frequency_uncertainty.spread import Spread
 from deatwin.scenarios.frequency_uncertainty.study import Study
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["COVERED", "DRIFTING", "judge"]
 

@@ -12,8 +12,8 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.scenarios.real_data.records import DataSet
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     pass

@@ -13,9 +13,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.provenance import hashes
-from deatwin.scenarios.report.story import Table
-from deatwin.scenarios.stories import DATA_VARIABLE
+from deatwin.studies.provenance import hashes
+from deatwin.studies.report.story import Table
+from deatwin.studies.stories import DATA_VARIABLE
 
 __all__ = ["PACKAGE", "SOURCES", "Source", "downloaded", "origins"]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch import Diagnosis
-from deatwin.scenarios.report.story import Row, Table
+from deatwin.studies.report.story import Row, Table
 
 if TYPE_CHECKING:
     from deatwin.scenarios.real_physics.case import Case, Trial

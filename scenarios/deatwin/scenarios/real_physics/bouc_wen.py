@@ -27,7 +27,7 @@ from deatwin.scenarios.real_data.records import Candidates, DataSet
 from deatwin.scenarios.real_data.tables import hdf5_vectors, require_samples
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.scenarios.stories import Setting, data_folder
+from deatwin.studies.stories import Setting, data_folder
 
 __all__ = ["BoucWen", "LinearOscillator", "case", "run"]
 

@@ -26,7 +26,7 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.scenarios.real_data.records import cascaded_tanks as black_box_data
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.scenarios.stories import Setting, data_folder
+from deatwin.studies.stories import Setting, data_folder
 
 __all__ = ["Overflow", "TankPlace", "Tanks", "case", "run"]
 

@@ -17,17 +17,17 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.diagnosing import DiagnosisTask
-from deatwin.scenarios.folder import ResultFolder
-from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.real_data.methods import GROWN, LINEAR, REFINED, Outcome, attempt
 from deatwin.scenarios.real_data.records import DataSet
 from deatwin.scenarios.real_data.sources import origins
 from deatwin.scenarios.real_physics import figures
 from deatwin.scenarios.real_physics.accounts import error_table, measures, tried_table
-from deatwin.scenarios.report.story import Note, StoryPage, write_story
-from deatwin.scenarios.stories import Setting
-from deatwin.scenarios.voice import Progress
+from deatwin.studies.diagnosing import DiagnosisTask
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.studies.stories import Setting
+from deatwin.studies.voice import Progress
 
 __all__ = ["Case", "HeldOut", "Law", "Trial", "diagnosed", "judged", "tell"]
 

@@ -25,7 +25,7 @@ from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.scenarios.real_data.records import Candidates, DataSet
 from deatwin.scenarios.real_data.tables import matlab_vectors, require_samples
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.scenarios.stories import Setting, data_folder
+from deatwin.studies.stories import Setting, data_folder
 
 __all__ = ["ControlledCarriage", "case", "run"]
 

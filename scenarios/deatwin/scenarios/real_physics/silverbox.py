@@ -26,7 +26,7 @@ from deatwin.scenarios.real_data.records import ARROW_HEAD, SILVERBOX_RATE, silv
 from deatwin.scenarios.real_data.records import silverbox as black_box_data
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.scenarios.stories import Setting, data_folder
+from deatwin.studies.stories import Setting, data_folder
 
 __all__ = ["LinearOscillator", "case", "run"]
 

@@ -14,10 +14,10 @@ from dataclasses import asdict
 from typing import Any
 
 from deatwin.ident.parallel import spawn_generators
-from deatwin.scenarios.provenance import RunRecord
 from deatwin.scenarios.regression_lessons import constraint, figures, occam, shrinkage, variance, verdicts
-from deatwin.scenarios.report.story import Note, StoryPage, write_story
-from deatwin.scenarios.stories import Setting
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

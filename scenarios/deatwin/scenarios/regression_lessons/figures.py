@@ -13,8 +13,8 @@ from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, 
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

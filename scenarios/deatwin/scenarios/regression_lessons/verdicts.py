@@ -8,7 +8,7 @@ from deatwin.scenarios.regression_lessons.constraint import Plane, Structure
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
 from deatwin.scenarios.regression_lessons.shrinkage import Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
-from deatwin.scenarios.report.story import Row
+from deatwin.studies.report.story import Row
 
 __all__ = ["bias_rows", "constraint_rows", "occam_rows", "shrinkage_rows"]
 

@@ -14,8 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.report.story import Note, StoryPage, write_story
-from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.svb_benchmark.figures import drawings, table_text
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.record import CASES
@@ -23,6 +21,8 @@ from deatwin.scenarios.svb_benchmark.study import SWEPT, Plan, Study, carry_out
 from deatwin.scenarios.svb_benchmark.tables import tables
 from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, as_csv
 from deatwin.scenarios.svb_benchmark.verdicts import exact, judge, kept, oracles
+from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

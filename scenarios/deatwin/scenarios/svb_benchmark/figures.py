@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
 from deatwin.scenarios.svb_benchmark.coverage import ESTIMATORS, VARIATIONAL
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, system_of
 from deatwin.scenarios.svb_benchmark.verdicts import COVERAGE, exact, kept, oracles
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.provenance import versions
 from deatwin.scenarios.svb_benchmark.cases import Answer
-from deatwin.scenarios.sweep.seal import SweepSeal, sources_digest
-from deatwin.scenarios.sweep.store import CaseStore
+from deatwin.studies.provenance import versions
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 __all__ = ["CASES", "Draws"]
 

@@ -20,7 +20,7 @@ from deatwin.scenarios.svb_benchmark.oracle import Contrast
 from deatwin.scenarios.svb_benchmark.record import Draws
 from deatwin.scenarios.svb_benchmark.sampling import Comparison
 from deatwin.scenarios.svb_benchmark.trials import Trial
-from deatwin.scenarios.sweep.run import run_sweep
+from deatwin.studies.sweep.run import run_sweep
 
 __all__ = ["DRAWS", "LEVELS", "SWEPT", "Level", "Plan", "Study", "carry_out", "cases_of"]
 

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deatwin.scenarios.report.quantities import three_digits
-from deatwin.scenarios.report.story import Table
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.study import SWEPT, Study
 from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, system_of
 from deatwin.scenarios.svb_benchmark.verdicts import exact, kept, oracles
+from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.story import Table
 
 __all__ = ["tables"]
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from deatwin.scenarios.report.story import Row
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.oracle import Oracle, consult
 from deatwin.scenarios.svb_benchmark.study import WHITE, Study
 from deatwin.scenarios.svb_benchmark.trials import Rate
+from deatwin.studies.report.story import Row
 
 __all__ = ["exact", "judge", "kept", "oracles"]
 

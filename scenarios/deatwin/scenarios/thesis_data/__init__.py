@@ -16,15 +16,15 @@ from typing import Any
 
 from deatwin.plant.files import write_recording
 from deatwin.plant.fleet import TOLERANCES, specification
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.quantities import quantity
-from deatwin.scenarios.report.story import Note, StoryPage, Table, write_story
-from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages, side_bands, small_voltages
 from deatwin.scenarios.thesis_data.figures import ELASTIC, SPECIFIED, drawings
 from deatwin.scenarios.thesis_data.measures import mean_curve, straight_line
 from deatwin.scenarios.thesis_data.study import Bench, Study, carry_out
 from deatwin.scenarios.thesis_data.verdicts import judge
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import Note, StoryPage, Table, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
-from deatwin.scenarios.report.tracks import envelope
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.drifts import at_same_input, fast_part, moving_mean
 from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, mean_curve, straight_line
 from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
 from deatwin.scenarios.thesis_data.verdicts import RIDGE
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import COLOURS, draw
+from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,9 +14,6 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.story import StoryPage, write_story
-from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.time_varying.benchmark_figures import benchmark_drawings
 from deatwin.scenarios.time_varying.fleet_figures import fleet_drawings, key_of
 from deatwin.scenarios.time_varying.fleet_maps import map_drawings
@@ -24,6 +21,9 @@ from deatwin.scenarios.time_varying.following import CONSTANT, VARYING
 from deatwin.scenarios.time_varying.notes import notes
 from deatwin.scenarios.time_varying.study import Study, carry_out
 from deatwin.scenarios.time_varying.verdicts import judge
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["run"]
 

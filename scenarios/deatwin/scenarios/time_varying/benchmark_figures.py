@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import Term
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import draw, legend_above
 from deatwin.scenarios.time_varying.benchmark import LINES, ORDERS, Benchmark, Followed
 from deatwin.scenarios.time_varying.figure_parts import (
     AFTER,
@@ -27,6 +25,8 @@ from deatwin.scenarios.time_varying.figure_parts import (
     share_bar,
 )
 from deatwin.scenarios.time_varying.maps import Map
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import draw, legend_above
 
 __all__ = ["QUANTILE", "benchmark_drawings", "plain_name", "symbol_of"]
 

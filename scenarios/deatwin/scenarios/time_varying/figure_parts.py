@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.svg import COLOURS
+from deatwin.studies.report.svg import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.figures import Drawing
-from deatwin.scenarios.report.svg import draw
 from deatwin.scenarios.time_varying.benchmark import LINES, ORDERS
 from deatwin.scenarios.time_varying.benchmark_figures import plain_name, symbol_of
 from deatwin.scenarios.time_varying.figure_parts import Columns, draw_map, filled, map_columns, share_bar
 from deatwin.scenarios.time_varying.fleet_figures import key_of
 from deatwin.scenarios.time_varying.following import VARYING
 from deatwin.scenarios.time_varying.study import LEVEL, Driven
+from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.svg import draw
 
 __all__ = ["map_drawings"]
 

@@ -32,7 +32,7 @@ from deatwin.scenarios.time_varying.following import CONSTANT, VARYING, Track, f
 from deatwin.scenarios.time_varying.maps import Map, root_mean_square
 from deatwin.scenarios.time_varying.spectra import ShortTime, compare_windows, series_error, windows_of
 from deatwin.scenarios.time_varying.systems import SYSTEMS
-from deatwin.scenarios.voice import Progress
+from deatwin.studies.voice import Progress
 
 __all__ = [
     "FACTOR",

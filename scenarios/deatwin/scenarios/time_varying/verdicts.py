@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from deatwin.scenarios.report.story import Row
 from deatwin.scenarios.thesis_data.verdicts import MOVES
 from deatwin.scenarios.time_varying.benchmark import Benchmark, FrozenRun
 from deatwin.scenarios.time_varying.following import CONSTANT, LIKELIEST, REFINED, VARYING
 from deatwin.scenarios.time_varying.spectra import BANDS
 from deatwin.scenarios.time_varying.study import Driven, Study
+from deatwin.studies.report.story import Row
 
 __all__ = ["CHANCE", "DRIFTING", "judge"]
 

@@ -13,17 +13,17 @@ from dataclasses import asdict
 from typing import Any
 
 from deatwin.plant.fleet import fleet
-from deatwin.scenarios.provenance import RunRecord
-from deatwin.scenarios.report.quantities import quantity, with_interval
-from deatwin.scenarios.report.story import Note, StoryPage, Table, write_story
-from deatwin.scenarios.stories import Setting
-from deatwin.scenarios.sweep.seal import SweepSeal
 from deatwin.scenarios.unexplained_drift import figures
 from deatwin.scenarios.unexplained_drift.argument import notes, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.recordings import VISITS
 from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import CASES, Answers, Study, carry_out
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.quantities import quantity, with_interval
+from deatwin.studies.report.story import Note, StoryPage, Table, write_story
+from deatwin.studies.stories import Setting
+from deatwin.studies.sweep.seal import SweepSeal
 
 __all__ = ["run"]
 

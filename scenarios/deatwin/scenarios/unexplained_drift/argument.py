@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.story import Note, Row, Table
 from deatwin.scenarios.unexplained_drift.repeatability import AGES, CREEP, HELD, RELAXATION, RESTS, SPAN, Group
+from deatwin.studies.report.story import Note, Row, Table
 
 __all__ = ["notes", "rows_of", "sentence_of", "table_of"]
 

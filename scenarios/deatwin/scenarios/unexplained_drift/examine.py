@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.errors import ModelError
-from deatwin.scenarios.diagnosing import DiagnosisTask
-from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.unexplained_drift.recordings import Case
+from deatwin.studies.diagnosing import DiagnosisTask
+from deatwin.studies.folder import ResultFolder
 
 __all__ = ["Finding", "Track", "examine"]
 

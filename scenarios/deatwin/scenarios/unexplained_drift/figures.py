@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.drawing import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw, legend_above
 from deatwin.scenarios.thesis_data.drifts import moving_mean
 from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

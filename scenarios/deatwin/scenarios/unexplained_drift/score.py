@@ -8,9 +8,9 @@ from enum import Enum
 from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
-from deatwin.scenarios.report.story import Row
 from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
+from deatwin.studies.report.story import Row
 
 __all__ = ["OUTSIDE", "Estimate", "Judged", "Mark", "judged", "measures"]
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from deatwin.plant.effects import Effect
 from deatwin.plant.fleet import Actuator, fleet, specification
 from deatwin.scenarios.concealed_physics.seal import Seal, digest
-from deatwin.scenarios.provenance import versions
-from deatwin.scenarios.sweep.seal import SweepSeal
-from deatwin.scenarios.sweep.store import read_seal
+from deatwin.studies.provenance import versions
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import read_seal
 
 __all__ = ["Key", "concealed_in", "opened"]
 

@@ -10,12 +10,12 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.fleet import Actuator, fleet
-from deatwin.scenarios.sweep.run import run_sweep
-from deatwin.scenarios.sweep.seal import SweepSeal
-from deatwin.scenarios.sweep.store import CaseStore
 from deatwin.scenarios.unexplained_drift.examine import Finding, examine
 from deatwin.scenarios.unexplained_drift.recordings import case_of
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, Run, drift_of, grouped, runs
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore
 
 __all__ = ["CASES", "Answers", "Study", "carry_out"]
 

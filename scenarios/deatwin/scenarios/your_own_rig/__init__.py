@@ -19,17 +19,17 @@ import numpy as np
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.provenance import RunRecord, hashes
 from deatwin.scenarios.real_physics import figures as shared
 from deatwin.scenarios.real_physics.accounts import error_table, measures, tried_table
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, Trial, diagnosed, judged
-from deatwin.scenarios.report.quantities import in_interval
-from deatwin.scenarios.report.story import Note, Row, StoryPage, Table, write_story
-from deatwin.scenarios.stories import Setting
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.figures import agreement
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
+from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report.quantities import in_interval
+from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.studies.stories import Setting
 
 __all__ = ["case", "run"]
 

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.report.drawing import Drawing
-from deatwin.scenarios.report.svg import COLOURS, draw
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import COLOURS, draw
 
 __all__ = ["agreement"]
 

@@ -13,9 +13,9 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.files import read_recording, write_recording
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.scenarios.folder import ResultFolder
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
+from deatwin.studies.folder import ResultFolder
 
 __all__ = ["DRIVERS", "Drives", "bumps", "concealed", "record", "rough_road", "unread"]
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from deatwin.app.cli import app
 from deatwin.control import Check, ControlError, InverseFilter, LinearModel, LinearStatus, Verdict, with_dynamics
 from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.verdict import Finding
 from deatwin.control.controllers.document import controller_to_dict
 from deatwin.control.design.inverse import with_inverse
-from deatwin.scenarios.cli import app
 
 SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
 FILTER = InverseFilter(a=np.diag([0.5, 0.8]), b=np.ones(2), c=np.array([0.1, -0.2]), d=1.8, band_Hz=2.0, error=0.1)

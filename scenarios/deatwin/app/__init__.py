@@ -1,0 +1,1 @@
+"""The command line, the reports that it writes, and the live view."""

@@ -1,0 +1,290 @@
+"""Figures of margins: over operating points, over time, and the Nyquist curves at the operating point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.app.check_report.loops import Loops
+from deatwin.app.check_report.run_figures import Columns
+from deatwin.app.check_report.view import AFTER, BEFORE, INK, MARK, View, header
+from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.specification import Limit
+from deatwin.control.controllers.base import Controller
+from deatwin.plant.amplitudes import amount
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import draw
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_margins", "draw_margins_over_time", "draw_nyquist"]
+
+Array = NDArray[np.float64]
+
+_REACH = 2.2  # of the picture about the origin of the Nyquist plane
+_ELLIPSES = 24
+_LONG = 26  # letters of a label, of which only two stand beside each other
+_FAR = 15.0  # times a limit: from there on an axis is logarithmic
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Measure:
+    """A margin as it is drawn.
+
+    Parameters
+    ----------
+    field : str
+        Of a row of margins, without ``_low``; `phase` has its unit behind that.
+    label : str
+        Of the axis.
+    limit : Limit
+        What was asked.
+    scale : float
+        By which the row's number is divided.
+    ceiling : float
+        Beyond which a margin is drawn at the edge.
+    """
+
+    field: str
+    label: str
+    limit: Limit
+    scale: float = 1.0
+    ceiling: float = np.inf
+
+    def values(self, rows: list[MarginRow]) -> tuple[Array, Array]:
+        """The source's own margins and their low quantiles, each of shape (n,)."""
+        low = "phase_low_deg" if self.field == "phase_deg" else f"{self.field}_low"
+        own, least = (np.array([getattr(row, name) for row in rows]) / self.scale for name in (self.field, low))
+        return own, least
+
+    def reach(self, values: list[float]) -> tuple[float, float]:
+        """Ends of the axis: it is logarithmic, from above 0 on, where something lies far above the limits."""
+        finite = [v for v in values if np.isfinite(v)]
+        wanted = 1.15 * max([*finite, 2.0 * self.limit.good])
+        high = self.ceiling if len(finite) < len(values) else min(self.ceiling, wanted)
+        return (0.0 if high < _FAR * self.limit.poor else 0.6 * self.limit.poor), high
+
+
+def draw_margins(view: View) -> tuple[Drawing, Columns]:
+    """Draw margins over operating points.
+
+    Parameters
+    ----------
+    view : View
+        Of a check with a table of margins.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    unit = view.check.operating.input_unit
+    label = f"constant {view.command}"
+    return _draw(
+        view,
+        view.rows(along_time=False),
+        lambda row: row.operating_input,
+        label,
+        header("input", unit),
+        "margins",
+        "Margins over operating points",
+    )
+
+
+def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
+    """Draw margins along time.
+
+    Parameters
+    ----------
+    view : View
+        Of a check of a model that varies.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    return _draw(
+        view,
+        view.rows(along_time=True),
+        lambda row: row.time or 0.0,
+        "time (s)",
+        "time_s",
+        "margins_time",
+        "Margins over time",
+    )
+
+
+def _draw(
+    view: View,
+    rows: Mapping[str, list[MarginRow]],
+    place: Callable[[MarginRow], float],
+    label: str,
+    column: str,
+    name: str,
+    title: str,
+) -> tuple[Drawing, Columns]:
+    measures = _measures(view)
+    with draw((7.4, 5.4)) as figure:
+        panels = figure.subplots(2, 2, sharex=True)
+        for axes, measure in zip(panels.flat, measures, strict=True):
+            low, high = measure.reach([v for found in rows.values() for v in np.concatenate(measure.values(found))])
+            for source, found in rows.items():
+                shown = (np.clip(v, low, high) for v in measure.values(found))
+                _draw_source(axes, view, source, np.array([place(row) for row in found]), *shown)
+            _draw_limits(axes, measure.limit, low, high)
+            axes.set_ylabel(measure.label)
+        for axes in panels[1]:
+            axes.set_xlabel(label)
+        figure.align_ylabels()
+        handles = panels[0, 0].get_legend_handles_labels()
+        columns = 3 if max(map(len, handles[1])) < _LONG else 2
+        figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
+        samples = max((row.samples for found in rows.values() for row in found), default=1)
+        caption = "Lines: the margins of each source itself."
+        if samples > 1:
+            caption += " Shaded, down to the thin line: to the 2.5 % quantile of its draws, which is judged."
+        caption += " At the upper edge nothing bounds a margin; at zero, or the lower edge, the loop is unstable."
+        drawing = Drawing.of(figure, name, title, caption)
+    return drawing, _columns(rows, place, column, measures)
+
+
+def _measures(view: View) -> tuple[_Measure, ...]:
+    spec, h = view.specification, view.check.operating.sample_time
+    return (
+        _Measure(field="gain", label="gain margin (factor)", limit=spec.gain, ceiling=100.0),
+        _Measure(field="phase_deg", label="phase margin (°)", limit=spec.phase_deg, ceiling=180.0),
+        _Measure(field="delay", label="delay margin (samples)", limit=spec.delay_samples, scale=h, ceiling=1000.0),
+        _Measure(field="disk", label="disk margin", limit=spec.disk, ceiling=2.0),
+    )
+
+
+def _draw_source(axes: Axes, view: View, source: str, places: Array, own: Array, low: Array) -> None:
+    look = view.looks[source]
+    order = np.argsort(places)
+    places, own, low = places[order], own[order], low[order]
+    if places.size == 1:
+        axes.plot(places.repeat(2), [own[0], low[0]], marker="_", color=look.colour, label=look.label)
+        return
+    axes.plot(
+        places, own, marker="o", markersize=3.5, color=look.colour, linestyle=look.line, label=look.label, clip_on=False
+    )
+    if np.any(low < own):
+        axes.plot(places, low, color=look.colour, linestyle=look.line, linewidth=0.7)
+        axes.fill_between(places, low, own, color=look.colour, alpha=0.18, linewidth=0)
+
+
+def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.axhline(limit.good, color=INK, linestyle="--", linewidth=0.9, label="good from here on")
+    axes.axhline(limit.poor, color=INK, linestyle=":", linewidth=1.1, label="fails below")
+    if low > 0.0:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylim(low, high)
+
+
+def _columns(
+    rows: Mapping[str, list[MarginRow]],
+    place: Callable[[MarginRow], float],
+    column: str,
+    measures: tuple[_Measure, ...],
+) -> Columns:
+    """One row a place; a source without margins there has NaN."""
+    places = np.unique([place(row) for found in rows.values() for row in found])
+    columns: Columns = {column: places}
+    for source, found in rows.items():
+        at = np.searchsorted(places, [place(row) for row in found])
+        for measure in measures:
+            for what, values in zip(("", "_low"), measure.values(found), strict=True):
+                columns[header(f"{source}_{measure.field}{what}", "samples" if measure.field == "delay" else "")] = (
+                    filled := np.full(places.size, np.nan)
+                )
+                filled[at] = values
+    return columns
+
+
+def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
+    """Draw the loops at the operating point, with the disks that they have to stay out of.
+
+    Parameters
+    ----------
+    view : View
+        Of the check.
+    controller : Controller
+        That was judged.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    loops = Loops.of(view, controller)
+    known = view.check.excited_band_Hz
+    with draw((7.4, 4.8)) as figure:
+        axes, beside = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
+        beside.axis("off")
+        _draw_disks(axes, view)
+        _draw_ellipses(axes, loops)
+        for source, values in loops.values.items():
+            look = view.looks[source]
+            axes.plot(values.real, values.imag, color=look.colour, linestyle=look.line, label=look.label)
+            if known is not None and known < loops.frequency_Hz[-1]:
+                at = int(np.argmin(np.abs(loops.frequency_Hz - known)))
+                label = f"{known:.3g} Hz: excited up to here" if source == "model" else "_"
+                axes.plot(values[at].real, values[at].imag, "D", markersize=5, color=look.colour, label=label)
+        axes.plot(-1.0, 0.0, "+", color=INK, markersize=10, markeredgewidth=1.5, label="−1")
+        axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
+        axes.set_aspect("equal")
+        beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
+        at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
+        caption = f"The loop L = controller times model at {at_input}, as far as |L| is not large."
+        if loops.band is not None:
+            caption += " Ellipses: its simultaneous 95 % band, from the covariance of the model's parameters."
+        caption += (
+            " A loop outside of a disk bears every change of gain and phase at once that the disk stands for; outside "
+            "of the larger one the margin is good, inside of the smaller one it fails."
+        )
+        drawing = Drawing.of(figure, "nyquist", "The loop at the operating point", caption)
+    columns: Columns = {"frequency_Hz": loops.frequency_Hz}
+    for source, values in loops.values.items():
+        columns[header(f"{source}_real", "")], columns[header(f"{source}_imag", "")] = values.real, values.imag
+    return drawing, columns
+
+
+def _draw_disks(axes: Axes, view: View) -> None:
+    """Of a symmetric disk margin alpha: through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
+    limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
+    for margin, colour, label in ((limit.good, MARK, "disk of a good margin"), (limit.poor, BEFORE, "of a poor one")):
+        far = (2.0 + margin) / (2.0 - margin)
+        centre, radius = -0.5 * (far + 1.0 / far), 0.5 * (far - 1.0 / far)
+        axes.fill(
+            centre + radius * np.cos(turn), radius * np.sin(turn), color=colour, alpha=0.2, linewidth=0, label=label
+        )
+
+
+def _draw_ellipses(axes: Axes, loops: Loops) -> None:
+    from matplotlib.collections import LineCollection
+
+    if loops.band is None:
+        return
+    values = loops.band.response.values
+    near = np.flatnonzero(np.abs(values) < 1.5 * _REACH)
+    if not near.size:
+        return
+    length = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values[near])))])
+    shown = near[np.searchsorted(length, np.linspace(0.0, length[-1], _ELLIPSES)).clip(max=near.size - 1)]
+    outlines = loops.band.ellipse()[shown]
+    lines = list(np.stack([outlines.real, outlines.imag], axis=-1))
+    axes.add_collection(LineCollection(lines, colors=AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model"))

@@ -1,0 +1,237 @@
+"""Figures of the runs: steps on the plant and on the others, and the sine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.app.check_report.view import AFTER, BEFORE, INK, MEASURED, View, header, thinned
+from deatwin.control import ClosedLoop
+from deatwin.control.checking.verdict import late_rms_error
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import draw
+from deatwin.studies.report.tracks import envelope
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["Columns", "draw_others", "draw_sine", "draw_steps"]
+
+Array = NDArray[np.float64]
+Columns = dict[str, Array]
+
+_TIME = "time since the loop was closed (s)"
+
+
+def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
+    """Draw the steps on the physics plant in the predicted band, and the command below.
+
+    Parameters
+    ----------
+    view : View
+        Of the check.
+    steps : ClosedLoop
+        On the physics plant.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    with draw((7.0, 4.8)) as figure:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
+        _draw_prediction(upper, view)
+        upper.plot(
+            *envelope(steps.timepts, steps.measured / view.size),
+            color=MEASURED,
+            linewidth=0.5,
+            alpha=0.6,
+            label="simulated reading",
+        )
+        _draw_reference(upper, view, steps)
+        upper.plot(
+            *envelope(steps.timepts, steps.output / view.size),
+            color=BEFORE,
+            linewidth=1.3,
+            label="on the physics plant",
+        )
+        upper.set_ylabel(view.reading)
+        _draw_command(lower, steps, BEFORE)
+        _draw_limits(lower, view, steps)
+        figure.align_ylabels()
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        caption = "Steps of the reference, and what the physics plant made of them; dotted: the limits of the command."
+        if view.check.predicted is not None:
+            caption += (
+                " The band holds 95 % of the loops that the model predicts, at all times at once: parameters drawn "
+                "from its posterior, with what its free run leaves of the recording and the sensor's noise."
+            )
+        else:
+            caption += (
+                " No band is predicted: every draw of the model diverged, or neither a recording nor the model's file "
+                "tells what its free run leaves."
+            )
+        drawing = Drawing.of(figure, "steps", "Steps on the physics plant", caption)
+    return drawing, _step_columns(view, steps)
+
+
+def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, Columns]:
+    """Draw the steps on the other plants.
+
+    Parameters
+    ----------
+    view : View
+        Of the check.
+    others : mapping of str to ClosedLoop
+        One or more.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    longest = max(others.values(), key=lambda run: run.timepts.size)
+    with draw((7.0, 4.9)) as figure:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
+        _draw_prediction(upper, view)
+        _draw_reference(upper, view, longest)
+        for name, run in others.items():
+            look = view.looks[name]
+            style = {"color": look.colour, "linestyle": look.line, "linewidth": 1.2}
+            upper.plot(*envelope(run.timepts, run.output / view.size), label=look.label, **style)
+            lower.plot(*envelope(run.timepts, run.command), **style)
+        upper.set_ylabel(view.reading)
+        lower.set(xlabel=_TIME, ylabel=view.command)
+        _draw_limits(lower, view, longest)
+        figure.align_ylabels()
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        drawing = Drawing.of(
+            figure,
+            "rivals",
+            "The same steps on the rivals",
+            "Plants that the actuator may be as well. A line that ends early: the plant failed there.",
+        )
+    return drawing, _other_columns(view, others, longest)
+
+
+def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
+    """Draw the run with a slow sine, its error, and the command.
+
+    Parameters
+    ----------
+    view : View
+        Of the check.
+    sine : ClosedLoop
+        On the physics plant.
+
+    Returns
+    -------
+    Drawing
+    dict of str to ndarray
+        Columns of its data.
+    """
+    unit, error = view.shown_unit, sine.error / view.size
+    with draw((7.0, 5.2)) as figure:
+        upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.5))
+        _draw_reference(upper, view, sine)
+        upper.plot(*envelope(sine.timepts, sine.output / view.size), color=BEFORE, label="on the physics plant")
+        middle.plot(*envelope(sine.timepts, error), color=BEFORE, linewidth=0.9)
+        middle.axhline(0, color=INK, linewidth=0.6)
+        caption = "A sine at a fifth of the bandwidth asked for, what the physics plant made of it, and the error."
+        if view.check.sine_predicted is not None and error.size:
+            size = np.sqrt(2.0) * view.check.sine_predicted / view.size
+            for sign in (1.0, -1.0):
+                middle.axhline(
+                    sign * size,
+                    color=AFTER,
+                    linestyle="--",
+                    linewidth=0.9,
+                    label="predicted amplitude" if sign > 0 else "_",
+                )
+            caption += (
+                f" Predicted {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
+                + f" rms, achieved {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                + " rms over the last two thirds."
+            )
+        upper.set_ylabel(view.reading)
+        middle.set_ylabel(f"error ({unit})" if unit not in ("", "1") else "error")
+        _draw_command(lower, sine, BEFORE)
+        lower.set(xlabel=_TIME, ylabel=view.command)
+        figure.align_ylabels()
+        handles, labels = (
+            [*a, *b] for a, b in zip(upper.get_legend_handles_labels(), middle.get_legend_handles_labels(), strict=True)
+        )
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
+        drawing = Drawing.of(figure, "sine", "A slow sine on the physics plant", caption)
+    return drawing, {"time_s": sine.timepts, **_run_columns(view, sine)}
+
+
+def _draw_prediction(axes: Axes, view: View) -> None:
+    predicted = view.check.predicted
+    if predicted is None:
+        return
+    timepts, middle, half = thinned(predicted.timepts, predicted.middle / view.size, predicted.half_width / view.size)
+    axes.fill_between(
+        timepts, middle - half, middle + half, color=AFTER, alpha=0.22, linewidth=0, label="predicted 95 % band"
+    )
+    axes.plot(timepts, middle, color=AFTER, linewidth=1.0, label="predicted mean")
+
+
+def _draw_reference(axes: Axes, view: View, run: ClosedLoop) -> None:
+    axes.plot(
+        *envelope(run.timepts, run.reference / view.size), color=INK, linestyle="--", linewidth=0.8, label="reference"
+    )
+
+
+def _draw_command(axes: Axes, run: ClosedLoop, colour: str) -> None:
+    axes.plot(*envelope(run.timepts, run.command), color=colour, linewidth=0.9, drawstyle="steps-post")
+
+
+def _draw_limits(axes: Axes, view: View, run: ClosedLoop) -> None:
+    for limit in run.command_limits:
+        axes.axhline(limit, color=INK, linestyle=":", linewidth=1.0)
+    axes.set(xlabel=_TIME, ylabel=view.command)
+
+
+def _run_columns(view: View, run: ClosedLoop) -> Columns:
+    unit, scale = view.unit, view.size
+    return {
+        header("reference", unit): run.reference / scale,
+        header("achieved", unit): run.output / scale,
+        header("simulated_reading", unit): run.measured / scale,
+        header("command", view.check.operating.input_unit): run.command,
+    }
+
+
+def _step_columns(view: View, steps: ClosedLoop) -> Columns:
+    """Over the whole reference where there is a prediction; a run that failed before is filled up with NaN."""
+    predicted = view.check.predicted
+    if predicted is None:
+        return {"time_s": steps.timepts, **_run_columns(view, steps)}
+    n, unit, scale = predicted.timepts.size, view.unit, view.size
+    band = {
+        header("predicted", unit): predicted.middle / scale,
+        header("low", unit): (predicted.middle - predicted.half_width) / scale,
+        header("high", unit): (predicted.middle + predicted.half_width) / scale,
+    }
+    run = {name: _filled(values, n) for name, values in _run_columns(view, steps).items()}
+    run[header("reference", unit)] = predicted.reference / scale
+    return {"time_s": predicted.timepts, **run, **band}
+
+
+def _other_columns(view: View, others: Mapping[str, ClosedLoop], longest: ClosedLoop) -> Columns:
+    n = longest.timepts.size
+    columns = {"time_s": longest.timepts, header("reference", view.unit): longest.reference / view.size}
+    for name, run in others.items():
+        columns[header(f"achieved_{name}", view.unit)] = _filled(run.output / view.size, n)
+        columns[header(f"command_{name}", view.check.operating.input_unit)] = _filled(run.command, n)
+    return columns
+
+
+def _filled(values: Array, count: int) -> Array:
+    return np.concatenate([values, np.full(count - values.size, np.nan)])

@@ -1,0 +1,168 @@
+"""What all parts of the report are made from, and how sources look in all figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import cycle, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control import Check, Specification
+from deatwin.control.checking.rows import MarginRow
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.model import Plant
+from deatwin.studies.report.svg import COLOURS
+
+__all__ = ["AFTER", "BEFORE", "INK", "MARK", "MEASURED", "Look", "View", "header", "thinned", "with_unit"]
+
+Array = NDArray[np.float64]
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+_DRAWN = 1000  # points of a line: a picture shows no more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """How a source is called and drawn.
+
+    Parameters
+    ----------
+    label, colour, line : str
+        In legends; as matplotlib takes colour and line style.
+    """
+
+    label: str
+    colour: str
+    line: str = "-"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """A check with all that it was made of.
+
+    Parameters
+    ----------
+    check : Check
+        As found.
+    model : NarxModel
+        On which the controller was designed.
+    plants : mapping of str to Plant
+        The physics plant as ``plant``, and the others by their names.
+    specification : Specification
+        What was asked.
+    """
+
+    check: Check
+    model: NarxModel
+    plants: Mapping[str, Plant]
+    specification: Specification
+
+    @property
+    def looks(self) -> dict[str, Look]:
+        """Of each source of margins and runs; what is said of a source in further words has its colour."""
+        styles = cycle(product(("-", "--", "-."), (MARK, MEASURED, INK)))
+        found = {"model": Look(label="model", colour=AFTER), "plant": Look(label="physics plant", colour=BEFORE)}
+        for name in self.plants:
+            if name not in found:
+                line, colour = next(styles)
+                found[name] = Look(label=name.replace("_", " "), colour=colour, line=line)
+        for source in dict.fromkeys(row.source for row in self.check.table):
+            if source not in found:
+                whose = max((name for name in found if source.startswith(f"{name} ")), key=len, default="model")
+                label = f"{found[whose].label}{source.removeprefix(whose)}"
+                found[source] = Look(label=label, colour=found[whose].colour, line=":")
+        return found
+
+    @property
+    def unit(self) -> str:
+        """Of outputs in columns, such as ``um``."""
+        return amplitude_unit(self.check.operating.output_unit)[0]
+
+    @property
+    def shown_unit(self) -> str:
+        """Of outputs for readers, such as ``µm``."""
+        return written_amplitude(self.check.operating.output_unit)[0]
+
+    @property
+    def size(self) -> float:
+        """SI size of that unit."""
+        return amplitude_unit(self.check.operating.output_unit)[1]
+
+    @property
+    def reading(self) -> str:
+        """Label of an axis of outputs."""
+        return with_unit(self.model.output_names[0].replace("_", " "), self.shown_unit)
+
+    @property
+    def command(self) -> str:
+        """Label of an axis of commands."""
+        return with_unit(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
+
+    def rows(self, along_time: bool) -> dict[str, list[MarginRow]]:
+        """Margins of each source over operating points, or along time.
+
+        Parameters
+        ----------
+        along_time : bool
+            Which of the two.
+
+        Returns
+        -------
+        dict of str to list of MarginRow
+            In order; sources without such rows are left out.
+        """
+        found: dict[str, list[MarginRow]] = {}
+        for row in self.check.table:
+            if (row.time is not None) is along_time:
+                found.setdefault(row.source, []).append(row)
+        return found
+
+
+def with_unit(name: str, unit: str) -> str:
+    """A name with its unit in brackets, where it has one.
+
+    Parameters
+    ----------
+    name, unit : str
+        ``"1"`` is no unit.
+
+    Returns
+    -------
+    str
+    """
+    return name if unit in ("", "1") else f"{name} ({unit})"
+
+
+def header(name: str, unit: str) -> str:
+    """Header of a column.
+
+    Parameters
+    ----------
+    name, unit : str
+        A name may hold anything; ``"1"`` is no unit.
+
+    Returns
+    -------
+    str
+        Fit for a CSV file.
+    """
+    plain = "".join(mark if mark.isalnum() or mark in "+-." else "_" for mark in name)
+    return plain if unit in ("", "1") else f"{plain}_{unit}"
+
+
+def thinned(*series: Array) -> tuple[Array, ...]:
+    """Every n-th sample of smooth series, as many as a picture can show.
+
+    Parameters
+    ----------
+    *series : ndarray, shape (n,)
+        Of one length.
+
+    Returns
+    -------
+    tuple of ndarray
+    """
+    stride = max(1, -(-series[0].size // _DRAWN))
+    return tuple(values[::stride] for values in series)

@@ -1,0 +1,223 @@
+"""A check from files to files: what stands behind `deatwin check`."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from deatwin.app.check_report import View, write_check_report
+from deatwin.app.designs import DesignName, Wanted, design_named
+from deatwin.control import Check, ControlError, Specification, excited_band
+from deatwin.control import check as check_design
+from deatwin.control.stability.excited import BAND_KEY
+from deatwin.ident.mismatch.diagnosis import SCHEMA
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.documents import read_document
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.recording import Recording
+from deatwin.plant.sources import load_plant
+from deatwin.studies.diagnosing import RIVALS
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report import Origin
+from deatwin.studies.voice import Progress
+
+__all__ = ["CheckTask", "load_rivals", "rival_files"]
+
+CALIBRATED = "the calibrated plant"
+"""Name of the plant of a diagnosis that named no cause."""
+POINTS = 9
+"""Operating points of a range at which margins are judged."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CheckTask:
+    """Everything that a check starts from.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Identified.
+    plant : CalibratedPlant
+        The physics.
+    files : sequence of path
+        What model, plants and recording were read from.
+    command : sequence of str
+        For ``run.json``.
+    design : DesignName
+        How the controller is designed.
+    closed_loop_time : float or None
+        s; by default as lambda tuning chooses it.
+    operating_input : float or None
+        In the input's unit; inside the operating range, and by default its middle, or the centre of the training data.
+    operating_range : (float, float) or None
+        Over which margins are judged, in the input's unit.
+    recording : Recording or None
+        From which the model was identified, or better another.
+    rivals : mapping of str to CalibratedPlant
+        Further plants that the actuator may be.
+    jobs, seed : int
+        Worker processes (for the record: a check is one piece of work), and seed of everything random.
+    """
+
+    model: NarxModel
+    plant: CalibratedPlant
+    files: Sequence[str | Path]
+    command: Sequence[str]
+    design: DesignName
+    closed_loop_time: float | None
+    operating_input: float | None
+    operating_range: tuple[float, float] | None
+    recording: Recording | None
+    rivals: Mapping[str, CalibratedPlant]
+    jobs: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.operating_range is not None:
+            low, high = self.operating_range
+            if not -math.inf < low < high < math.inf:
+                raise ControlError(
+                    f"the operating range {low:g} to {high:g} holds no input: its ends must be finite and rise"
+                )
+            if self.operating_input is not None and not low <= self.operating_input <= high:
+                raise ControlError(
+                    f"the operating input {self.operating_input:g} lies outside of the operating range, {low:g} to "
+                    f"{high:g}: give one inside, or a range that holds it"
+                )
+        rig = self.plant.plant.rig
+        for name, rival in self.rivals.items():
+            theirs = rival.plant.rig
+            if abs(theirs.sample_time / rig.sample_time - 1.0) > 1e-6:
+                raise ModelError(
+                    f"the rival {name} is sampled every {theirs.sample_time:g} s, the plant every {rig.sample_time:g} s"
+                )
+
+    def run(self, folder: ResultFolder, progress: Progress) -> Check:
+        """Design, judge, and write check, report, figures' data and the record of the run.
+
+        Parameters
+        ----------
+        folder : ResultFolder
+            Where to; nothing is written before the check is done.
+        progress : callable
+            Takes the share that is done and what is being done.
+
+        Returns
+        -------
+        Check
+
+        Raises
+        ------
+        DeatwinError
+            If what was given does not fit together.
+        """
+        inputs, specification = hashes(self.files), Specification()
+        record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
+        rig = self.plant.plant.rig
+        wanted = Wanted(
+            model=self.model,
+            reading=rig.reading,
+            closed_loop_time=self.closed_loop_time,
+            band_Hz=self._band_Hz(),
+            operating_range=self.operating_range,
+        )
+        check = check_design(
+            self.model,
+            self.plant,
+            rng=np.random.default_rng(self.seed),
+            design=design_named(self.design, wanted),
+            operating_input=self._operating_input(),
+            operating_inputs=self._points(),
+            command_limits=rig.command_range,
+            recording=self.recording,
+            specification=specification,
+            others=self.rivals,
+            progress=lambda share: progress(share, "closing the loop"),
+        )
+        plants = {"plant": self.plant.plant, **{name: rival.plant for name, rival in self.rivals.items()}}
+        view = View(check=check, model=self.model, plants=plants, specification=specification)
+        folder.save("check.json", check.save)
+        write_check_report(folder, view, Origin.of(record))
+        folder.remove_former(r"figures/\w+\.csv")
+        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        return check
+
+    def _band_Hz(self) -> float | None:
+        if self.recording is not None:
+            return excited_band(self.recording)
+        written = self.model.provenance.get(BAND_KEY)
+        try:
+            return None if written is None else float(written)
+        except ValueError:
+            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
+
+    def _operating_input(self) -> float | None:
+        if self.operating_input is not None or self.operating_range is None:
+            return self.operating_input
+        return 0.5 * sum(self.operating_range)
+
+    def _points(self) -> np.ndarray | None:
+        return None if self.operating_range is None else np.linspace(*self.operating_range, POINTS)
+
+
+def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
+    """Where the other plants are kept that the actuator may be, by the names under which they are judged.
+
+    Parameters
+    ----------
+    plant : str
+        Source of the plant to control, which is no other plant.
+    diagnosis : path or None
+        Folder that `deatwin diagnose` wrote: its plant and what it could not rule out have the names of their effects.
+    sources : sequence of str
+        Rig files, ``model.json`` or ``module:function``: their names are what was given.
+
+    Returns
+    -------
+    dict of str to str
+
+    Raises
+    ------
+    DataError, ModelError
+        If the folder holds no diagnosis, or none that can be read.
+    """
+    found = {} if diagnosis is None else _diagnosed(diagnosis)
+    given = {**found, **{source: source for source in sources}}
+    return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}
+
+
+def _diagnosed(folder: Path) -> dict[str, str]:
+    """The plant that a diagnosis arrived at, and its rivals."""
+    if not (folder / "diagnosis.json").is_file():
+        raise DataError(f"{folder}: there is no diagnosis.json; give the folder that deatwin diagnose wrote")
+    effects = read_document(folder / "diagnosis.json", SCHEMA, lambda content: [c["effect"] for c in content["causes"]])
+    model = folder / "model.json"  # a recording that could not be diagnosed leaves none
+    best = {"+".join(effects) or CALIBRATED: str(model)} if model.is_file() else {}
+    return {**best, **{path.stem: str(path) for path in sorted((folder / RIVALS).glob("*.json"))}}
+
+
+def load_rivals(files: Mapping[str, str]) -> dict[str, CalibratedPlant]:
+    """Load the plants that `rival_files` found.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        Their sources by name.
+
+    Returns
+    -------
+    dict of str to CalibratedPlant
+
+    Raises
+    ------
+    DeatwinError
+        If a source does not give a plant.
+    """
+    return {name: load_plant(source) for name, source in files.items()}

@@ -1,0 +1,119 @@
+"""The command line. Each command stands in a module of its own and imports what it needs when it runs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+from deatwin.app.commands.check import check
+from deatwin.app.commands.demo import demo
+from deatwin.app.commands.diagnose import diagnose
+from deatwin.app.commands.doctor import doctor
+from deatwin.app.commands.export import export
+from deatwin.app.commands.frequency import frequency
+from deatwin.app.commands.identify import identify
+from deatwin.app.commands.scenario import scenario, scenarios
+from deatwin.app.commands.simulate import simulate
+from deatwin.app.commands.view import view
+from deatwin.app.options import fold_experiments
+from deatwin.app.usage import Command, Group, unwrapped
+from deatwin.studies.interrupts import ORDINARY, heard
+from deatwin.studies.voice import complain
+
+__all__ = ["app", "main"]
+
+DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
+
+
+class Commands(Group):
+    """The commands; one that is interrupted says so, and what it kept where it knows."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that is named.
+
+        Parameters
+        ----------
+        ctx : typer.Context
+            With the arguments.
+
+        Returns
+        -------
+        None
+
+        Raises
+        ------
+        typer.Exit
+            With the status 130 after Ctrl-C or SIGTERM.
+        """
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stop:
+            complain(str(stop) or "interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+
+
+app = typer.Typer(
+    cls=Commands,
+    help="Simulate, identify and diagnose dielectric elastomer actuators, and check their controllers.\n\n"
+    "Start here: deatwin demo\n\nWhat a command takes: deatwin diagnose --help",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, view, doctor):
+    app.command(cls=Command, help=unwrapped(command.__doc__))(command)
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"deatwin {version('deatwin')}")
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="Print the version and exit.")
+]
+
+
+@app.callback()
+def _program(version: Version = False) -> None:  # what stands before a command; the help is that of `app`
+    pass
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Without the program's name; by default those of this process.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 1 an error in what was given, 2 wrong usage, 130 interrupted.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        with heard(*ORDINARY):
+            app(args=fold_experiments(given), prog_name="deatwin", obj=["deatwin", *given])
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else DONE
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+    except OSError as error:  # what the machine refuses, as a full disk
+        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
+        return WRONG_INPUT
+    except Exception as error:
+        from deatwin.plant.errors import DeatwinError
+
+        if not isinstance(error, DeatwinError):
+            raise  # a fault of deatwin's own: the traceback is what its authors need
+        complain(str(error))
+        return WRONG_INPUT
+    return DONE

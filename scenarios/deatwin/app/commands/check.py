@@ -1,0 +1,175 @@
+"""``deatwin check``."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deatwin.app.designs import DesignName
+from deatwin.app.options import (
+    AllowGaps,
+    InputColumn,
+    Jobs,
+    Json,
+    OutFolder,
+    OutputColumn,
+    Quiet,
+    Resample,
+    SampleTime,
+    Seed,
+    TimeColumn,
+)
+from deatwin.studies.voice import Voice, complain
+
+if TYPE_CHECKING:
+    from deatwin.app.given import GivenPlant
+    from deatwin.plant.recording import Recording
+
+__all__ = ["check"]
+
+
+def _positive(value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter("give a positive number of seconds")
+    return value
+
+
+ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
+PlantSource = Annotated[
+    str, typer.Option("--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control.")
+]
+DesignOption = Annotated[
+    DesignName,
+    typer.Option(
+        help="pi, pid: lambda tuning; inverse: pi behind the inverse of the static curve; lqg; hinf: mixed "
+        "sensitivity; shaped: pi by loop shaping; scheduled: pi for several operating points."
+    ),
+]
+ClosedLoopTime = Annotated[
+    float | None,
+    typer.Option(
+        callback=_positive,
+        metavar="SECONDS",
+        help="Wanted time constant of the closed loop; by default as fast as model and recording allow.",
+    ),
+]
+OperatingInput = Annotated[
+    float | None,
+    typer.Option(
+        metavar="VALUE",
+        help="Constant input; by default the middle of the operating range, or the centre of the training data.",
+    ),
+]
+OperatingRange = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        metavar="LOW HIGH",
+        help="Constant inputs over which margins are judged, at nine points and at the controller's own input.",
+    ),
+]
+RecordingFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--recording",
+        metavar="REC.csv",
+        help="Recording of the actuator, best one that the model has not seen: tells what it excited and how far the "
+        "model's free run is off. By default what deatwin identify wrote into the model.",
+    ),
+]
+DiagnosisFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--diagnosis",
+        metavar="DIR",
+        help="Of an earlier deatwin diagnose: its plant, and what it could not rule out, are judged too.",
+    ),
+]
+Rivals = Annotated[
+    list[str] | None,
+    typer.Option("--rival", metavar="RIG", help="A further plant that the actuator may be; repeatable."),
+]
+
+
+def check(
+    context: typer.Context,
+    model: ModelFile,
+    plant: PlantSource,
+    out: OutFolder,
+    design: DesignOption = DesignName.PI,
+    closed_loop_time: ClosedLoopTime = None,
+    operating_input: OperatingInput = None,
+    operating_range: OperatingRange = None,
+    recording: RecordingFile = None,
+    diagnosis: DiagnosisFolder = None,
+    rival: Rivals = None,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
+    allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
+    resample: Resample = None,
+    jobs: Jobs = -1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Design a controller on an identified model, close the loop on the physics plant, and give a verdict.
+
+    Writes check.json, report.html, the figures' data and run.json into DIR. A controller that fails is an answer, not
+    an error: the exit status is 0.
+
+    Example: deatwin check narx.json --plant result/model.json --out control
+
+    With all that is known: deatwin check narx.json --plant result/model.json --diagnosis result --recording noise.csv
+    --design inverse --operating-range 1.5 3.2 --out control
+    """
+    from deatwin.app.check_report.gains import written_gains
+    from deatwin.app.checking import CheckTask, load_rivals, rival_files
+    from deatwin.app.given import GivenPlant, clock_notes
+    from deatwin.ident.narx import NarxModel
+    from deatwin.studies.folder import ResultFolder
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    narx = NarxModel.load(model).deterministic
+    given = GivenPlant.load(
+        plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
+    )
+    rivals = rival_files(plant, diagnosis, rival or [])
+    record = None if recording is None else _longest(given, recording, allow_gaps)
+    for note in clock_notes([] if record is None else [record]):
+        voice.say(note)
+    task = CheckTask(
+        model=narx,
+        plant=given.model,
+        design=design,
+        closed_loop_time=closed_loop_time,
+        operating_input=operating_input,
+        operating_range=operating_range,
+        recording=record,
+        rivals=load_rivals(rivals),
+        files=[model, plant, *([] if recording is None else [recording]), *rivals.values()],
+        command=context.obj,
+        jobs=jobs,
+        seed=seed,
+    )
+    folder = ResultFolder(out)
+    try:
+        with folder, voice.progress("closing the loop") as progress:
+            found = task.run(folder, progress)
+    except KeyboardInterrupt:
+        complain(f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(found.sentence)
+    if gains := written_gains(found):
+        voice.say(", ".join(f"{name} {value}" for name, value in gains))
+    voice.say(f"report: {folder.path / 'report.html'}")
+    voice.result(json.loads((folder.path / "check.json").read_text(encoding="utf-8")))
+
+
+def _longest(given: GivenPlant, file: Path, allow_gaps: bool) -> Recording:
+    """The recording of a file; of one that is split at its gaps the longest piece."""
+    return max(given.experiment([file], allow_gaps=allow_gaps).recordings, key=lambda piece: piece.n_samples)

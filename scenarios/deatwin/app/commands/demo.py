@@ -1,0 +1,49 @@
+"""``deatwin demo``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.app.options import Jobs, Json, Quiet, Seed, complete_effects
+from deatwin.studies.voice import Voice, complain
+
+__all__ = ["demo"]
+
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
+Concealed = Annotated[
+    str,
+    typer.Option("--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."),
+]
+
+
+def demo(
+    context: typer.Context,
+    out: OutFolder = Path("deatwin-demo"),
+    effect: Concealed = "creep",
+    jobs: Jobs = -1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Conceal an effect in a simulated recording, find it, and write the report. Takes about a minute.
+
+    Example: deatwin demo --effect hysteresis --out demo
+    """
+    from deatwin.app.demo import run
+    from deatwin.studies.folder import ResultFolder
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    folder = ResultFolder(out)
+    try:
+        with folder, voice.progress("making a recording") as progress:
+            diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(f"concealed: {effect} (truth.json)")
+    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    voice.say(f"report: {folder.path / 'report.html'}")
+    voice.result({"concealed": effect, **diagnosis.to_dict()})

@@ -1,0 +1,95 @@
+"""``deatwin diagnose``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.app.options import (
+    AllowGaps,
+    Experiments,
+    InputColumn,
+    Jobs,
+    Json,
+    OutFolder,
+    OutputColumn,
+    Quiet,
+    Resample,
+    RigSource,
+    SampleTime,
+    Seed,
+    TimeColumn,
+    unfold_experiment,
+)
+from deatwin.studies.voice import Voice, complain
+
+__all__ = ["diagnose"]
+
+Recordings = Annotated[
+    list[Path] | None, typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock.")
+]
+
+
+def diagnose(
+    context: typer.Context,
+    rig: RigSource,
+    out: OutFolder,
+    recordings: Recordings = None,
+    experiment: Experiments = None,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
+    allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
+    resample: Resample = None,
+    jobs: Jobs = -1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Find what physics a plant leaves out, given recordings, and amend it.
+
+    Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR. Ctrl-C keeps the finished
+    steps in DIR/partial.
+
+    Example: deatwin diagnose rig.toml noise.csv steps.csv --out result
+
+    Several experiments: deatwin diagnose rig.toml --experiment a.csv b.csv --experiment c.csv --out result
+    """
+    groups = [[str(path) for path in recordings]] if recordings else []
+    groups += [unfold_experiment(value) for value in experiment or []]
+    if not groups:
+        raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
+    from deatwin.app.given import GivenPlant, clock_notes
+    from deatwin.studies.diagnosing import DiagnosisTask
+    from deatwin.studies.folder import ResultFolder
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    plant = GivenPlant.load(
+        rig, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
+    )
+    experiments = [plant.experiment(files, allow_gaps=allow_gaps) for files in groups]
+    for note in clock_notes(record for experiment in experiments for record in experiment.recordings):
+        voice.say(note)
+    task = DiagnosisTask(
+        plant=plant.model.plant,
+        experiments=experiments,
+        files=[rig, *(file for files in groups for file in files)],
+        command=context.obj,
+        jobs=jobs,
+        seed=seed,
+    )
+    folder = ResultFolder(out)
+    try:
+        with folder, voice.progress("reading") as progress:
+            diagnosis = task.run(folder, progress)
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    for warning in diagnosis.warnings:
+        voice.say(f"note: {warning}")
+    voice.say(f"report: {folder.path / 'report.html'}")
+    voice.result(diagnosis.to_dict())

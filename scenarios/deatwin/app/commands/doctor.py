@@ -1,0 +1,171 @@
+"""``deatwin doctor``."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deatwin.app.options import Jobs, Json, Quiet
+from deatwin.studies.voice import Voice
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["OPTIONAL", "SLOWER", "Part", "doctor"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A package that deatwin can do without.
+
+    Parameters
+    ----------
+    package : str
+        As an installer knows it.
+    use : str
+        What it is for.
+    versions : str
+        Those that do, as pyproject.toml states them; empty where any does.
+    """
+
+    package: str
+    use: str
+    versions: str = ""
+
+    @property
+    def command(self) -> str:
+        """What installs it, wherever deatwin itself came from."""
+        return f'pip install "{self.package}{self.versions}"' if self.versions else f"pip install {self.package}"
+
+
+OPTIONAL = (
+    Part(package="nptdms", use="TDMS files", versions=">=1.9"),
+    Part(package="openpyxl", use="Excel workbooks", versions=">=3.1"),
+    Part(package="xarray", use="NetCDF files, results as xarray", versions=">=2024.6"),
+    Part(package="h5netcdf", use="NetCDF files", versions=">=1.3"),
+    Part(package="h5py", use="MATLAB 7.3 and NetCDF files", versions=">=3.11"),
+    Part(package="arviz", use="posteriors of SVB models as ArviZ data", versions=">=0.18"),
+    Part(package="fmpy", use="export of FMUs", versions=">=0.3.20"),
+    Part(package="slycot", use="H-infinity controllers", versions=">=0.6"),
+    Part(package="dask", use="sweeps on a cluster", versions=">=2024.6"),
+    Part(package="distributed", use="sweeps on a cluster", versions=">=2024.6"),
+    Part(package="nicegui", use="live view", versions=">=3.18,<4"),
+    Part(package="sysidentpy", use="benchmarks against SysIdentPy", versions=">=0.6"),
+    Part(package="pandas", use="recordings as data frames"),
+    Part(package="nonlinear_benchmarks", use="public recordings by download"),
+)
+SLOWER = (
+    ("simulations", 20, "bench_plant.py"),
+    ("free runs of NARX models", 250, "bench_semp.py"),
+    ("Kalman filters and smoothers", 6, "bench_kalman.py"),
+)
+"""What takes how many times as long without a compiler, and the script of tests/benchmarks that measured it."""
+
+Warm = Annotated[
+    bool, typer.Option("--warm", help="Compile the usual plants ahead, so that the first diagnosis is quick.")
+]
+
+
+def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False) -> None:
+    """Say what is installed, whether a compiler was found, and what is slower without it.
+
+    Example: deatwin doctor
+
+    Before the first diagnosis: deatwin doctor --warm
+    """
+    from deatwin.plant.integrator.compiled import compiler
+    from deatwin.studies.provenance import versions
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    program, optional = compiler(), versions(part.package for part in OPTIONAL)
+    found = {
+        "versions": versions(),
+        "compiler": program,
+        "slower_without_compiler": {what: by for what, by, _ in SLOWER},
+        "optional": {
+            part.package: {"version": optional.get(part.package), "use": part.use, "install": part.command}
+            for part in OPTIONAL
+        },
+        **_cache(),
+        "data": _data(),
+    }
+    lines = list(_lines(found))
+    width = max(len(label) for label, _ in lines)
+    for label, text in lines:
+        voice.say(f"{label:{width}} {text}")
+    compiled = _warm(voice, jobs) if warm else 0
+    if warm:
+        voice.say(f"{compiled} plants are compiled" if program else "nothing was compiled: there is no compiler")
+    voice.result({**found, "compiled": compiled})
+
+
+def _cache() -> dict[str, Any]:
+    """Folder of compiled plants, and what it takes on the disk."""
+    from deatwin.plant.integrator.compiled import cache_folder
+
+    try:
+        folder = cache_folder()
+    except OSError as error:
+        return {"cache": None, "cache_fault": f"{error.filename}: {error.strerror}"}
+    sizes = []
+    for entry in folder.rglob("*"):
+        with suppress(FileNotFoundError):  # another process compiles, and cleans up behind itself
+            sizes.append(entry.stat().st_size)
+    return {"cache": str(folder), "cache_files": len(sizes), "cache_bytes": sum(sizes)}
+
+
+def _data() -> dict[str, Any]:
+    """Folder of public recordings, and what is in it."""
+    from deatwin.studies.stories import DATA_VARIABLE
+
+    named = os.environ.get(DATA_VARIABLE)
+    folder = Path(named) if named else None
+    held = sorted(entry.name for entry in folder.iterdir() if entry.is_dir()) if folder and folder.is_dir() else None
+    return {"variable": DATA_VARIABLE, "folder": named, "holds": held}
+
+
+def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What is said: a word, and what is to be known of it."""
+    yield from found["versions"].items()
+    slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
+    yield "compiler", found["compiler"] or "none found on the path: install gcc or clang"
+    yield "", f"{'without it' if found['compiler'] else 'until then'} slower by about: {slower}"
+    scripts = ", ".join(script for _, _, script in SLOWER)
+    yield "", f"(measured by {scripts} in tests/benchmarks; DEATWIN_COMPILER names another compiler)"
+    for name, part in found["optional"].items():
+        yield name, f"{part['version'] or 'absent: ' + part['install']} ({part['use']})"
+    if found["cache"] is None:
+        yield "cache", f"{found['cache_fault']}: without it nothing is compiled; DEATWIN_CACHE names another"
+    else:
+        yield "cache", f"{found['cache']}: {found['cache_files']} files, {found['cache_bytes'] / 1e6:.1f} MB"
+    data = found["data"]
+    if data["folder"] is None:
+        yield "data", f"{data['variable']} is not set: scenarios on public recordings need it, or --data"
+    elif data["holds"] is None:
+        yield "data", f"{data['folder']}: no such folder; {data['variable']} must name that of the public recordings"
+    else:
+        yield "data", f"{data['folder']}: {', '.join(data['holds']) or 'empty'} ({data['variable']})"
+
+
+def _warm(voice: Voice, jobs: int) -> int:
+    """Compile the plants that a diagnosis of a diaphragm asks for; how many there are."""
+    from deatwin.app.warming import compile_plant, usual_plants
+    from deatwin.ident.parallel import run_jobs
+    from deatwin.plant.integrator.compiled import compiler
+
+    if compiler() is None:
+        return 0
+    plants = usual_plants()
+    with voice.progress("compiling") as progress:
+        run_jobs(
+            compile_plant,
+            [(plant,) for plant in plants],
+            workers=jobs,
+            finished=lambda count: progress(count / len(plants), f"compiled {count} of {len(plants)}"),
+        )
+    return len(plants)

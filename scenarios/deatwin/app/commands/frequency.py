@@ -1,0 +1,89 @@
+"""``deatwin frequency``."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.app.options import Json, OutFolder, Quiet
+from deatwin.studies.voice import Voice
+
+__all__ = ["frequency"]
+
+FORMER = re.compile(r"(figures/)?(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)")
+"""Files that a run writes or not, as its model and order have it; releases before wrote them beside the report."""
+
+
+def _positive(value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < math.inf:
+        raise typer.BadParameter("give a positive number")
+    return value
+
+
+ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
+Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
+OperatingInput = Annotated[
+    float | None, typer.Option(metavar="VALUE", help="Constant input; by default the centre of the training data.")
+]
+Band = Annotated[
+    tuple[float, float] | None,
+    typer.Option(metavar="LOW HIGH", help="Of the input, Hz; by default from 0 to what the training data excited."),
+]
+Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
+Amplitude = Annotated[
+    float | None,
+    typer.Option(
+        metavar="VALUE",
+        callback=_positive,
+        help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
+        "range.",
+    ),
+]
+
+
+def frequency(
+    context: typer.Context,
+    model: ModelFile,
+    out: OutFolder,
+    order: Order = 1,
+    operating_input: OperatingInput = None,
+    band: Band = None,
+    level: Level = 0.95,
+    amplitude: Amplitude = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, and NOFRFs.
+
+    Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
+
+    Example: deatwin frequency narx.json --order 3 --out response
+    """
+    if amplitude is not None and order == 1:
+        raise typer.BadParameter(
+            "it is of the NOFRFs' test signal, which order 1 does not need: give --order 2 or more",
+            param_hint="--amplitude",
+        )
+    from deatwin.app.frequency_report import write_responses
+    from deatwin.app.frequency_responses import respond
+    from deatwin.ident.narx import NarxModel
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.provenance import RunRecord, hashes
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    narx = NarxModel.load(model).deterministic
+    record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
+    with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
+        found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
+        write_responses(found, folder, record)
+    folder.remove_former(FORMER.pattern)
+    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    for line in found.lines:
+        voice.say(line)
+    voice.say(folder.summary)
+    voice.result({"out": str(out), **found.to_json()})

@@ -1,0 +1,362 @@
+"""``deatwin identify``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+
+import typer
+
+from deatwin.app.options import (
+    AllowGaps,
+    InputColumn,
+    Json,
+    OutputColumn,
+    Quiet,
+    Resample,
+    SampleTime,
+    TimeColumn,
+)
+from deatwin.studies.voice import Voice, complain
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxIdentifier, NarxModel
+    from deatwin.plant.recording import Recording
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.provenance import RunRecord
+
+__all__ = ["Method", "identify"]
+
+
+class Candidates(TypedDict):
+    """Which terms compete."""
+
+    output_lags: int
+    input_lags: tuple[int, ...]
+    degree: int
+
+
+HELD_OUT = 0.3
+"""Share at the end of each recording that judges the model and is not fitted."""
+LEAST_SAMPLES = 500
+"""Of a held-out part for the free-run residual to be measured on it; else the whole recording is taken."""
+
+
+class Method(StrEnum):
+    """How terms are chosen."""
+
+    SVB = "svb"
+    FROLS = "frols"
+    LASSO = "lasso"
+    SEMP = "semp"
+
+
+Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
+ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
+MethodOption = Annotated[
+    Method,
+    typer.Option(
+        help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower)."
+    ),
+]
+InputLag = Annotated[
+    int | None, typer.Option(min=0, help="Last lag of the input; when not given, 2, or 2 after its dead time.")
+]
+FirstInputLag = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1. When not given, 0, or its "
+        "dead time.",
+    ),
+]
+
+
+def _decimation(value: str | None) -> str | None:
+    if value not in (None, "auto") and not (value.isascii() and value.isdigit() and int(value) > 0):
+        raise typer.BadParameter(f"{value} is neither auto nor a whole number of at least 1")
+    return value
+
+
+Decimation = Annotated[
+    str | None,
+    typer.Option(
+        "--decimate",
+        metavar="auto|N",
+        callback=_decimation,
+        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
+    ),
+]
+MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
+
+
+ReportFolder = Annotated[
+    Path | None, typer.Option("--report", metavar="DIR", help="Also write a report with figures into this folder.")
+]
+
+
+def identify(
+    context: typer.Context,
+    recordings: Recordings,
+    out: ModelFile,
+    method: MethodOption = Method.SVB,
+    output_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the output.")] = 2,
+    input_lags: InputLag = None,
+    first_input_lag: FirstInputLag = None,
+    degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
+    max_terms: MaxTerms = 15,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
+    allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
+    resample: Resample = None,
+    decimation: Decimation = None,
+    report: ReportFolder = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify a polynomial NARX model; its errors are those on the last 30 % of each recording.
+
+    Example: deatwin identify noise.csv --method svb --out narx.json
+
+    With a report: deatwin identify noise.csv --out narx.json --report identified
+    """
+    from contextlib import nullcontext
+    from functools import partial
+
+    from deatwin.app.given import clock_notes
+    from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
+    from deatwin.app.thinning import thinned
+    from deatwin.ident.narx.levels import remarks_on_levels
+    from deatwin.plant.checks import require_excitation
+    from deatwin.plant.files import read_recordings
+    from deatwin.plant.rigs.base import ReadingTime
+    from deatwin.studies.folder import ResultFolder, require_place
+    from deatwin.studies.provenance import RunRecord, hashes
+
+    first, last = FIRST if first_input_lag is None else first_input_lag, LAST if input_lags is None else input_lags
+    if last < first:
+        raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
+    reading = ReadingTime.START_OF_HOLD if first else ReadingTime.END_OF_HOLD
+    voice = Voice(as_json=as_json, quiet=quiet)
+    require_place(out, recordings)
+    with nullcontext() if report is None else ResultFolder(report) as folder:
+        record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
+        read = partial(
+            read_recordings,
+            input_column=input_column,
+            output_column=output_column,
+            time_column=time_column,
+            allow_gaps=allow_gaps,
+            dt=dt,
+            resample=resample,
+            reading=reading,
+        )
+        records = [record for path in recordings for record in read(path)]
+        notes = clock_notes(records)
+        require_excitation(records)
+        fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
+        records, notes = fewer.records, [*notes, *fewer.notes]
+        pieces = [_split(record) for record in records]
+        chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
+        lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
+        identifier = _identifier(method, lags, max_terms)
+        with voice.progress("choosing terms") as progress:
+            progress(0.0, "choosing terms")
+            try:
+                identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+            except KeyboardInterrupt:
+                complain("interrupted before a model was found; nothing was written")
+                raise typer.Exit(130) from None
+        for sentence in (*notes, *chosen.sentences):
+            voice.say(sentence)
+        model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
+        model.save(out)
+        errors = [_errors(model, unseen) for _, unseen in pieces]
+        _say(voice, model, errors, _labels(records))
+        for note in identifier.notes_:
+            voice.say(f"note: {note}")
+        for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
+            voice.say(remark)
+        if not identifier.status_.ok:
+            voice.say(identifier.status_.value)
+        voice.say(f"model: {out}")
+        if folder is not None:
+            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier, notes)
+            voice.say(f"report: {folder.path / 'report.html'}")
+        terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
+        voice.result(
+            {
+                "out": str(out),
+                "terms": terms,
+                "origins": _origins(model),
+                "complete": identifier.status_.ok,
+                "notes": list(identifier.notes_),
+                "unseen": errors,
+                "input_lags": chosen.lags,
+                "dead_times": chosen.document,
+                "clocks": notes,
+            }
+        )
+        if not identifier.status_.ok:
+            raise typer.Exit(130)
+
+
+def _write_report(
+    folder: ResultFolder,
+    record: RunRecord,
+    model: NarxModel,
+    method: Method,
+    unseen: list[Recording],
+    identifier: NarxIdentifier,
+    clocks: list[str],
+) -> None:
+    import json
+
+    from deatwin.app.identify_report import Identified, write_identified
+    from deatwin.ident.narx import validate
+    from deatwin.plant.errors import ModelError
+
+    validation, why_not = None, ""
+    try:
+        validation = validate(model, unseen)
+    except ModelError as error:
+        why_not = str(error)
+    found = Identified(
+        model=model,
+        method=method.value,
+        unseen=unseen,
+        validation=validation,
+        why_not=why_not,
+        complete=identifier.status_.ok,
+        notes=identifier.notes_,
+        clocks=clocks,
+    )
+    write_identified(found, folder, record)
+    folder.remove_former(r"figures/\w+\.csv")
+    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+
+
+def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
+    from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
+
+    if method is Method.SVB:
+        return SvbNarx(**lags)
+    if method is Method.FROLS:
+        return Frols(**lags, max_terms=max_terms)
+    if method is Method.LASSO:
+        return Lasso(**lags, max_terms=max_terms)
+    return Semp(**lags, max_terms=max_terms)
+
+
+def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
+    """Terms with their intervals, and how the model does on what it has not seen."""
+    import numpy as np
+
+    from deatwin.ident.narx.names import symbols_of
+    from deatwin.ident.narx.shown import shown_units
+    from deatwin.ident.narx.written import origins
+
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
+    half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
+    for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
+        voice.say(f"{value:>14.6g} ± {width:<12.3g} {term.written(symbols)}")
+    if said := origins(model):
+        voice.say(said.strip())
+    if shown.legend:
+        voice.say(f"  ({shown.legend})")
+    for label, error in zip(labels, errors, strict=True):
+        free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
+        voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
+        voice.say(f"  {error['validation']}")
+        for sentence in error["unstable"]:
+            voice.say(f"  {sentence}")
+
+
+def _origins(model: NarxModel) -> dict[str, float]:
+    """By signal what its terms count from."""
+    values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
+    return dict(zip(model.input_names + model.output_names, values, strict=True))
+
+
+def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:
+    """The model with what `frequency` and `check` ask for: excited band, free-run residual, and the residual tests."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from deatwin.control.stability.excited import Excitation, excitation
+    from deatwin.ident.narx import assess_reliance
+
+    excited = Excitation.joined(excitation(record) for record in records if np.ptp(record.inputs[0]) > 0)
+    left = _largest_residual(model, records, unseen)
+    reliance = assess_reliance(model, unseen)
+    told = {} if reliance is None else reliance.provenance
+    return replace(model, provenance={**model.provenance, **excited.provenance, **left, **told})
+
+
+def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:
+    """The free-run residual as a model keeps it; where a free run diverges, that.
+
+    Of several records the largest, not their mean: the controller has to bear the worst of them, and a rest, which
+    has hardly a residual, says nothing of it.
+    """
+    from deatwin.control.loop.residual import DIVERGED, DivergedError, free_run_residual
+    from deatwin.plant.errors import ModelError
+
+    found = []
+    for record, part in zip(records, unseen, strict=True):
+        # A short part holds too little of a slow residual to tell its size and memory.
+        judged = part if part.n_samples >= LEAST_SAMPLES else record
+        try:
+            found.append(free_run_residual(model, judged))
+        except DivergedError:
+            return dict(DIVERGED)
+        except ModelError:
+            return {}
+    return dict(max(found, key=lambda residual: residual.rms).provenance)
+
+
+def _split(record: Recording) -> tuple[Recording, Recording]:
+    """The part that is fitted and the part that is held out."""
+    from deatwin.plant.checks import require_samples
+
+    require_samples([record], 10, "identification with a held-out part")
+    cut = round(record.n_samples * (1 - HELD_OUT))
+    return record.section(0, cut), record.section(cut, record.n_samples)
+
+
+def _errors(model: NarxModel, unseen: Recording) -> dict[str, Any]:
+    free = model.simulate(unseen)
+    return {
+        "one_step": model.predict(unseen).rms_error,
+        "free_run": free.rms_error,
+        "finished": free.status.ok,
+        "unit": model.output_units[0],
+        **_tested(model, unseen),
+    }
+
+
+def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
+    """The correlation tests, where the unseen part is long enough for them."""
+    from deatwin.ident.narx import validate
+    from deatwin.plant.errors import ModelError
+
+    try:
+        found = validate(model, unseen)
+    except ModelError as error:
+        return {"validation": f"no correlation tests: {error}", "failed_tests": None, "unstable": []}
+    return {
+        "validation": found.status.value,
+        "failed_tests": [test.name for test in found.failed],
+        "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
+    }
+
+
+def _labels(records: list[Recording]) -> list[str]:
+    from deatwin.plant.recording import label
+
+    return [label(record) for record in records]

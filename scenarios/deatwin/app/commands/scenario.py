@@ -1,0 +1,130 @@
+"""``deatwin scenario`` and ``deatwin scenarios``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deatwin.app.options import Jobs, Json, Quiet, Seed
+from deatwin.studies.voice import Voice, complain
+
+__all__ = ["scenario", "scenarios"]
+
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
+]
+
+
+def complete_names(incomplete: str) -> list[tuple[str, str]]:
+    """Stories with their lines, for the shell's completion.
+
+    Parameters
+    ----------
+    incomplete : str
+        What is typed so far.
+
+    Returns
+    -------
+    list of tuple of str
+    """
+    from deatwin.studies.stories import STORIES
+
+    return [(entry.name, entry.line) for entry in STORIES.values() if entry.name.startswith(incomplete)]
+
+
+def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
+    """Sizes of the story that is named, for the shell's completion; of all where none is.
+
+    Parameters
+    ----------
+    context : typer.Context
+        Its arguments are what is typed before.
+    incomplete : str
+        What is typed so far.
+
+    Returns
+    -------
+    list of str
+    """
+    from deatwin.studies.stories import STORIES
+
+    named = [STORIES[word] for word in context.args if word in STORIES]
+    sizes = dict.fromkeys(size for entry in named or STORIES.values() for size in entry.sizes)
+    return [size for size in sizes if size.startswith(incomplete)]
+
+
+Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")]
+Size = Annotated[
+    str | None,
+    typer.Option(
+        "--size", metavar="SIZE", autocompletion=complete_sizes, help="How much is done, where there is a choice."
+    ),
+]
+DataFolder = Annotated[
+    Path | None, typer.Option("--data", metavar="FOLDER", help="Public recordings; by default $DEATWIN_DATA.")
+]
+
+
+def scenario(
+    context: typer.Context,
+    name: Name,
+    out: OutFolder = None,
+    data: DataFolder = None,
+    size: Size = None,
+    jobs: Jobs = -1,
+    seed: Seed = 0,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a story and write its figures, tables and report.
+
+    Example: deatwin scenario vhb4910 --data recordings --out pulls
+
+    A long one, in a smaller size: deatwin scenario concealed-physics --size tiny --out tiny
+    """
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.stories import Setting, story
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    chosen = story(name)
+    chosen.require_size(size)
+    folder = ResultFolder(out or Path(f"deatwin-{name}"))
+    try:
+        with folder, voice.progress(name) as progress:
+            result = chosen.run(
+                Setting(
+                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size
+                )
+            )
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
+        raise typer.Exit(130) from None
+    voice.say(str(result["sentence"]))
+    voice.say(folder.summary)
+    voice.result(result)
+
+
+def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
+    """List the stories with the time that each takes, and which of them resume.
+
+    Example: deatwin scenarios
+    """
+    from deatwin.studies.stories import STORIES
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    width = max(map(len, STORIES))
+    for entry in STORIES.values():
+        voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.told}")
+    voice.result(
+        {
+            entry.name: {
+                "line": entry.line,
+                "minutes": entry.minutes,
+                "resumes": entry.resumes,
+                "sizes": dict(zip(entry.sizes, entry.times, strict=True)),
+            }
+            for entry in STORIES.values()
+        }
+    )

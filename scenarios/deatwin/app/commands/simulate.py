@@ -1,0 +1,145 @@
+"""``deatwin simulate``."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from deatwin.app.options import (
+    InputColumn,
+    Json,
+    Quiet,
+    Resample,
+    RigSource,
+    SampleTime,
+    TimeColumn,
+    complete_effects,
+)
+from deatwin.studies.voice import Voice
+
+if TYPE_CHECKING:
+    from deatwin.plant.calibrated import CalibratedPlant, Prediction
+    from deatwin.plant.recording import Experiment, Recording
+
+__all__ = ["simulate"]
+
+TWO_SIDED_95 = 1.959964
+
+InputFile = Annotated[Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")]
+Effects = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--effect", metavar="NAME", autocompletion=complete_effects, help="Add a catalogue effect; repeatable."
+    ),
+]
+History = Annotated[
+    list[Path] | None,
+    typer.Option("--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."),
+]
+OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % band.")]
+
+
+def simulate(
+    rig: RigSource,
+    commands: InputFile,
+    out: OutFile,
+    effect: Effects = None,
+    history: History = None,
+    input_column: InputColumn = None,
+    time_column: TimeColumn = None,
+    dt: SampleTime = None,
+    resample: Resample = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Predict the readings of an experiment, from rest through its history up to the end of the input file.
+
+    Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
+    """
+    from deatwin.app.given import GivenPlant, clock_notes, reading_column
+    from deatwin.plant.files import write_csv
+    from deatwin.plant.files.assemble import on_one_clock
+    from deatwin.studies.folder import require_place
+
+    voice = Voice(as_json=as_json, quiet=quiet)
+    require_place(out, [rig, commands, *(history or [])])
+    given = GivenPlant.load(rig, input_column=input_column, time_column=time_column, dt=dt, resample=resample)
+    model = _with_effects(given.model, effect or [])
+    wanted, *earlier = on_one_clock([given.commands(path) for path in (commands, *(history or []))])
+    experiment = _experiment(wanted, earlier, history or [])
+    for note in clock_notes(experiment.recordings):
+        voice.say(note)
+    prediction = _finished(model.predict(experiment), model)
+    at = next(k for k, record in enumerate(experiment.recordings) if record is wanted)
+    header, per_si = reading_column(model.plant.rig)
+    name = model.plant.rig.output_name
+    unit = header.removeprefix(f"{name}_")
+    mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
+    digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
+    columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
+    write_csv(
+        out, {"time_s": wanted.timepts.round(9), **{name: values.round(digits) for name, values in columns.items()}}
+    )
+    voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
+    simulation = model.plant.simulate(experiment)
+    for event in simulation.events:
+        voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
+    voice.result(
+        {
+            "out": str(out),
+            "samples": wanted.n_samples,
+            "effects": list(model.plant.effect_names),
+            "events": [str(event) for event in simulation.events],
+        }
+    )
+
+
+def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
+    """The model with further effects at their typical strength."""
+    from dataclasses import replace
+
+    from deatwin.plant.effects import effect_named
+    from deatwin.plant.errors import RigError
+
+    plant = model.plant
+    for name in names:
+        effect = effect_named(name)
+        if name in plant.effect_names:
+            raise RigError(f"the plant has the effect {name} already; leave --effect {name} out")
+        plant = plant.with_effects(effect)
+    return replace(model, plant=plant)
+
+
+def _experiment(wanted: Recording, earlier: list[Recording], history: list[Path]) -> Experiment:
+    from deatwin.plant.errors import DataError
+    from deatwin.plant.recording import Experiment
+
+    for record, path in zip(earlier, history, strict=True):
+        if record.start > wanted.start:
+            raise DataError(
+                f"{path}: starts at {record.start:g} s, after the input's {wanted.start:g} s; "
+                "a history record comes before the input file on the same clock"
+            )
+    return Experiment(recordings=(*earlier, wanted))
+
+
+def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
+    """The prediction, if it reached its end; else an error that says when and at what voltage."""
+    from deatwin.plant.amplitudes import amount
+    from deatwin.plant.errors import SimulationError
+
+    if prediction.status.ok:
+        return prediction
+    rig = model.plant.rig
+    if prediction.failed_at is None or prediction.failed_command is None:
+        raise SimulationError(f"the simulation stopped: {prediction.advice}")
+    parameters, has_film = model.plant.parameters, "film_voltage" in model.plant.equations.signals
+    volts = prediction.failed_command * parameters["gain"].value if has_film and "gain" in parameters else None
+    film = "" if volts is None else f" ({volts:.0f} V on the film)"
+    raise SimulationError(
+        f"the simulation stopped at {prediction.failed_at:.2f} s and a {rig.input_name} of "
+        f"{amount(f'{prediction.failed_command:.3f}', rig.input_unit)}{film}: {prediction.advice}"
+    )

@@ -1,0 +1,246 @@
+"""What `deatwin frequency` writes: tables, figures and a page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.app.frequency_responses import Responses, columns_of, first_columns, symbol_of, written
+from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.output_responses.excitation import TestSignal
+from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
+from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
+from deatwin.ident.narx import Reliance
+from deatwin.plant.amplitudes import amount
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.studies.report.svg import COLOURS, draw, inline, standalone
+
+__all__ = ["write_responses"]
+
+Array = NDArray[np.float64]
+
+IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
+"""Columns in the unit of the response."""
+
+
+def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
+    """Write tables, figures and the report.
+
+    Parameters
+    ----------
+    found : Responses
+        All of it.
+    folder : ResultFolder
+        Where to.
+    record : RunRecord, optional
+        The run, for the end of the page.
+    """
+    folder.csv(_table("frequency"), _with_unit(first_columns(found.first, found.level), found.first.unit))
+    for response in found.gfrfs[1:]:
+        folder.csv(_table(f"gfrf{response.order}"), _map_columns(response, found.level))
+    if found.nofrfs is not None and found.signal is not None:
+        for response, error in _fitted(found.nofrfs):
+            folder.csv(_table(f"nofrf{response.order}"), _nofrf_columns(response, error, found.level))
+        folder.csv(_table("test_signal"), _signal_columns(found, found.signal))
+    drawings = list(_drawings(found, folder))
+    write_story(folder, _page(found, drawings), record or RunRecord(command=(), inputs=(), seed=0, jobs=1))
+
+
+def _table(name: str) -> str:
+    return f"figures/{name}.csv"
+
+
+def _picture(name: str) -> str:
+    return f"figures/{name}.svg"
+
+
+def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
+    frequencies = {f"f{i}_Hz": column for i, column in enumerate(response.frequency_Hz.T, start=1)}
+    return {**frequencies, **_with_unit(columns_of(response, level), response.unit)}
+
+
+def _fitted(found: Nofrf) -> Iterator[tuple[FrequencyResponse, Array]]:
+    """The orders that were asked for, with their truncation errors."""
+    return zip(found.orders[: found.order], found.truncation, strict=False)
+
+
+def _nofrf_columns(response: FrequencyResponse, truncation: Array, level: float) -> dict[str, Array]:
+    columns = {**columns_of(response, level), "truncation": truncation}
+    return {"frequency_Hz": response.frequency_Hz, **_with_unit(columns, response.unit)}
+
+
+def _signal_columns(found: Responses, signal: TestSignal) -> dict[str, NDArray[np.floating]]:
+    point = float(found.first.point.operating_input[0])
+    suffix = _suffix(found.model.input_units[0])
+    return {
+        "time_s": np.arange(len(signal)) * signal.sample_time,
+        f"deviation{suffix}": signal.values,
+        f"input{suffix}": point + signal.values,
+    }
+
+
+def _with_unit(columns: Mapping[str, Array], unit: str) -> dict[str, Array]:
+    """Columns of a response with its unit in the headers, as in ``gain_um_per_V2``."""
+    return {f"{name}{_suffix(unit)}" if name in IN_ITS_UNIT else name: values for name, values in columns.items()}
+
+
+def _suffix(unit: str) -> str:
+    """The end of a header; empty where there is no unit."""
+    above, *below = unit.split("/")
+    divided = [part.replace("^", "") for part in below if not re.fullmatch(r"1(\^\d+)?", part)]
+    parts = [*([] if above in ("", "1") else [above]), *(f"per_{part}" for part in divided)]
+    return "".join(f"_{part}" for part in parts)
+
+
+def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
+    """Each figure goes into the page and into a file of its own."""
+    from deatwin.ident.frequency.drawing import bode
+
+    point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
+    at = f"About {amount(f'{point:.4g}', unit)}"
+    with draw((7.4, 5.2)) as figure:
+        panels = figure.subplots(2, 1, sharex=True)
+        bode(found.first, panels)
+        caption = f"{at}, with 95 % bands.{_hatching(found.first)}"
+        if found.excited_Hz is not None and found.extrapolated:
+            caption += f" Grey: beyond {found.excited_Hz:.3g} Hz, where the training input has 1 % of its power, the "
+            caption += "model extrapolates."
+            for axes in panels:
+                axes.axvspan(
+                    found.excited_Hz,
+                    found.first.frequency_Hz.max(),
+                    color=COLOURS["measured"][0],
+                    alpha=0.12,
+                    linewidth=0,
+                )
+        folder.text(_picture("frequency"), standalone(figure))
+        yield Drawing(
+            name="frequency",
+            title="First order",
+            caption=caption,
+            svg=inline(figure, "frequency", "First order"),
+            data=_table("frequency"),
+        )
+    for response in found.gfrfs[1:]:
+        name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
+        with draw((6.4, 4.8)) as figure:
+            axes = response.plot(figure.add_subplot())
+            axes.set_aspect("equal")
+            axes.grid(False)
+            folder.text(_picture(name), standalone(figure))
+            shown = inline(figure, name, title)
+            caption = f"{at}.{_hatching(response)}"
+            yield Drawing(name=name, title=title, caption=caption, svg=shown, data=_table(name))
+    if found.nofrfs is not None and found.signal is not None:
+        with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
+            for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
+                for error in axes.get_lines()[1:]:
+                    error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
+                axes.legend(markerscale=1)
+            folder.text(_picture("nofrf"), standalone(figure))
+            data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
+            yield Drawing(
+                name="nofrf",
+                title="NOFRFs",
+                data=data,
+                further=tuple(further),
+                svg=inline(figure, "nofrf", "NOFRFs"),
+                caption=f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
+                "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known.",
+            )
+        with draw((7.4, 2.8)) as figure:
+            axes = found.signal.plot(figure.add_subplot())
+            axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
+            folder.text(_picture("test_signal"), standalone(figure))
+            yield Drawing(
+                name="test_signal",
+                title="Test signal",
+                data=_table("test_signal"),
+                svg=inline(figure, "test_signal", "Test signal"),
+                caption="One period, as deviations from the operating input; all its lines are in phase.",
+            )
+
+
+def _hatching(*responses: FrequencyResponse) -> str:
+    """What the hatches mean, where there are any."""
+    known = all(response.band().linear_law.all() for response in responses)
+    return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
+
+
+def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
+    messages = list(found.lines)
+    point, unit = found.first.point, found.model.input_units[0]
+    orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
+    about = amount(f"{point.operating_input[0]:.4g}", unit)
+    ranges = Table(
+        title="Where each order of the output can have energy",
+        columns=["order", "Hz"],
+        rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
+    )
+    return StoryPage(
+        title="frequency",
+        sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
+        + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
+        rows=_rows(found),
+        notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
+        figures=drawings,
+        tables=[ranges],
+    )
+
+
+def _reliance(known: Reliance) -> Row:
+    """What held-out data said of the model itself."""
+    return Row(
+        measure="failed residual tests and bias of the model on held-out data",
+        demanded="none",
+        reached="; ".join(known.caveats) or "none",
+        passed=not known.caveats,
+    )
+
+
+def _rows(found: Responses) -> list[Row]:
+    """What a reader has to know before relying on a response."""
+    poles = "stable" if found.first.status.ok else "unstable"
+    rows = [Row(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
+    if (known := Reliance.of_provenance(found.model.provenance)) is not None:
+        rows.append(_reliance(known))
+    for response in found.gfrfs:
+        share = float(np.mean(response.band(found.level).linear_law))
+        rows.append(
+            Row(
+                measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+                demanded="all",
+                reached=f"{100 * share:.0f} %",
+                passed=share == 1.0,
+            )
+        )
+    if found.missing:
+        rows.append(Row(measure="NOFRFs", demanded="there are some", reached=found.missing, passed=False))
+    if found.nofrfs is not None:
+        fitted = found.nofrfs
+        grown = max(u.largest_amplification for u in fitted.inputs[: fitted.order])
+        left = float(fitted.residual[:, -1].max())
+        rows += [
+            Row(
+                measure="test signal: by what an error of an order grows in its NOFRF",
+                demanded=f"at most {AMPLIFICATION:g}",
+                reached=f"{grown:.3g}",
+                passed=grown <= AMPLIFICATION,
+            ),
+            Row(
+                measure=f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they "
+                "leave",
+                demanded="below 1 %",
+                reached=f"{100 * left:.2g} %",
+                passed=left < 0.01,
+            ),
+            Row(measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok),
+        ]
+    return rows

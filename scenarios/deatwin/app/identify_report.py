@@ -1,0 +1,266 @@
+"""What `deatwin identify --report` writes: the model beside the recordings that it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.shown import shown_units
+from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.recording import label
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.studies.report.svg import COLOURS, draw
+from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.tracks import envelope
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxModel, NarxResponse, Validation
+    from deatwin.plant.recording import Recording
+
+__all__ = ["Identified", "write_identified"]
+
+Array = NDArray[np.float64]
+INK, MEASURED, BEFORE, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "before", "after"))
+MOST = 6
+"""Recordings that have a figure of their own."""
+ROW = 0.3
+"""Height of a term's row, in inches."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identified:
+    """A model and what it was judged on.
+
+    Parameters
+    ----------
+    model : NarxModel
+        As it is saved.
+    method : str
+        How its terms were chosen.
+    unseen : sequence of Recording
+        The part of each recording that was not fitted.
+    validation : Validation or None
+        On these parts; None where they are too short for it.
+    why_not : str
+        Then the reason.
+    complete : bool
+        Whether the search for terms went to its end.
+    notes : tuple of str
+        What is to be known about the fit.
+    clocks : sequence of str
+        What was done to the sampling of the recordings.
+    """
+
+    model: NarxModel
+    method: str
+    unseen: Sequence[Recording]
+    validation: Validation | None
+    why_not: str = ""
+    complete: bool = True
+    notes: tuple[str, ...] = ()
+    clocks: Sequence[str] = ()
+
+    @property
+    def scale(self) -> float:
+        """SI size of the unit in which outputs are shown."""
+        return written_amplitude(self.model.output_units[0])[1]
+
+    @property
+    def unit(self) -> str:
+        """That unit, empty for a pure number."""
+        shown = written_amplitude(self.model.output_units[0])[0]
+        return "" if shown == "1" else shown
+
+    @property
+    def column(self) -> str:
+        """The unit as the end of a column's header."""
+        name = amplitude_unit(self.model.output_units[0])[0]
+        return "" if name in ("", "1") else f"_{name}"
+
+    @property
+    def steps(self) -> int | None:
+        """How many steps ahead an unstable model is judged; None where it is judged by its free run."""
+        unstable = None if self.validation is None else self.validation.unstable
+        return None if unstable is None else unstable.steps
+
+    @property
+    def judged(self) -> str:
+        """What it is judged by."""
+        return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
+
+    def run(self, part: Recording) -> NarxResponse:
+        """What it is judged by, over a recording.
+
+        Parameters
+        ----------
+        part : Recording
+            Not fitted.
+        """
+        return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
+
+    def amount(self, value: float) -> str:
+        """A size of an output, with its unit.
+
+        Parameters
+        ----------
+        value : float
+            SI.
+
+        Returns
+        -------
+        str
+        """
+        return f"{value / self.scale:.3g} {self.unit}".rstrip()
+
+
+def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
+    """Write figures' data and the report.
+
+    Parameters
+    ----------
+    found : Identified
+        The model.
+    folder : ResultFolder
+        Where to.
+    record : RunRecord
+        The run, for the end of the page.
+    """
+    runs = [found.run(part) for part in found.unseen]
+    drawings = [_free_run(found, folder, number, part, run) for number, (part, run) in _first(found, runs)]
+    drawings.append(_terms(found, folder))
+    if found.validation is not None and found.validation.tests:
+        drawings.append(_tests(found.validation, folder))
+    rows = _rows(found, runs)
+    reached = sum(row.passed for row in rows)
+    worst = max(runs, key=lambda run: run.rms_error)
+    sentence = (
+        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its "
+        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
+        f"{reached} of {len(rows)} "
+        "measures reached."
+    )
+    said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
+    unstable = None if found.validation is None else found.validation.unstable
+    more = [] if unstable is None else unstable.sentences(found.model.output_units)
+    paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
+    notes = [Note(title="What the residual says", paragraphs=paragraphs)]
+    if found.clocks:
+        notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
+    if not found.complete:
+        notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
+    if found.notes:
+        notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
+    page = StoryPage(
+        title="identify", sentence=sentence, rows=rows, notes=notes, figures=drawings, tables=[_table(found.model)]
+    )
+    write_story(folder, page, record)
+
+
+def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, tuple[Recording, NarxResponse]]]:
+    return list(enumerate(zip(found.unseen, runs, strict=True), start=1))[:MOST]
+
+
+def _free_run(found: Identified, folder: ResultFolder, number: int, part: Recording, run: NarxResponse) -> Drawing:
+    """Measured and simulated output of an unseen part, what is left, and the input."""
+    name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
+    timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
+    command = part.inputs[0][-timepts.size :]
+    unit = f" ({found.unit})" if found.unit else ""
+    input_unit = f" ({part.input_units[0]})" if part.input_units[0] not in ("", "1") else ""
+    with draw((7.4, 5.0)) as figure:
+        upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
+        upper.plot(*envelope(timepts, measured), color=MEASURED, linewidth=2.2, label="measured")
+        upper.plot(*envelope(timepts, simulated), color=AFTER, linewidth=1.0, label=f"{found.judged} of the model")
+        middle.plot(*envelope(timepts, measured - simulated), color=BEFORE, linewidth=0.8)
+        middle.axhline(0, color=INK, linewidth=0.6)
+        lower.plot(*envelope(timepts, command), color=INK, linewidth=0.8)
+        upper.set_ylabel(f"{found.model.output_names[0].replace('_', ' ')}{unit}")
+        middle.set_ylabel(f"residual{unit}")
+        lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
+        figure.align_ylabels()
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
+        caption = f"Only the input and {given} are given to it. None of this was fitted."
+        drawing = Drawing.of(figure, name, title, caption)
+    folder.csv(
+        drawing.data,
+        {"time_s": timepts, "input": command, f"measured{found.column}": measured, f"model{found.column}": simulated},
+    )
+    return drawing
+
+
+def _terms(found: Identified, folder: ResultFolder) -> Drawing:
+    """Each parameter in units of its standard deviation: from two on it is told from zero."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    model = found.model
+    spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
+    certainty = np.abs(model.theta) / np.where(spread > 0, spread, np.nan)
+    order = np.argsort(np.nan_to_num(certainty))
+    with draw((7.4, 1.1 + ROW * len(model.terms))) as figure:
+        axes = figure.add_subplot()
+        places = np.arange(order.size)
+        axes.plot(certainty[order], places, "o", color=AFTER, markersize=5)
+        axes.axvline(1.96, color=INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
+        axes.set_yticks(places, [str(model.terms[i]) for i in order])
+        axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        figure.legend(loc="outside upper left")
+        caption = "How surely each term is there: its parameter beside what is not known of it."
+        drawing = Drawing.of(figure, "terms", "Terms", caption)
+        folder.text(drawing.data, drawn_table(figure))
+    return drawing
+
+
+def _tests(validation: Validation, folder: ResultFolder) -> Drawing:
+    drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
+    with draw((7.4, 1.7 * len(drawn))) as figure:
+        validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
+        caption = "Correlations of the residual one step ahead with itself and with the input; grey: what chance gives."
+        drawing = Drawing.of(figure, "tests", "Is anything left?", caption)
+        folder.text(drawing.data, drawn_table(figure))
+    return drawing
+
+
+def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
+    rows = []
+    for part, run in zip(found.unseen, runs, strict=True):
+        moved = float(np.std(run.measured[0]))
+        rows.append(
+            Row(
+                measure=f"{found.judged} on the unseen part of {label(part)}",
+                demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
+                reached=f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
+                passed=run.status.ok and run.rms_error < moved,
+            )
+        )
+    if found.validation is not None and found.validation.tests:
+        failed = [test.name for test in found.validation.failed]
+        reached = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
+        rows.append(
+            Row(measure="correlation tests of the residual", demanded="none fails", reached=reached, passed=not failed)
+        )
+    return rows
+
+
+def _table(model: NarxModel) -> Table:
+    from deatwin.ident.narx.names import symbols_of
+    from deatwin.ident.narx.written import origins
+
+    shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
+    half = 1.96 * np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0)) * shown.factors
+    rows = [
+        [term.written(symbols), f"{value:.6g}", f"± {width:.3g}"]
+        for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True)
+    ]
+    title = f"The model{origins(model)}".replace("\n", ", ") + (f", {shown.legend}" if shown.legend else "")
+    return Table(title=title, columns=["term", "parameter", "95 % interval"], rows=rows)

@@ -1,0 +1,101 @@
+"""Verdicts of several folders beside each other, as a table with drawings."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from deatwin.app.live.verdicts import Verdict
+
+__all__ = ["Comparison", "compare"]
+
+SIZE = (2.7, 1.2)
+MOST = 6
+"""Verdicts that are compared at once."""
+_DRAWING = threading.Lock()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Verdicts beside each other.
+
+    Parameters
+    ----------
+    verdicts : tuple of Verdict
+        In the order asked for.
+    limits : tuple of float
+        Up to where the errors of each are drawn: the same for all with the same unit; 0 where there are none.
+    same_recordings : bool or None
+        Whether all saw the same recordings; None where it cannot be told, or there is one verdict only.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    limits: tuple[float, ...]
+    same_recordings: bool | None
+
+    def html(self) -> str:
+        """Return the table with its drawings, for a page that defines the report's colours as CSS variables."""
+        from jinja2 import Environment, PackageLoader, StrictUndefined
+
+        from deatwin.studies.report.quantities import three_digits
+
+        environment = Environment(
+            loader=PackageLoader("deatwin.app.live"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        environment.filters["number"] = three_digits
+        pictures = [
+            _drawn(number, verdict, limit) if limit else ""
+            for number, (verdict, limit) in enumerate(zip(self.verdicts, self.limits, strict=True))
+        ]
+        return environment.get_template("comparison.html.j2").render(comparison=self, pictures=pictures)
+
+
+def compare(verdicts: Sequence[Verdict]) -> Comparison:
+    """Lay verdicts beside each other.
+
+    Parameters
+    ----------
+    verdicts : sequence of Verdict
+        The first few are taken.
+
+    Returns
+    -------
+    Comparison
+    """
+    taken = tuple(verdicts[:MOST])
+    largest: dict[str, float] = {}
+    for verdict in taken:
+        largest[verdict.unit] = max((largest.get(verdict.unit, 0.0), *verdict.errors))
+    seen = [verdict.recordings for verdict in taken]
+    return Comparison(
+        verdicts=taken,
+        limits=tuple(largest[verdict.unit] if verdict.errors else 0.0 for verdict in taken),
+        same_recordings=len(set(seen)) == 1 if len(seen) > 1 and all(seen) else None,
+    )
+
+
+def _drawn(number: int, verdict: Verdict, limit: float) -> str:
+    """Errors before and after, on the fitted and on the unseen part, beside the noise."""
+    from deatwin.studies.report.svg import COLOURS, draw, inline
+
+    with _DRAWING, draw(SIZE) as figure:  # the style is matplotlib's own global one meanwhile
+        axes = figure.subplots()
+        for height, (before, after) in enumerate((verdict.unseen, verdict.fitted)):
+            if before is not None and after is not None:
+                axes.plot([before, after], [height, height], color=COLOURS["grid"][0], linewidth=3, zorder=2)
+            for value, role, marker in ((before, "before", "o"), (after, "after", "D")):
+                if value is not None:
+                    axes.plot(value, height, marker, color=COLOURS[role][0], markersize=7, zorder=3)
+        if verdict.noise is not None:
+            axes.axvline(verdict.noise, color=COLOURS["measured"][0], linestyle="--", linewidth=1.2)
+        axes.set_yticks([0, 1], ["unseen", "fitted"])
+        axes.set_ylim(-0.6, 1.6)
+        axes.set_xlim(-0.03 * limit, 1.06 * limit)
+        axes.grid(visible=False, axis="y")
+        axes.set_xlabel(f"error in {verdict.unit} rms")
+        return inline(figure, f"compared-{number}", f"Errors before and after, {verdict.verdict}")

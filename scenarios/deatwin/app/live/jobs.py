@@ -1,0 +1,329 @@
+"""Diagnoses that run beside the page, each in a process of its own that can be stopped."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import IO, Any
+
+from deatwin.app.live.desk import inside, safe_name
+from deatwin.plant.errors import DataError
+from deatwin.studies.partial import holds_only_partial
+
+__all__ = ["MOST_RUNNING", "WORKER", "Board", "Job", "Order", "State"]
+
+WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
+"""What runs a diagnosis; it is given the arguments of ``deatwin``."""
+MOST_RUNNING = 2
+GRACE = 5.0
+"""Seconds that a process has for stopping by itself."""
+LONGEST_LINE = 100_000
+LAST_LINES = 50
+
+
+class State(Enum):
+    """What became of a job; the value is the word for it."""
+
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """A diagnosis that is asked for.
+
+    Parameters
+    ----------
+    rig : str
+        Rig file or ``model.json`` in the folder.
+    recordings : sequence of str
+        Files in the folder: one experiment.
+    out : str
+        Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left.
+    input_column, output_column : str
+        Headers of the columns; empty for the usual ones.
+    allow_gaps : bool
+        Split records at gaps.
+    seed : int
+        Of everything random.
+    """
+
+    rig: str
+    recordings: Sequence[str]
+    out: str
+    input_column: str = ""
+    output_column: str = ""
+    allow_gaps: bool = False
+    seed: int = 0
+
+    @property
+    def arguments(self) -> list[str]:
+        """Those of ``deatwin``, run in the folder."""
+        files = [f"./{name}" if name.startswith("-") else name for name in (self.rig, *self.recordings)]
+        columns = (("--input-column", self.input_column), ("--output-column", self.output_column))
+        return [
+            "diagnose",
+            *files,
+            "--out",
+            self.out,
+            "--seed",
+            str(self.seed),
+            *(f"{option}={name}" for option, name in columns if name),
+            *(["--allow-gaps"] if self.allow_gaps else []),
+        ]
+
+
+class Job:
+    """A diagnosis on its way.
+
+    Parameters
+    ----------
+    root : path
+        The folder.
+    order : Order
+        What is asked for.
+    program : sequence of str
+        What runs it.
+    """
+
+    def __init__(self, root: Path, order: Order, program: Sequence[str] = WORKER) -> None:
+        self.order = order
+        self.share = 0.0
+        self.steps: list[tuple[str, float]] = []
+        """What has been done so far, and the seconds from the start at which it began."""
+        self.sentence = ""
+        """The verdict, or what went wrong."""
+        self.state = State.RUNNING
+        self._root = root
+        self._started = time.monotonic()
+        self._ended: float | None = None
+        self._cancelled = False
+        self._complaints: deque[str] = deque(maxlen=LAST_LINES)
+        self._process = subprocess.Popen(
+            [*program, *order.arguments],
+            cwd=root,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            env={**os.environ, "PYTHONSAFEPATH": "1", "PYTHONIOENCODING": "utf-8"},  # imports nothing from the folder
+            **_apart(),
+        )
+        self._watch = threading.Thread(target=self._follow, daemon=True)
+        self._watch.start()
+
+    @property
+    def seconds(self) -> float:
+        """Since the start, up to the end."""
+        return (self._ended or time.monotonic()) - self._started
+
+    @property
+    def seconds_left(self) -> float | None:
+        """A guess from the share that is done; None where there is none yet."""
+        known = self.state is State.RUNNING and 0.05 < self.share < 1.0
+        return self.seconds * (1 - self.share) / self.share if known else None
+
+    def cancel(self) -> None:
+        """Ask the process to stop; after a while it is ended."""
+        if self.state is State.RUNNING and not self._cancelled:
+            self._cancelled = True
+            _interrupt(self._process)
+            timer = threading.Timer(GRACE, self._end_if_running)
+            timer.daemon = True
+            timer.start()
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until the process has ended, and everything it said was read.
+
+        Parameters
+        ----------
+        timeout : float, optional
+            Seconds.
+        """
+        self._watch.join(timeout)
+
+    def end(self) -> None:
+        """End the process and all that it started at once."""
+        self._cancelled = True
+        self._end_if_running()
+        self.wait(GRACE)
+
+    def _end_if_running(self) -> None:
+        if self.state is State.RUNNING:  # until then its number is not given to another process
+            _end(self._process)
+
+    def _follow(self) -> None:
+        """Read what the process says until it ends."""
+        errors = threading.Thread(target=self._listen, daemon=True)
+        errors.start()
+        for line in _lines(self._process.stdout):
+            self._hear(line)
+        errors.join()
+        status = self._process.wait()
+        self._ended = time.monotonic()
+        if status == 0:
+            self.share, state = 1.0, State.DONE
+        else:
+            state = State.CANCELLED if self._cancelled else State.FAILED
+            self.sentence = "" if self._cancelled else self._complaint(status)
+            _remove_if_empty(self._root / self.order.out)
+        self.state = state
+
+    def _listen(self) -> None:
+        self._complaints.extend(line for line in map(str.strip, _lines(self._process.stderr)) if line)
+
+    def _hear(self, line: str) -> None:
+        """Take in one line of the worker's; another program may print what it likes."""
+        try:
+            facts: Any = json.loads(line)
+            share, step = float(facts["share"]), str(facts.get("step", ""))
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+            return
+        self.share = min(max(share, self.share), 1.0)
+        step = step.partition(" (")[0]  # in brackets stands what of it is done
+        if step and share < 1.0 and (not self.steps or self.steps[-1][0] != step):
+            self.steps.append((step, self.seconds))
+        if "sentence" in facts:
+            self.sentence = f"{facts.get('verdict', '')}: {facts['sentence']}"
+
+    def _complaint(self, status: int) -> str:
+        """The line that says what was wrong."""
+        said = [line.removeprefix("error: ") for line in self._complaints if line.startswith("error: ")]
+        last = said or list(self._complaints)
+        return last[-1] if last else f"the process ended with the status {status} and said nothing"
+
+
+class Board:
+    """The jobs of one live view, the newest first.
+
+    Parameters
+    ----------
+    root : path
+        The folder.
+    program : sequence of str
+        What runs a job; it is given the arguments of ``deatwin`` and prints lines as `worker` does.
+    """
+
+    def __init__(self, root: Path, program: Sequence[str] = WORKER) -> None:
+        self.root = root
+        self.program = program
+        self.jobs: list[Job] = []
+
+    @property
+    def running(self) -> list[Job]:
+        """Those that have not ended."""
+        return [job for job in self.jobs if job.state is State.RUNNING]
+
+    def start(self, order: Order) -> Job:
+        """Start a diagnosis.
+
+        Parameters
+        ----------
+        order : Order
+            What is asked for.
+
+        Returns
+        -------
+        Job
+
+        Raises
+        ------
+        DataError
+            If it cannot be: nothing chosen, a file that is not there or outside of the folder, a folder for the
+            results that is there already (but for what an interrupted diagnosis left), or too many that run.
+        """
+        if not order.recordings or not order.rig:
+            raise DataError("choose a rig file and at least one recording")
+        for name in (order.rig, *order.recordings):
+            if not inside(self.root, name).is_file():
+                raise DataError(f"{name}: there is no such file in the folder")
+        if safe_name(order.out) != order.out:
+            raise DataError(f'{order.out}: no name for a folder here; take for example "{safe_name(order.out)}"')
+        if len(self.running) >= MOST_RUNNING:
+            raise DataError(f"{MOST_RUNNING} diagnoses are running; wait for one, or cancel it")
+        self._make(order.out)
+        job = Job(self.root, order, self.program)
+        self.jobs.insert(0, job)
+        return job
+
+    def _make(self, out: str) -> None:
+        """Make the folder for the results, or take one in which a run that was cancelled left its steps."""
+        folder = self.root / out
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            if any(_same(folder, self.root / job.order.out) for job in self.running):
+                raise DataError(f"{out}: a diagnosis that runs writes into it; take another name") from None
+            if not holds_only_partial(folder):
+                raise DataError(f"{out}: is there already; results are not replaced, take another name") from None
+        except OSError as error:
+            raise DataError(f"{out}: the folder cannot be made: {error.strerror}") from None
+
+    def close(self) -> None:
+        """End all that runs."""
+        for job in self.running:
+            job.end()
+
+
+def _lines(pipe: IO[str] | None) -> Iterator[str]:
+    """What comes through a pipe, in lines; an endless one is cut."""
+    if pipe is not None:
+        with pipe:
+            yield from iter(lambda: pipe.readline(LONGEST_LINE), "")
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names lead to one folder: some systems take no notice of capitals."""
+    try:
+        return one.samefile(other)
+    except OSError:
+        return False
+
+
+def _remove_if_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
+if sys.platform == "win32":
+
+    def _apart() -> dict[str, Any]:
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+
+    def _interrupt(process: subprocess.Popen[str]) -> None:
+        process.send_signal(signal.CTRL_BREAK_EVENT)
+
+    def _end(process: subprocess.Popen[str]) -> None:
+        process.kill()
+
+else:
+
+    def _apart() -> dict[str, Any]:
+        """Arguments that put a process and all that it starts into a group of their own."""
+        return {"start_new_session": True}
+
+    def _interrupt(process: subprocess.Popen[str]) -> None:
+        _send(process, signal.SIGINT)
+
+    def _end(process: subprocess.Popen[str]) -> None:
+        _send(process, signal.SIGKILL)
+
+    def _send(process: subprocess.Popen[str], number: int) -> None:
+        """Send a signal to the whole group, whether or not its first process is still there."""
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, number)

@@ -1,0 +1,307 @@
+"""The page of the live view, in NiceGUI.
+
+Why NiceGUI, and not Panel, Streamlit, Dash or Solara: a page is plain Python with handlers, without a front end of
+our own, a graph of callbacks (Dash) or React's way of thinking (Solara), and is not run anew at each click
+(Streamlit). Every script, style and font comes from its own wheel, none from a CDN, and it has no telemetry
+(Streamlit's is on unless it is switched off). It is an ASGI application, so that one small `guard` stands in front of
+all of it: pages, uploads, and the WebSocket, which NiceGUI itself opens to every origin. Progress comes from the
+server over that WebSocket. Panel was the next best; it brings Bokeh, pandas and a server of another kind.
+
+Here is only what is seen. What it does is in the modules beside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fastapi import FastAPI
+from nicegui import run, ui
+
+from deatwin.app.live.comparison import MOST, compare
+from deatwin.app.live.desk import Desk, free_name
+from deatwin.app.live.jobs import Board, Job, Order, State
+from deatwin.app.live.uploads import MEGABYTE, UPLOADS, keep_upload
+from deatwin.app.live.verdicts import Verdict
+from deatwin.plant.errors import DeatwinError
+
+__all__ = ["application"]
+
+REFRESH = 0.5
+"""Seconds between two looks at the jobs."""
+INVITATION = """
+<div class="invite">
+  <label class="relative-position">Drop recordings (CSV) or a rig file (TOML) here, up to %s MB
+    <q-uploader-add-trigger /></label>
+  <q-btn flat dense no-caps color="primary" label="Choose files" @click="props.pickFiles" />
+</div>
+"""
+"""In place of Quasar's own header, whose button has no name for those who cannot see it."""
+SHOWN = 3
+"""Results that are compared when the page opens."""
+
+
+def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:
+    """Build the page and what serves it.
+
+    Parameters
+    ----------
+    board : Board
+        The folder and its jobs.
+    most_bytes : int
+        Largest file that may be dropped.
+    send_file : callable
+        Answers with a file of results, given its name.
+
+    Returns
+    -------
+    FastAPI
+    """
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    app.get("/results/{name:path}")(send_file)
+
+    @ui.page("/", title=f"{board.root.name} – deatwin", language="en-US", dark=None)
+    async def page() -> None:
+        ui.add_css(_style())
+        View(board, most_bytes)
+
+    ui.run_with(app, tailwind=False, show_welcome_message=False, reconnect_timeout=10.0)
+    return app
+
+
+class View:
+    """One tab: its choices, the jobs of all tabs, and a comparison.
+
+    Parameters
+    ----------
+    board : Board
+        Shared by all tabs.
+    most_bytes : int
+        Largest file that may be dropped.
+    """
+
+    def __init__(self, board: Board, most_bytes: int) -> None:
+        self.board = board
+        self.most_bytes = most_bytes
+        self.cards: dict[Job, JobCard] = {}
+        with ui.element("header").classes("top"):
+            ui.html("<h1>deatwin live view</h1>", sanitize=False)
+            ui.label(str(board.root)).classes("quiet path")
+        with ui.element("main").classes("page"):
+            with ui.element("div").classes("two"):
+                with _section("New diagnosis"):
+                    self._build_form()
+                with _section("Running and done"):
+                    self.idle = ui.label("Nothing runs.").classes("quiet")
+                    self.jobs = ui.element("div").classes("jobs").props('aria-live="polite"')
+            with _section("Verdicts side by side"):
+                self._build_comparison()
+        self.look()
+        self.compared.set_value(self.compared.options[:SHOWN])
+        self.watch()
+        ui.timer(REFRESH, self.watch)
+
+    def _build_form(self) -> None:
+        megabytes = self.most_bytes / MEGABYTE
+        self.upload = (
+            ui.upload(
+                multiple=True,
+                auto_upload=True,
+                max_file_size=self.most_bytes,
+                on_upload=self.take,
+                on_rejected=lambda: self.complain(
+                    f"not taken: larger than {megabytes:g} MB (--upload-limit), or none of {', '.join(UPLOADS)}"
+                ),
+            )
+            .props(f'accept="{",".join(UPLOADS)}" flat color="transparent" text-color="inherit"')
+            .classes("drop")
+        )
+        self.upload.add_slot("header", INVITATION % f"{megabytes:g}")
+        self.recordings = _choice("Recordings of one experiment", multiple=True)
+        self.rig = _choice("Rig file or calibrated model")
+        self.out = _field(ui.input("Name for the results"))
+        with ui.expansion("Columns, gaps, seed").props("dense").classes("full"):
+            self.input_column = _field(ui.input("Input column, if not command_V"))
+            self.output_column = _field(ui.input("Output column, if not displacement_mm"))
+            self.allow_gaps = ui.checkbox("Split records at their gaps")
+            self.seed = _field(ui.number("Seed", value=0, min=0, precision=0))
+        self.fault = ui.label().classes("fault").props('role="alert"')
+        self.fault.set_visibility(False)
+        with ui.row():
+            ui.button("Diagnose", on_click=self.start).props("unelevated no-caps")
+            ui.button("Look into the folder again", on_click=self.look).props("flat no-caps")
+
+    def _build_comparison(self) -> None:
+        self.compared = _choice(f"Results, up to {MOST}", multiple=True)
+        self.compared.on_value_change(self.lay_out)
+        self.table = ui.html("", sanitize=False).classes("full")
+
+    def complain(self, text: str) -> None:
+        """Show what was wrong; an empty text takes it away."""
+        self.fault.set_text(text)
+        self.fault.set_visibility(bool(text))
+
+    def look(self) -> None:
+        """Look into the folder, and keep what is chosen as far as it is still there."""
+        desk = Desk.look(self.board.root)
+        for choice, names in ((self.recordings, desk.recordings), (self.compared, desk.results)):
+            choice.set_options(list(names), value=[name for name in choice.value or [] if name in names])
+        rigs = list(desk.rigs)
+        self.rig.set_options(rigs, value=self.rig.value if self.rig.value in rigs else None)
+        if not self.out.value:
+            self.out.set_value(free_name(self.board.root))
+        if not desk.whole:
+            self.complain("the folder holds more files than are listed here; take a smaller one")
+
+    async def take(self, event: Any) -> None:
+        """Keep a file that was dropped."""
+        self.upload.reset()  # so that the same file can be dropped again
+        try:
+            content = await event.file.read()
+            name = await run.io_bound(
+                keep_upload,
+                self.board.root,
+                event.file.name,
+                content,
+                most_bytes=self.most_bytes,
+                input_column=self.input_column.value or None,
+                output_column=self.output_column.value or None,
+            )
+        except (DeatwinError, OSError) as error:
+            self.complain(_told(error))
+            return
+        self.complain("")
+        self.look()
+        if str(name).lower().endswith(".toml"):
+            self.rig.set_value(name)
+        else:
+            self.recordings.set_value([*self.recordings.value, name])
+
+    def start(self) -> None:
+        """Start the diagnosis that is chosen."""
+        try:
+            self.board.start(
+                Order(
+                    rig=self.rig.value or "",
+                    recordings=tuple(self.recordings.value or ()),
+                    out=self.out.value.strip(),
+                    input_column=self.input_column.value,
+                    output_column=self.output_column.value,
+                    allow_gaps=self.allow_gaps.value,
+                    seed=int(self.seed.value or 0),
+                )
+            )
+        except (DeatwinError, OSError) as error:
+            self.complain(_told(error))
+            return
+        self.complain("")
+        self.out.set_value(free_name(self.board.root))
+        self.watch()
+
+    def watch(self) -> None:
+        """Bring the cards of the jobs up to date."""
+        for job in reversed(self.board.jobs):
+            if job not in self.cards:
+                with self.jobs:
+                    self.cards[job] = JobCard(job)
+                self.cards[job].box.move(target_index=0)
+        self.idle.set_visibility(not self.cards)
+        if any([card.update() for card in self.cards.values()]):
+            self.look()
+            done = [job.order.out for job in self.board.jobs if job.state is State.DONE]
+            fresh = [name for name in done if name in self.compared.options and name not in self.compared.value]
+            self.compared.set_value([*self.compared.value, *fresh][-MOST:])
+
+    async def lay_out(self) -> None:
+        """Draw the comparison."""
+        chosen = list(self.compared.value or [])[:MOST]
+        content = await run.io_bound(_compared, self.board.root, chosen) if chosen else ""
+        self.table.set_content(content or "")
+
+
+class JobCard:
+    """What is seen of one job.
+
+    Parameters
+    ----------
+    job : Job
+        That it shows.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._last: State | None = None
+        with ui.element("article").classes("job") as self.box:
+            with ui.row().classes("head"):
+                ui.label(job.order.out).classes("name")
+                self.state = ui.label().classes("verdict")
+            ui.label(f"{', '.join(job.order.recordings)} with {job.order.rig}").classes("quiet")
+            self.bar = ui.linear_progress(0.0, show_value=False).props(f'aria-label="progress of {job.order.out}"')
+            self.text = ui.label()
+            self.steps = ui.label().classes("quiet steps")
+            with ui.row():
+                self.stop = ui.button("Cancel", on_click=job.cancel).props("flat dense no-caps")
+                self.report = ui.link("Open the report", f"results/{job.order.out}/report.html", new_tab=True)
+
+    def update(self) -> bool:
+        """Show the job as it is; return whether it has just ended."""
+        job, state = self.job, self.job.state
+        self.bar.set_value(round(job.share, 3))
+        self.text.set_text(job.sentence if state is not State.RUNNING else _on_its_way(job))
+        self.steps.set_text(", ".join(f"{step} from {at:.0f} s" for step, at in job.steps))
+        if state is self._last:
+            return False
+        ended = self._last is State.RUNNING
+        self._last = state
+        self.state.set_text(state.value)
+        tone = {State.DONE: "good", State.FAILED: "bad"}.get(state, "doubt")
+        self.state.classes(remove="good doubt bad", add=tone)
+        self.stop.set_visibility(state is State.RUNNING)
+        self.report.set_visibility(state is State.DONE)
+        return ended
+
+
+def _on_its_way(job: Job) -> str:
+    step = job.steps[-1][0] if job.steps else "starting"
+    left = "" if job.seconds_left is None else f", about {job.seconds_left:.0f} s left"
+    return f"{step}: {100 * job.share:.0f} % after {job.seconds:.0f} s{left}"
+
+
+def _compared(root: Path, names: list[str]) -> str:
+    return compare([Verdict.read(root, name) for name in names]).html()
+
+
+def _told(error: Exception) -> str:
+    """One line for a person, as the command line would say it."""
+    text = f"{error.filename or 'the system'}: {error.strerror or error}" if isinstance(error, OSError) else str(error)
+    return " ".join(text.split())
+
+
+def _choice(label: str, *, multiple: bool = False) -> Any:
+    """A list of names to choose from, that can be typed into."""
+    chosen: Any = [] if multiple else None
+    choice = _field(ui.select([], label=label, value=chosen, multiple=multiple, with_input=True))
+    return choice.props("options-dense" + (" use-chips" if multiple else ""))
+
+
+def _field(element: Any) -> Any:
+    return element.props("outlined dense").classes("full")
+
+
+def _section(title: str) -> Any:
+    section = ui.element("section").classes("card").props(f'aria-label="{title}"')
+    with section:
+        ui.html(f"<h2>{title}</h2>", sanitize=False)
+    return section
+
+
+def _style() -> str:
+    """The style of the page, in the colours of the report."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from deatwin.studies.report.svg import COLOURS
+
+    loader = PackageLoader("deatwin.app.live")
+    environment = Environment(loader=loader, undefined=StrictUndefined, autoescape=True)
+    return environment.get_template("view.css.j2").render(colours=COLOURS)

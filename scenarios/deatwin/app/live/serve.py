@@ -1,0 +1,149 @@
+"""The server of the live view: one process, on the loopback address, until Ctrl-C."""
+
+from __future__ import annotations
+
+import errno
+import secrets
+import signal
+import socket
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from deatwin.app.live.desk import inside
+from deatwin.app.live.guard import LOOPBACK, Guard
+from deatwin.app.live.jobs import WORKER, Board
+from deatwin.app.live.uploads import MEGABYTE
+from deatwin.plant.errors import DataError, DeatwinError
+
+__all__ = ["serve"]
+
+SERVED = {
+    ".html": "text/html; charset=utf-8",
+    ".csv": "text/csv; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".nc": "application/x-netcdf",
+}
+"""What of a folder of results is sent, and as what."""
+SANDBOX = "sandbox allow-scripts allow-downloads allow-popups"
+"""A report is a page of a file: it runs without the rights of the live view, whoever wrote it."""
+PATIENCE = 2
+"""Seconds that open connections have when the server stops."""
+
+
+def serve(
+    root: Path,
+    *,
+    port: int = 0,
+    upload_limit: float = 50.0,
+    open_browser: bool = True,
+    started: Callable[[str], None] = print,
+    program: Sequence[str] = WORKER,
+) -> None:
+    """Serve a folder until the process is asked to stop; then the running jobs are ended.
+
+    Parameters
+    ----------
+    root : path
+        The folder.
+    port : int
+        To listen on; 0 takes any that is free.
+    upload_limit : float
+        Largest file that is taken, MB.
+    open_browser : bool
+        Open the page in the usual browser.
+    started : callable
+        Is told the address, which carries the key of this run.
+    program : sequence of str
+        What runs a diagnosis (`jobs.Board`): another one for tests.
+
+    Raises
+    ------
+    DataError
+        If NiceGUI is not installed, or the port cannot be had.
+    """
+    try:
+        import uvicorn
+
+        from deatwin.app.live.page import application
+    except ImportError as error:
+        raise DataError(
+            f'the live view needs NiceGUI ({error.name} is missing): install it with pip install "nicegui>=3.18,<4"'
+        ) from None
+    board = Board(root, program)
+    most_bytes = round(upload_limit * MEGABYTE)
+    with _listening(port) as listener:
+        taken = int(listener.getsockname()[1])
+        key = secrets.token_urlsafe(24)
+        app = application(board, most_bytes=most_bytes, send_file=_sender(root))
+        guard = Guard(app, port=taken, key=key, most_bytes=most_bytes)
+        server = uvicorn.Server(
+            uvicorn.Config(
+                guard, log_level="error", access_log=False, server_header=False, timeout_graceful_shutdown=PATIENCE
+            )
+        )
+        address = f"http://{LOOPBACK}:{taken}/?key={key}"
+        started(address)
+        if open_browser:
+            threading.Thread(target=webbrowser.open, args=(address,), daemon=True).start()
+        _stop_cleanly(server)
+        try:
+            server.run(sockets=[listener])
+        except KeyboardInterrupt:  # the usual way to stop: the server has ended its connections before
+            pass
+        finally:
+            board.close()
+
+
+def _listening(port: int) -> socket.socket:
+    """A socket that only this machine can reach."""
+    try:
+        return socket.create_server((LOOPBACK, port))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise DataError(f"port {port}: taken by another program; give another, or 0 for any that is free") from None
+        raise DataError(f"port {port}: cannot be opened: {error.strerror}; give 0 for any that is free") from None
+
+
+def _stop_cleanly(server: Any) -> None:
+    """End the jobs, too, where the process is asked to end or its terminal is closed."""
+    if threading.current_thread() is not threading.main_thread():
+        return
+
+    def leave(number: int, _: object) -> None:  # uvicorn raises the signal anew when it has stopped
+        sys.exit(128 + number)
+
+    def stop(*_: object) -> None:
+        server.should_exit = True
+
+    signal.signal(signal.SIGTERM, leave)
+    if hasattr(signal, "SIGHUP"):  # not on Windows
+        signal.signal(signal.SIGHUP, stop)
+
+
+def _sender(root: Path) -> Callable[[str], Any]:
+    """What answers with a file of a folder of results."""
+    from starlette.responses import FileResponse, PlainTextResponse
+
+    def send(name: str) -> Any:
+        try:
+            path = inside(root, name)
+        except DeatwinError as error:
+            return PlainTextResponse(f"{error}\n", 403)
+        kind = SERVED.get(path.suffix.lower())
+        if kind is None or not path.is_file():
+            return PlainTextResponse(f"{name}: there is no such file of results\n", 404)
+        shown = path.suffix.lower() == ".html"
+        return FileResponse(
+            path,
+            media_type=kind,
+            filename=path.name,
+            content_disposition_type="inline" if shown else "attachment",
+            headers={"Content-Security-Policy": SANDBOX, "Cache-Control": "no-store"},
+        )
+
+    return send

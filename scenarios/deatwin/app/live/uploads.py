@@ -1,0 +1,93 @@
+"""Files that are dropped on the page: kept whole, under a name of the folder's own, or refused in one line."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from deatwin.app.live.desk import safe_name
+from deatwin.plant.errors import DataError, DeatwinError
+
+__all__ = ["MEGABYTE", "UPLOADS", "keep_upload"]
+
+MEGABYTE = 1_000_000
+UPLOADS = (".csv", ".txt", ".tsv", ".toml")
+
+
+def keep_upload(
+    root: Path,
+    name: str,
+    content: bytes,
+    *,
+    most_bytes: int,
+    input_column: str | None = None,
+    output_column: str | None = None,
+) -> str:
+    """Keep a recording or a rig file in the folder, if it reads as the command line would read it.
+
+    Parameters
+    ----------
+    root : path
+        The folder.
+    name : str
+        As the browser sent it.
+    content : bytes
+        Of the file.
+    most_bytes : int
+        That are accepted.
+    input_column, output_column : str, optional
+        Columns of a recording, as for ``deatwin diagnose``.
+
+    Returns
+    -------
+    str
+        Its name in the folder.
+
+    Raises
+    ------
+    DataError, RigError
+        If it is too large, of another kind, there already, or cannot be read; then nothing is kept.
+    """
+    kept = safe_name(name)
+    if len(content) > most_bytes:
+        raise DataError(
+            f"{kept}: {len(content) / MEGABYTE:.1f} MB; at most {most_bytes / MEGABYTE:g} MB are taken (--upload-limit)"
+        )
+    suffix = Path(kept).suffix.lower()
+    if suffix not in UPLOADS:
+        raise DataError(f'{kept}: files "{suffix}" are not taken; drop one of {", ".join(UPLOADS)}')
+    if os.path.lexists(root / kept):
+        raise DataError(f"{kept}: the folder has a file of this name; rename yours")
+
+    def read(path: Path) -> None:
+        from deatwin.plant.files import read_experiment
+        from deatwin.plant.rigs.rigfile import read_rig
+
+        if suffix == ".toml":
+            read_rig(path)
+        else:
+            read_experiment([path], input_column=input_column, output_column=output_column)
+
+    _keep(root, kept, content, read)
+    return kept
+
+
+def _keep(root: Path, name: str, content: bytes, read: Callable[[Path], None]) -> None:
+    """Write beside, read, and rename: the folder never shows a file that is half there or cannot be read."""
+    beside = Path(tempfile.mkdtemp(prefix=".upload-", dir=root))
+    try:
+        (beside / name).write_bytes(content)
+        try:
+            read(beside / name)
+        except DeatwinError as error:  # in the words of the command line, run in the folder
+            raise type(error)(str(error).replace(f"{beside}{os.sep}", "")) from None
+        with open(root / name, "xb"):  # takes the name, so that none is replaced that appeared meanwhile
+            pass
+        os.replace(beside / name, root / name)
+    except FileExistsError:
+        raise DataError(f"{name}: the folder has a file of this name; rename yours") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)

@@ -1,0 +1,163 @@
+"""What a folder of results says."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from deatwin.app.live.desk import RECORDINGS, RESULT, inside
+from deatwin.plant.errors import DeatwinError
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch import Diagnosis
+
+__all__ = ["Left", "Verdict"]
+
+RUN = "run.json"
+MOST_BYTES = 20_000_000
+TONES = {"none": "good", "parameters": "good", "named": "good", "ambiguous": "doubt", "not_testable": "doubt"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Left:
+    """An effect that was left out, in words.
+
+    Parameters
+    ----------
+    effect : str
+        Its name.
+    probability : float
+        Of being part of the explanation.
+    parameters : tuple of (str, str, str)
+        Name, value with unit, and 95 % interval with unit of each.
+    """
+
+    effect: str
+    probability: float
+    parameters: tuple[tuple[str, str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What one folder of results says.
+
+    Parameters
+    ----------
+    name : str
+        The folder, relative to that of the live view.
+    fault : str
+        Why it cannot be read; empty where it can.
+    verdict, tone, sentence, unit : str
+        As in the diagnosis; the tone is ``good``, ``doubt`` or ``bad``.
+    noise : float or None
+        Of the sensor, rms, in the unit.
+    causes : tuple of Left
+        What was left out.
+    possible : tuple of str
+        The effects of the set that the recordings cannot tell apart.
+    fitted, unseen : tuple of (float or None)
+        Error before and after, rms, in the unit, on the part that was fitted and on the part that was not seen.
+    inputs : mapping of str to str
+        SHA-256 of each file that went in, the rig file among them.
+    seconds : float or None
+        That it took.
+    report : bool
+        Whether there is a page to open.
+    """
+
+    name: str
+    fault: str = ""
+    verdict: str = ""
+    tone: str = "bad"
+    sentence: str = ""
+    unit: str = ""
+    noise: float | None = None
+    causes: tuple[Left, ...] = ()
+    possible: tuple[str, ...] = ()
+    fitted: tuple[float | None, float | None] = (None, None)
+    unseen: tuple[float | None, float | None] = (None, None)
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    seconds: float | None = None
+    report: bool = False
+
+    @classmethod
+    def read(cls, root: Path, name: str) -> Verdict:
+        """Read a folder of results.
+
+        Parameters
+        ----------
+        root : path
+            The folder of the live view.
+        name : str
+            Of the results, relative to it.
+
+        Returns
+        -------
+        Verdict
+            With a fault where the diagnosis cannot be read.
+        """
+        from deatwin.ident.mismatch import Diagnosis
+
+        try:
+            diagnosis = Diagnosis.load(inside(root, f"{name}/{RESULT}"))
+            run = _run(inside(root, f"{name}/{RUN}"))
+            report = inside(root, f"{name}/report.html").is_file()
+        except DeatwinError as error:
+            return cls(name=name, fault=str(error).replace(f"{root.resolve()}{os.sep}", ""))
+        return cls(name=name, report=report, **_said(diagnosis), **run)
+
+    @property
+    def recordings(self) -> frozenset[str]:
+        """SHA-256 of the recordings."""
+        return frozenset(digest for file, digest in self.inputs.items() if file.lower().endswith(RECORDINGS))
+
+    @property
+    def errors(self) -> tuple[float, ...]:
+        """All errors and the noise, as far as they are known."""
+        return tuple(value for value in (*self.fitted, *self.unseen, self.noise) if value is not None)
+
+
+def _said(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The diagnosis in words."""
+    from deatwin.studies.report.quantities import with_interval
+
+    unit = diagnosis.output["unit"]
+    fit = {part: diagnosis.fit.get(part) or {} for part in ("fitted", "unseen")}
+    causes = (
+        Left(
+            effect=cause.effect,
+            probability=cause.probability,
+            parameters=tuple(
+                (name, *with_interval(x.value, x.low, x.high, x.unit)) for name, x in cause.parameters.items()
+            ),
+        )
+        for cause in diagnosis.causes
+    )
+    return {
+        "verdict": diagnosis.verdict.value,
+        "tone": TONES.get(diagnosis.verdict.value, "bad"),
+        "sentence": diagnosis.sentence,
+        "unit": "µm" if unit == "um" else unit,
+        "noise": diagnosis.noise,
+        "causes": tuple(causes),
+        "possible": tuple(diagnosis.names),
+        **{part: (errors.get("before"), errors.get("after")) for part, errors in fit.items()},
+    }
+
+
+def _run(path: Path) -> dict[str, Any]:
+    """What the record of the run adds, as far as it is there and sound."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            return {}
+        run = json.loads(path.read_text(encoding="utf-8"))
+        return {
+            "inputs": {str(entry["file"]): str(entry["sha256"]) for entry in run["inputs"]},
+            "seconds": float(run["seconds"]),
+        }
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
+        return {}

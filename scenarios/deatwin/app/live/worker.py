@@ -1,0 +1,98 @@
+"""``deatwin diagnose`` in a process of its own, which says how far it is.
+
+``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` takes what ``deatwin diagnose`` takes, reads
+and writes the same, and complains in the same line. On stdout it prints one JSON object a line: ``{"share": 0.3,
+"step": "building in effects"}`` while it works, ``{"share": 1.0, "verdict": "named", "sentence": "..."}`` at the end.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+from deatwin.studies.voice import complain
+
+__all__ = ["main"]
+
+DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Diagnose.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Those of ``deatwin``: ``diagnose`` first.
+
+    Returns
+    -------
+    int
+        Exit status: 0 done, 1 an error in what was given, 130 interrupted.
+    """
+    from deatwin.plant.errors import DeatwinError
+    from deatwin.studies.interrupts import heard
+
+    try:
+        with heard():
+            _diagnose(arguments)
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+    except OSError as error:
+        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
+        return WRONG_INPUT
+    except DeatwinError as error:
+        complain(str(error))
+        return WRONG_INPUT
+    return DONE
+
+
+def _diagnose(arguments: Sequence[str]) -> None:
+    from deatwin.app.given import GivenPlant
+    from deatwin.studies.diagnosing import DiagnosisTask
+    from deatwin.studies.folder import ResultFolder
+
+    asked = _parse(arguments)
+    files = [str(path) for path in asked["recordings"]]
+    plant = GivenPlant.load(
+        asked["rig"], input_column=asked["input_column"], output_column=asked["output_column"], dt=asked["dt"]
+    )
+    task = DiagnosisTask(
+        plant=plant.model.plant,
+        experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],
+        files=[asked["rig"], *files],
+        command=["deatwin", *arguments],
+        jobs=asked["jobs"],
+        seed=asked["seed"],
+    )
+    diagnosis = task.run(ResultFolder(asked["out"]), _progress)
+    _tell(share=1.0, verdict=diagnosis.verdict.value, sentence=diagnosis.sentence)
+
+
+def _progress(share: float, step: str) -> None:
+    from deatwin.plant.interrupts import obey
+
+    obey()
+    _tell(share=share, step=step)
+
+
+def _parse(arguments: Sequence[str]) -> dict[str, Any]:
+    """What the command line's own parser makes of the arguments."""
+    from typer.main import get_command
+
+    from deatwin.app.cli import app
+
+    group: Any = get_command(app)
+    parameters: dict[str, Any] = group.commands["diagnose"].make_context("diagnose", list(arguments[1:])).params
+    return parameters
+
+
+def _tell(**facts: Any) -> None:
+    print(json.dumps(facts), flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

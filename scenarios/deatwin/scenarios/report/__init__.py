@@ -1,6 +1,0 @@
-"""The report of a diagnosis: one HTML file that needs nothing else, its figures' data beside it."""
-
-from deatwin.scenarios.report.origin import Origin
-from deatwin.scenarios.report.page import write_report
-
-__all__ = ["Origin", "write_report"]

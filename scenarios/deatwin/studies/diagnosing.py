@@ -1,0 +1,116 @@
+"""A diagnosis from files to files: what `deatwin diagnose`, the demo and the scenarios share."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from deatwin.ident.mismatch import INPUT_FILE, Diagnosis, diagnose
+from deatwin.plant.effects import Effect
+from deatwin.plant.interrupts import obeying
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment
+from deatwin.studies.folder import ResultFolder, require_unread
+from deatwin.studies.partial import FinishedSteps, remove_partial
+from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report import Origin, write_report
+from deatwin.studies.voice import Progress
+
+__all__ = ["RIVALS", "DiagnosisTask"]
+
+RIVALS = "rivals"
+"""Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
+WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
+"""What a diagnosis writes under the same name whatever it finds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DiagnosisTask:
+    """Everything that a diagnosis starts from.
+
+    Parameters
+    ----------
+    plant : Plant
+        Nominal or amended.
+    experiments : sequence of Experiment
+        Each from rest.
+    files : sequence of path
+        What the plant and the recordings were read from.
+    command : sequence of str
+        For ``run.json``.
+    effects : sequence of Effect, optional
+        Those considered; the catalogue by default.
+    jobs : int
+        Worker processes.
+    seed : int
+        Of everything random.
+    """
+
+    plant: Plant
+    experiments: Sequence[Experiment]
+    files: Sequence[str | Path]
+    command: Sequence[str]
+    effects: Sequence[Effect] | None = None
+    jobs: int = 1
+    seed: int = 0
+
+    def run(self, folder: ResultFolder, progress: Progress) -> Diagnosis:
+        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run.
+
+        Parameters
+        ----------
+        folder : ResultFolder
+            Where to.
+        progress : callable
+            Takes the share that is done and what is being done.
+
+        Returns
+        -------
+        Diagnosis
+
+        Raises
+        ------
+        DeatwinError
+            If the recordings cannot be used at all.
+        KeyboardInterrupt
+            With a line that says which steps were finished and where they are kept; there is no diagnosis then.
+        """
+        for name in WRITTEN:
+            require_unread(folder.path / name, self.files)
+        inputs = hashes(self.files)
+        record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
+        diagnosis = self._diagnosed(folder, record, progress)
+        if diagnosis.model is not None:
+            folder.save("model.json", diagnosis.model.save)
+        remove_partial(folder)
+        rivals = diagnosis.evidence.rivals if diagnosis.evidence is not None else {}
+        for effects, rival in rivals.items():
+            folder.save(f"{RIVALS}/{effects}.json", rival.save)
+        advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
+        if advice is not None and advice.recording is not None:
+            folder.save(INPUT_FILE, advice.save_input)
+        write_report(folder, diagnosis, Origin.of(record))
+        folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
+        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        return diagnosis
+
+    def _diagnosed(self, folder: ResultFolder, record: RunRecord, progress: Progress) -> Diagnosis:
+        """The diagnosis, written; or, where it is interrupted, the steps that were finished."""
+        finished = FinishedSteps(progress)
+        try:
+            with obeying():
+                diagnosis = diagnose(
+                    self.plant,
+                    self.experiments,
+                    effects=self.effects,
+                    jobs=self.jobs,
+                    seed=self.seed,
+                    progress=finished.tell,
+                    through=finished.take,
+                )
+            folder.save("diagnosis.json", diagnosis.save)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(finished.save(folder, self.plant, record)) from None
+        return diagnosis

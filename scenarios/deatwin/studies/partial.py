@@ -1,0 +1,162 @@
+"""What is kept of a diagnosis that was interrupted: its finished steps, in files that are no diagnosis."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.voice import Progress
+
+if TYPE_CHECKING:  # the live view looks for what was kept, and makes none
+    from deatwin.ident.mismatch import Step
+    from deatwin.plant.model import Plant
+    from deatwin.studies.provenance import RunRecord
+
+__all__ = ["BASE_MODEL", "FOLDER", "SCHEMA", "STEPS", "FinishedSteps", "holds_only_partial", "remove_partial"]
+
+SCHEMA = "deatwin/partial/1"
+FOLDER = "partial"
+STEPS, BASE_MODEL = "steps.json", "base_model.json"
+NOTE = (
+    "This diagnosis was interrupted: it has no verdict, and what later steps would have found may overrule what stands "
+    "here. The same command runs it from the start."
+)
+
+
+class FinishedSteps:
+    """Collects what the steps of a diagnosis find, and how far it is.
+
+    Parameters
+    ----------
+    progress : callable
+        Is told the share that is done and what is being done.
+    """
+
+    def __init__(self, progress: Progress) -> None:
+        self.share, self.doing = 0.0, "beginning"
+        self._progress = progress
+        self._steps: dict[tuple[str, str], Step] = {}
+
+    def tell(self, share: float, doing: str) -> None:
+        """Take the progress, and pass it on.
+
+        Parameters
+        ----------
+        share : float
+            From 0 to 1.
+        doing : str
+            What is being done.
+        """
+        self._progress(share, doing)  # which raises where an interrupt was not heard before
+        self.share, self.doing = share, doing
+
+    def take(self, step: Step) -> None:
+        """Take a step that is through, in place of a former one of the same subject, and say which.
+
+        How many fits there will be nobody knows: between two shares of the work they show that it goes on.
+
+        Parameters
+        ----------
+        step : Step
+            What it found.
+        """
+        self._steps[step.name, step.subject] = step
+        if step.subject:
+            self._progress(self.share, f"{self.doing} ({step.subject})")
+
+    def save(self, folder: ResultFolder, plant: Plant, record: RunRecord) -> str:
+        """Write the steps, in place of what was kept of a former interrupted run.
+
+        ``steps.json`` comes last: where it is, everything that it names is whole.
+
+        Parameters
+        ----------
+        folder : ResultFolder
+            Of the results; gets the folder ``partial`` with ``steps.json`` and, once there is one,
+            ``base_model.json``.
+        plant : Plant
+            Nominal.
+        record : RunRecord
+            Of this run.
+
+        Returns
+        -------
+        str
+            What was kept and where, in words.
+        """
+        if not self._steps:
+            return f"interrupted while {self.doing}; no step was finished, and nothing was written to {folder.path}"
+        remove_partial(folder)
+        models = [step.model for step in self._steps.values() if step.model is not None]
+        for model in models:
+            folder.save(f"{FOLDER}/{BASE_MODEL}", model.save)
+        written = [*([BASE_MODEL] if models else []), STEPS]
+        document = self._document(plant, record.finished([f"{FOLDER}/{name}" for name in written]))
+        folder.text(f"{FOLDER}/{STEPS}", json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+        former = "; diagnosis.json beside it is of a former run" if (folder.path / "diagnosis.json").exists() else ""
+        return (
+            f"interrupted while {self.doing}; there is no verdict, but {folder.path / FOLDER} keeps what was finished: "
+            f"{self._listed()} ({', '.join(written)}){former}"
+        )
+
+    def _document(self, plant: Plant, run: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "schema": SCHEMA,
+            "finished": False,
+            "note": NOTE,
+            "interrupted": {"share": self.share, "doing": self.doing},
+            "output": {"name": plant.rig.output_name, "unit": amplitude_unit(plant.rig.output_unit)[0]},
+            "steps": [
+                {
+                    "step": step.name,
+                    **({"subject": step.subject} if step.subject else {}),
+                    **({"model": BASE_MODEL} if step.model is not None else {}),
+                    "result": dict(step.result),
+                }
+                for step in self._steps.values()
+            ],
+            "run": run,
+        }
+
+    def _listed(self) -> str:
+        """The steps by name; of fits their number."""
+        fits = sum(step.name == "fit" for step in self._steps.values())
+        counted = {"fit": f"{fits} fits with effects" if fits > 1 else "1 fit with effects"}
+        return ", ".join(dict.fromkeys(counted.get(step.name, step.name) for step in self._steps.values()))
+
+
+def holds_only_partial(folder: Path) -> bool:
+    """Whether a folder holds what was kept of an interrupted run, and nothing else.
+
+    Parameters
+    ----------
+    folder : path
+        Of the results; may be absent.
+
+    Returns
+    -------
+    bool
+        True where a further run, which puts its own in that place, can take nothing away that was finished.
+    """
+    if folder.is_symlink() or (folder / FOLDER).is_symlink():
+        return False
+    held = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
+    return {FOLDER} <= held <= {FOLDER, f"{FOLDER}/{STEPS}", f"{FOLDER}/{BASE_MODEL}"}
+
+
+def remove_partial(folder: ResultFolder) -> None:
+    """Remove what was kept of an interrupted run; other files are left alone.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        Of the results.
+    """
+    place = folder.path / FOLDER
+    for name in (STEPS, BASE_MODEL):
+        (place / name).unlink(missing_ok=True)
+    if place.is_dir() and not any(place.iterdir()):
+        place.rmdir()

@@ -1,0 +1,284 @@
+"""The figures of a diagnosis: each drawn, and its data as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.plant.amplitudes import axis_label
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import COLOURS, draw, inline
+from deatwin.studies.report.tracks import envelope
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch import Diagnosis
+
+__all__ = ["Drawing", "drawings"]
+
+Array = np.ndarray
+INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+PER_DECADE = 20
+"""Points of a smoothed spectrum."""
+ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """What all figures are drawn from."""
+
+    tracks: tuple[Stretch, ...]
+    amendment: str
+    unit: str
+    reading: str
+    command: str
+    time: str
+    noise: float
+    located: Mapping[str, Any]
+
+    @property
+    def models(self) -> list[tuple[str, str, str]]:
+        """Attribute of a track, label and colour of each simulation."""
+        base = ("base", "calibrated plant", BEFORE)
+        return [base, ("amended", f"with {self.amendment}", AFTER)] if self.amendment else [base]
+
+
+def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, Array]]]:
+    """Draw the figures of a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Without evidence there is nothing to draw.
+
+    Returns
+    -------
+    list of Drawing
+        In the order of the page.
+    dict of str to dict of str to ndarray
+        Columns of each CSV file.
+    """
+    if diagnosis.evidence is None:
+        return [], {}
+    unit = diagnosis.output["unit"]
+    tracks = laid_out(diagnosis.evidence, unit)
+    record = diagnosis.evidence.experiments[0].recordings[0]
+    shown = "µm" if unit == "um" else unit
+    input_unit = f" ({record.input_units[0]})" if record.input_units[0] not in ("", "1") else ""
+    view = _View(
+        tracks=tracks,
+        amendment=_amendment(diagnosis) if tracks[0].amended is not None else "",
+        unit=shown,
+        reading=f"{diagnosis.output['name']} ({shown})" if shown else diagnosis.output["name"],
+        command=f"{record.input_names[0].replace('_', ' ')}{input_unit}",
+        time="time (s)" if tracks[-1].experiment == 1 else "time, experiments one after another (s)",
+        noise=diagnosis.noise,
+        located=diagnosis.locate,
+    )
+    suffix = f"_{unit}" if unit else ""
+    spectrum = _spectrum(view, suffix)
+    files = {"figures/time.csv": _time_columns(view, suffix), "figures/frequency.csv": spectrum}
+    return [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view), _whole(view)], files
+
+
+def _amendment(diagnosis: Diagnosis) -> str:
+    """What was built in, short enough for a legend."""
+    names = [cause.effect.replace("_", " ") for cause in diagnosis.causes]
+    if not names and diagnosis.free_form is not None:
+        return "the free form"
+    return " and ".join(names) if 0 < len(names) < 3 else "the amendments"
+
+
+def _residual(view: _View) -> Drawing:
+    """Residual over time, without and with the amendment, on the same scale."""
+    rows = len(view.models)
+    with draw((6.4, 2.0 + 1.2 * rows)) as figure:
+        panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        for axes, (name, label, colour) in zip(panels, view.models, strict=True):
+            for track in view.tracks:
+                axes.plot(*envelope(track.axis, track.measured - getattr(track, name)), color=colour, linewidth=0.7)
+            axes.set_title(label, loc="left", fontsize="medium", color=colour)
+            axes.axhline(0, color=INK, linewidth=0.6)
+            _shade(axes, view)
+        figure.supylabel(axis_label("measured − simulated", view.unit), fontsize="medium")
+        panels[-1].set_xlabel(view.time)
+        handles = panels[0].get_legend_handles_labels()
+        if handles[0]:
+            figure.legend(*handles, loc="outside upper left", ncols=2)
+        svg = inline(figure, "residual", "Residual over time")
+    caption = "Measured minus simulated reading. Grey: samples that no fit saw."
+    if any("located" in text for text in handles[1]):
+        caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
+    return Drawing(name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv")
+
+
+def _shade(axes: Axes, view: _View) -> None:
+    label = "unseen"
+    for track in view.tracks:
+        for first, last in stretches_of_true(track.unseen):
+            end = track.axis[last - 1] + track.sample_time
+            axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
+            label = "_unseen"
+    windows = view.located.get("time") or []
+    if view.tracks[-1].experiment > 1:  # the windows do not say of which experiment they are
+        return
+    label = "located"
+    for window in windows:
+        strength = 0.32 * min(1.0, max(0.1, float(window["score"])))
+        axes.axvspan(window["from_s"], window["to_s"], color=MARK, alpha=strength, linewidth=0, label=label)
+        label = "_located"
+
+
+def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
+    frequency, *densities = columns
+    with draw((6.4, 3.6)) as figure:
+        axes = figure.add_subplot()
+        for (_, label, colour), density in zip(view.models, densities, strict=False):
+            axes.plot(frequency, density, color=colour, label=label, linewidth=1.4)
+        floor = view.noise * np.sqrt(2 * view.tracks[0].sample_time)
+        axes.axhline(floor, color=INK, linestyle=":", label="sensor noise")
+        low, high = frequency[0], frequency[-1]
+        for band in view.located.get("frequency") or []:
+            if band["to_Hz"] > low:
+                axes.axvspan(max(band["from_Hz"], low), min(band["to_Hz"], high), color=MARK, alpha=0.18, linewidth=0)
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlabel="frequency (Hz)",
+            ylabel=axis_label("residual", f"{view.unit}/√Hz" if view.unit else "1/√Hz"),
+            xlim=(low, high),
+        )
+        _plain_numbers(axes)
+        figure.legend(loc="outside upper left", ncols=3)
+        svg = inline(figure, "frequency", "Residual over frequency")
+    caption = "Amplitude spectral density of the residual. Ochre: bands above the sensor's noise."
+    return Drawing(
+        name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
+    )
+
+
+def _plain_numbers(axes: Axes) -> None:
+    """0.1, 1 and 10 instead of powers; also 2 and 5 of each decade where the axis is short."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 300 else (1.0,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _spectrum(view: _View, suffix: str) -> dict[str, Array]:
+    """Welch's estimate over all records long enough, averaged in bins even on a logarithmic axis."""
+    from scipy.signal import welch
+
+    longest = max(track.measured.size for track in view.tracks)
+    segment = min(4096, longest // 2)
+    used = [track for track in view.tracks if track.measured.size >= segment]
+    columns: dict[str, Array] = {}
+    for name, _, _ in view.models:
+        total: Array | float = 0.0
+        for track in used:
+            frequency, density = welch(
+                track.measured - getattr(track, name), 1 / track.sample_time, nperseg=segment, detrend=False
+            )
+            total = total + density * track.measured.size
+        weight = sum(track.measured.size for track in used)
+        columns["frequency_Hz"], smooth = _smooth(frequency[1:], np.asarray(total)[1:] / weight)
+        columns[f"{name}{suffix}_per_sqrtHz"] = np.sqrt(smooth)
+    return columns
+
+
+def _smooth(frequency: Array, density: Array) -> tuple[Array, Array]:
+    bins = np.round(PER_DECADE * np.log10(frequency)).astype(int)
+    _, place, counts = np.unique(bins, return_inverse=True, return_counts=True)
+    return np.bincount(place, frequency) / counts, np.bincount(place, density) / counts
+
+
+def _zoom(view: _View) -> Drawing:
+    """The stretch in which the base plant is furthest off, with its residual and the command below."""
+    track, first, last = _worst(view.tracks)
+    part = slice(first, last)
+    with draw((6.4, 4.6)) as figure:
+        upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.3))
+        upper.plot(track.clock[part], track.measured[part], ".", markersize=2.5, color=MEASURED, label="measured")
+        for name, label, colour in view.models:
+            simulated = getattr(track, name)[part]
+            upper.plot(track.clock[part], simulated, color=colour, label=label, linewidth=1.4)
+            middle.plot(track.clock[part], track.measured[part] - simulated, color=colour, linewidth=0.9)
+        middle.axhline(0, color=INK, linewidth=0.6)
+        upper.set_ylabel(view.reading)
+        middle.set_ylabel(axis_label("residual", view.unit))
+        lower.step(track.clock[part], track.command[part], where="post", color=INK)
+        lower.set(xlabel="time (s)", ylabel=view.command)
+        figure.align_ylabels()
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        svg = inline(figure, "zoom", "Recording and simulations, a stretch of it")
+    which = "unseen" if track.unseen[part].any() else "fitted"
+    caption = f"The stretch of the {which} part in which the calibrated plant is furthest off."
+    if view.tracks[-1].experiment > 1:
+        caption += f" Experiment {track.experiment}."
+    return Drawing(name="zoom", title="A closer look", caption=caption, svg=svg, data="figures/time.csv")
+
+
+def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
+    """Stretch, first and last-plus-one sample of the stretch with the largest residual, of the unseen part."""
+    best: tuple[float, Stretch, int, int] | None = None
+    has_unseen = any(track.unseen.any() for track in candidates)
+    for track in candidates:
+        n = track.measured.size
+        width = min(n, max(ZOOM_SAMPLES, round(n * ZOOM_SHARE)))
+        square = (
+            np.where(track.unseen, (track.measured - track.base) ** 2, 0)
+            if has_unseen
+            else (track.measured - track.base) ** 2
+        )
+        sums = np.concatenate([[0.0], np.cumsum(square)])
+        means = (sums[width:] - sums[:-width]) / width
+        first = int(np.argmax(means))
+        if best is None or means[first] > best[0]:
+            best = float(means[first]), track, first, first + width
+    if best is None:
+        raise ValueError("no track")
+    return best[1:]
+
+
+def _whole(view: _View) -> Drawing:
+    with draw((6.4, 4.0)) as figure:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+        for place, track in enumerate(view.tracks):
+
+            def label(text: str, place: int = place) -> str:
+                return text if place == 0 else f"_{text}"
+
+            upper.plot(*envelope(track.axis, track.measured), color=MEASURED, label=label("measured"), linewidth=2.2)
+            for name, text, colour in view.models:
+                upper.plot(*envelope(track.axis, getattr(track, name)), color=colour, label=label(text), linewidth=0.7)
+            lower.plot(*envelope(track.axis, track.command), color=INK, linewidth=0.7)
+        upper.set_ylabel(view.reading)
+        lower.set(xlabel=view.time, ylabel=view.command)
+        figure.align_ylabels()
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
+        svg = inline(figure, "whole", "The whole recording and the simulations")
+    caption = "All recordings with free-run simulations: only the command is given to them."
+    return Drawing(name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv")
+
+
+def _time_columns(view: _View, suffix: str) -> dict[str, Array]:
+    """Every sample of every record, readings rounded to what a sensor could tell."""
+    scale = max(float(np.ptp(track.measured)) for track in view.tracks) or 1.0
+    digits = max(0, 6 - int(np.floor(np.log10(scale))))
+    columns = {
+        "experiment": np.concatenate([np.full(t.clock.size, t.experiment) for t in view.tracks]),
+        "time_s": np.concatenate([t.clock for t in view.tracks]).round(9),
+        "command": np.concatenate([t.command for t in view.tracks]).round(9),
+        "unseen": np.concatenate([t.unseen for t in view.tracks]).astype(int),
+    }
+    for name in ("measured", *(name for name, _, _ in view.models)):
+        columns[f"{name}{suffix}"] = np.concatenate([getattr(t, name) for t in view.tracks]).round(digits)
+    return columns

@@ -1,0 +1,60 @@
+"""Where a result comes from, as the end of its page says."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+from deatwin.studies.provenance import RunRecord
+
+__all__ = ["Origin"]
+
+LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
+"""Options that change where results go and what is said, not the results; and how many words follow each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a result comes from, as far as equal runs share it.
+
+    Parameters
+    ----------
+    inputs : sequence of dict
+        ``file`` and ``sha256`` of each input.
+    seed : int
+        Of everything random.
+    command : sequence of str
+        The command line; empty where there was none.
+    """
+
+    inputs: Sequence[Mapping[str, str]]
+    seed: int
+    command: Sequence[str] = ()
+
+    @classmethod
+    def of(cls, record: RunRecord) -> Origin:
+        """That of a run.
+
+        Parameters
+        ----------
+        record : RunRecord
+            Made when the run started.
+        """
+        return cls(inputs=record.inputs, seed=record.seed, command=record.command)
+
+    @property
+    def shown(self) -> str:
+        """The command line as one may type it again, without what leaves the results as they are."""
+        words = list(self.command)
+        kept = [PurePath(word).name for word in words[:1]]
+        place = 1
+        while place < len(words):
+            name = words[place].split("=")[0]
+            if name not in LEFT_OUT:
+                kept.append(words[place])
+            elif "=" not in words[place]:
+                place += LEFT_OUT[name]
+            place += 1
+        return shlex.join(kept)

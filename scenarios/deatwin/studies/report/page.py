@@ -1,0 +1,103 @@
+"""The page of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from deatwin.plant.amplitudes import reported_size
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.report.figures import drawings
+from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.quantities import with_interval
+from deatwin.studies.report.rendering import write_page
+from deatwin.studies.report.steps import forms, noise_source, parameters, step_drawings, verification
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch import Diagnosis
+
+__all__ = ["write_report"]
+
+LEAST_SHARE = 0.05
+"""A stretch of time with less of the mismatch is not listed."""
+MOST_LINES = 6
+
+
+def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> None:
+    """Write ``report.html`` and the data of its figures.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        Where to.
+    diagnosis : Diagnosis
+        With its evidence, if there is any.
+    origin : Origin
+        For the end of the page.
+    """
+    figures, files = drawings(diagnosis)
+    for name, columns in files.items():
+        folder.csv(name, columns)
+    steps, tables = step_drawings(diagnosis)
+    for name, table in tables.items():
+        folder.text(name, table)
+    unit = diagnosis.output["unit"]
+    write_page(
+        folder,
+        "diagnosis.html.j2",
+        [*figures, *filter(None, steps.values())],
+        origin,
+        diagnosis=diagnosis,
+        unit="µm" if unit == "um" else unit,
+        figures={figure.name: figure for figure in figures},
+        steps=steps,
+        noise_source=noise_source(diagnosis),
+        parameters=parameters(diagnosis),
+        forms=forms(diagnosis),
+        verified=verification(diagnosis.verification),
+        causes=_causes(diagnosis),
+        candidates=_candidates(diagnosis),
+        located=_located(diagnosis.locate),
+    )
+
+
+def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of causes: one for each parameter."""
+    rows = []
+    for cause in diagnosis.causes:
+        values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in cause.parameters.items()}
+        rows.append({"cause": cause, "parameters": values, "rows": max(1, len(values))})
+    return rows
+
+
+def _located(found: Mapping[str, Any]) -> dict[str, list[Any]]:
+    """The entries worth a line: the file has them all."""
+    windows = [w for w in found.get("time") or [] if w["score"] >= LEAST_SHARE]
+    regions = sorted(found.get("region") or [], key=lambda r: -abs(r["mean_residual"]))
+    return {
+        "time": windows,
+        "frequency": list(found.get("frequency") or [])[:MOST_LINES],
+        "response": list(found.get("response") or [])[:MOST_LINES],
+        "region": regions[:MOST_LINES],
+        "place": list(found.get("place") or []),
+    }
+
+
+def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of candidates, the best on unseen data first."""
+    evidence = diagnosis.evidence
+    if evidence is None:
+        return []
+    size = reported_size(diagnosis.output["unit"], evidence.experiments[0].recordings[0].output_units[0])
+    chosen = {cause.effect for cause in diagnosis.causes}
+    rows = [
+        {
+            "effects": " + ".join(c.effects) or "none: the calibrated plant",
+            "fitted": c.fitted / size,
+            "unseen": c.unseen / size,
+            "d2": c.d2,
+            "chosen": set(c.effects) == chosen,
+        }
+        for c in evidence.candidates
+    ]
+    return sorted(rows, key=lambda row: row["unseen"])

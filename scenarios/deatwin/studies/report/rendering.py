@@ -1,0 +1,102 @@
+"""Pages: each one HTML file that needs nothing else, with the data of its figures inside."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+from collections.abc import Iterable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from deatwin.ident.mismatch.say import risk
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import versions
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.svg import COLOURS
+
+__all__ = ["LARGEST", "packed", "write_page"]
+
+LARGEST = 4_500_000
+"""Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
+REST = 300_000
+"""Bytes of a page beside its figures and their data, at most."""
+
+
+def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing], origin: Origin, **shown: Any) -> None:
+    """Write ``report.html``.
+
+    Parameters
+    ----------
+    folder : ResultFolder
+        Where to; it holds the data of the figures already.
+    template : str
+        Name of the page's template.
+    drawings : iterable of Drawing
+        All figures of the page.
+    origin : Origin
+        For the end of the page.
+    **shown
+        What the template shows.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("deatwin.studies.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = three_digits
+    environment.filters["risk"] = risk
+    script = files("deatwin.studies.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
+    figures = list(drawings)
+    page = environment.get_template(template).render(
+        **shown,
+        origin=origin,
+        versions=versions(),
+        colours=COLOURS,
+        script=script,
+        script_hash=_hash(script),
+        data=packed(folder.path, figures),
+    )
+    folder.text("report.html", page)
+
+
+def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
+    """The data of figures, compressed, as far as a page has room for them.
+
+    Parameters
+    ----------
+    folder : path
+        With the files.
+    drawings : iterable of Drawing
+        Of the page.
+
+    Returns
+    -------
+    dict of str to str
+        By the files' names: gzip in base 64.
+    """
+    figures = list(drawings)
+    names = dict.fromkeys(name for figure in figures for name in figure.files)
+    texts = {
+        name: base64.b64encode(gzip.compress((folder / name).read_bytes(), mtime=0)).decode("ascii") for name in names
+    }
+    room = LARGEST - REST - sum(len(figure.svg.encode()) for figure in figures)
+    kept = set()
+    for name in sorted(texts, key=lambda name: len(texts[name])):
+        room -= len(texts[name])
+        if room < 0:
+            break
+        kept.add(name)
+    return {name: text for name, text in texts.items() if name in kept}
+
+
+def _hash(script: str) -> str:
+    """That by which the page's policy allows its one script."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

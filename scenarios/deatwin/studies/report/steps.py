@@ -1,0 +1,206 @@
+"""The steps of a diagnosis, each as its result draws itself and as rows of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from deatwin.ident.mismatch.gate.noise import NoiseSource
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.quantities import quantity, three_digits, with_interval
+from deatwin.studies.report.svg import draw
+from deatwin.studies.report.tabulated import drawn_table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from deatwin.ident.mismatch import Diagnosis, Evidence
+
+__all__ = ["forms", "noise_source", "parameters", "step_drawings", "verification"]
+
+STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
+WIDTH = 6.4
+ROW = 0.3
+"""Height of a row of a figure that has one for each part, in inches."""
+
+
+def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict[str, str]]:
+    """Draw the result of each step that was taken.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Without evidence there is nothing to draw.
+
+    Returns
+    -------
+    dict of str to Drawing or None
+        By step; None of those that were not taken.
+    dict of str to str
+        Text of each CSV file: what is drawn.
+    """
+    found: dict[str, Drawing | None] = dict.fromkeys(STEPS)
+    tables: dict[str, str] = {}
+    evidence = diagnosis.evidence
+    if evidence is None:
+        return found, tables
+    for step, (size, title, caption, into) in _drawable(evidence).items():
+        with draw(size) as figure:
+            into(figure)
+            found[step] = drawing = Drawing.of(figure, step, title, caption)
+            tables[drawing.data] = drawn_table(figure)
+    return found, tables
+
+
+Drawable = tuple[tuple[float, float], str, str, Callable[["Figure"], object]]
+
+
+def _drawable(evidence: Evidence) -> dict[str, Drawable]:
+    """Size, title and caption of each step's figure, and what draws it."""
+    found: dict[str, Drawable] = {}
+    if (checked := evidence.checked) is not None:
+        found["checked"] = (
+            (WIDTH, 3.2),
+            "The readings",
+            "As recorded, with whatever was found in them.",
+            lambda figure: checked.plot(figure.add_subplot()),
+        )
+    if (detection := evidence.detection) is not None:
+        found["detection"] = (
+            (WIDTH, 8.4),
+            "Beyond chance",
+            "Spectrum, cumulated periodogram and correlations of the calibrated plant's residual, beside what chance "
+            "allows.",
+            lambda figure: detection.plot(list(figure.subplots(3, 1))),
+        )
+    if (location := evidence.location) is not None:
+        found["region"] = (
+            (WIDTH, 3.6),
+            "The operating region",
+            "Mean residual over each signal, from its lowest to its highest value.",
+            lambda figure: location.region.plot(figure.add_subplot()),
+        )
+        found["place"] = (
+            (WIDTH, 4.2),
+            "Signals that predict the mismatch",
+            "Share of the mismatch that an unknown function of the signals at each place predicts, before any effect "
+            "is tried.",
+            lambda figure: location.place.plot(figure.add_subplot()),
+        )
+        if (lines := location.lines) is not None:
+            found["lines"] = (
+                (WIDTH, 3.4),
+                "Lines of the periodic input",
+                "The mismatch on its lines and between them.",
+                lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
+            )
+    if (discovery := evidence.discovery) is not None:
+        found["free_form"] = (
+            (WIDTH, 4.0),
+            "The free form",
+            "A description of what is missing, not physics: force against state.",
+            lambda figure: discovery.plot(figure.add_subplot()),
+        )
+    if (advice := evidence.advice) is not None:
+        found["advice"] = (
+            (WIDTH, 4.4),
+            "The next experiment",
+            "The input, and what the rivals predict for it.",
+            lambda figure: advice.plot(figure.add_subplot()),
+        )
+    if (held := evidence.verification) is not None:
+        rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
+        found["verification"] = (
+            (WIDTH, 1.3 + ROW * rows),
+            "On data that no fit saw",
+            "Free runs before and after; without each effect, the rest fitted anew; and with each effect's shams in "
+            "its place, which must not do as well.",
+            lambda figure: held.plot(figure.add_subplot()),
+        )
+    return found
+
+
+def noise_source(diagnosis: Diagnosis) -> str:
+    """Where the noise floor is known from, in words; empty where the file does not say.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With its detection.
+
+    Returns
+    -------
+    str
+    """
+    name = str(diagnosis.detect.get("noise_source") or "").upper()
+    return NoiseSource[name].value if name in NoiseSource.__members__ else ""
+
+
+def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of the calibrated base plant.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With its parameters.
+
+    Returns
+    -------
+    list of dict
+    """
+    rows = []
+    for name, fitted in diagnosis.parameters.items():
+        value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
+        interval = "undetermined" if fitted.undetermined else interval
+        before = "" if fitted.nominal is None else quantity(fitted.nominal, fitted.unit)
+        rows.append({"name": name, "before": before, "value": value, "interval": interval, "at_bound": fitted.at_bound})
+    return rows
+
+
+def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Rows of the table of the ways to read the rig file, the chosen one first.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        With its forms.
+
+    Returns
+    -------
+    list of dict
+        Empty where the file's own reading had no rival.
+    """
+    if len(diagnosis.forms) < 2:
+        return []
+    rows = []
+    for place, form in enumerate(diagnosis.forms):
+        read = ", ".join(f"{name} = {value}" for name, value in form["form"].items())
+        rows.append({**form, "read": read or "as the rig file says", "chosen": place == 0})
+    return rows
+
+
+def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[str, Any]]]:
+    """Rows of the tables of the verification.
+
+    Parameters
+    ----------
+    found : mapping or None
+        The field of ``diagnosis.json``.
+
+    Returns
+    -------
+    dict of str to sequence of mapping
+        ``transfer``, ``ablation``, ``shams`` and ``constancy``; empty without a verification.
+    """
+    if found is None:
+        return {"transfer": [], "ablation": [], "shams": [], "constancy": []}
+    shams = [
+        {**sham, "shown": sham["skipped"] if sham["share"] is None else f"{three_digits(100 * sham['share'])} %"}
+        for sham in found["shams"]
+    ]
+    return {
+        "transfer": found["transfer"],
+        "ablation": found["ablation"],
+        "shams": shams,
+        "constancy": found.get("constancy", []),  # former versions did not look
+    }

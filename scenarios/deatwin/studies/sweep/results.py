@@ -1,0 +1,158 @@
+"""The results of a study: one by one, or as one table of arrays."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.replacing import replacing
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore, read_seal
+
+if TYPE_CHECKING:
+    import xarray
+
+__all__ = ["CASE_SCHEMA", "Study", "open_study"]
+
+CASE_SCHEMA = "deatwin/study-case/1"
+DATASET_SCHEMA = "deatwin/study/1"
+ERROR = "error"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Study:
+    """Cases that have been run.
+
+    Parameters
+    ----------
+    store : CaseStore
+        With their files.
+    names : tuple of str
+        Their names, in order.
+    """
+
+    store: CaseStore[SweepSeal]
+    names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __iter__(self) -> Iterator[Mapping[str, Any]]:
+        """Each case with its ``result``, or with its ``error``."""
+        return map(self.store.get, self.names)
+
+    @property
+    def failures(self) -> dict[str, str]:
+        """Messages of the cases that ended in an error, by name."""
+        return {found["name"]: found[ERROR] for found in self if ERROR in found}
+
+    def discard_failures(self) -> None:
+        """Remove the cases that ended in an error: the next run runs them again."""
+        self.store.discard(self.failures)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """All results along the dimension ``case``.
+
+        Needs xarray (the extra ``files``). What a case is made of are coordinates. Of a case that failed numbers are
+        NaN and texts are empty, and its message is in the variable ``error``.
+
+        Returns
+        -------
+        xarray.Dataset
+
+        Raises
+        ------
+        DataError
+            If xarray is not installed, a result has arrays of several shapes, or is text here and number there.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise DataError('results as an array need xarray: pip install "xarray>=2024.6"') from None
+        found = list(self)
+        results = [each.get("result", {}) for each in found]
+        coords = {
+            key: ("case", _column(key, [each["case"].get(key) for each in found]))
+            for key in _keys(each["case"] for each in found)
+        }
+        variables: dict[str, Any] = {}
+        for key in _keys(results):
+            column = _column(key, [result.get(key) for result in results])
+            variables[key] = (("case", *(f"{key}_{axis}" for axis in range(column.ndim - 1))), column)
+        messages = _column(ERROR, [each.get(ERROR, "") for each in found])
+        attributes = {"schema": DATASET_SCHEMA, "seal": self.store.seal.hash}
+        attributes["sealed"] = json.dumps(dict(self.store.seal.parts), ensure_ascii=False)
+        if ERROR in variables or (both := set(coords) & set(variables)):
+            name = ERROR if ERROR in variables else min(both)
+            raise DataError(f"a result is called {name}, as something else is already: rename it in the work function")
+        return xarray.Dataset(
+            {**variables, ERROR: ("case", messages)}, coords={"case": list(self.names), **coords}, attrs=attributes
+        )
+
+    def to_netcdf(self, path: Path | str) -> None:
+        """Write `to_xarray` into one NetCDF file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file; needs h5netcdf (the extra ``files``).
+
+        Raises
+        ------
+        DataError
+            As `to_xarray`, or if it cannot be written.
+        """
+        with replacing(path) as half:
+            self.to_xarray().to_netcdf(half, engine="h5netcdf")
+
+
+def open_study(folder: Path | str) -> Study:
+    """The study in a folder: all cases that are through, in the order of their names.
+
+    Parameters
+    ----------
+    folder : path
+        That `run_study` was given.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    DataError
+        If it holds no study.
+    """
+    store = CaseStore(folder, read_seal(SweepSeal, folder))
+    return Study(store=store, names=tuple(sorted(store.names())))
+
+
+def _keys(rows: Any) -> list[str]:
+    """All keys, in the order in which they first come."""
+    return list(dict.fromkeys(key for row in rows for key in row))
+
+
+def _column(key: str, values: list[Any]) -> np.ndarray[Any, Any]:
+    """One value a case; where there is none, NaN or an empty text."""
+    there = [value for value in values if value is not None]
+    if any(isinstance(value, str) for value in there):
+        if not all(isinstance(value, str) for value in there):
+            raise DataError(f"{key} is a text in some cases and a number in others")
+        return np.array(["" if value is None else value for value in values], dtype=object)
+    if there and len(there) == len(values) and not isinstance(there[0], list):
+        return np.array(values)
+    arrays = [np.asarray(value, dtype=float) for value in there]  # null inside an array is NaN
+    shapes = sorted({array.shape for array in arrays})
+    if len(shapes) > 1:
+        raise DataError(f"{key} has arrays of several shapes, {shapes[0]} and {shapes[1]}: bring them to one")
+    whole = np.full((len(values), *(shapes[0] if shapes else ())), np.nan)
+    for number, value in enumerate(values):
+        if value is not None:
+            whole[number] = np.asarray(value, dtype=float)
+    return whole

@@ -1,0 +1,199 @@
+"""The running of a sweep: in parallel, killed and gone on with at any time, no case lost and none repeated."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
+from multiprocessing import current_process
+from typing import Any, TypeVar
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.interrupts import obey
+from deatwin.studies.interrupts import heard
+from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.timeleft import TimeLeft
+
+__all__ = ["run_sweep"]
+
+Case = TypeVar("Case")
+Tell = Callable[[float, str], None]
+
+PARENT = os.getppid()
+"""Of a worker process: who wants its results."""
+WATCH = 0.5
+"""A worker looks so often whether its master still lives, s."""
+MOST_DEATHS = 4
+"""A case that was being run so many times when its worker died is given up."""
+TOGETHER = 2
+"""From so many on it is run alone, so that no other case dies with it."""
+DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
+"""Errors of loky and of dask that say that a worker died, by name: dask need not be there."""
+
+
+def run_sweep(
+    work: Callable[[Case], Mapping[str, Any]],
+    cases: Mapping[str, Case],
+    store: CaseStore[Any],
+    *,
+    jobs: int | None = None,
+    tell: Tell = lambda share, text: None,
+    noun: str = "case",
+    efforts: Mapping[str, float] | None = None,
+) -> None:
+    """Run every case that has no result yet.
+
+    The user's ``joblib.parallel_config`` decides where: no backend is set here. The worker that runs a case writes its
+    result. A case whose worker dies is run again; one that is through is never run again, whoever asks for it.
+
+    Parameters
+    ----------
+    work : callable
+        Takes a case and returns its result as plain data. Importable by name, so that worker processes find it.
+    cases : mapping of str to case
+        All cases by name, in the order in which they are to be run.
+    store : CaseStore
+        For the results.
+    jobs : int, optional
+        Worker processes: 1 runs in this one, -1 takes all cores; by default what ``joblib.parallel_config`` says, or 1.
+    tell : callable
+        Takes the share that is done and a text with the time left.
+    noun : str
+        What a case is called in it.
+    efforts : mapping of str to float, optional
+        By case, how long it takes in comparison with others; 1 where nothing is said.
+
+    Raises
+    ------
+    DataError
+        If another process is running these cases, or a case ends its worker again and again.
+    KeyboardInterrupt
+        With a line that says what is through and where.
+    Exception
+        What `work` raises; the cases that are through keep their results.
+    """
+    with store.alone():
+        progress = _Progress(cases, store.missing(list(cases)), tell, noun, efforts or {})
+        try:
+            _run_all(work, cases, store, jobs, progress)
+        except KeyboardInterrupt:
+            through = len(cases) - len(store.missing(list(cases)))
+            raise KeyboardInterrupt(
+                f"interrupted: {through} of {len(cases)} {noun}s are through and stay in {store.cases}; the same call "
+                "goes on with the others"
+            ) from None
+
+
+def _run_all(
+    work: Callable[[Case], Mapping[str, Any]],
+    cases: Mapping[str, Case],
+    store: CaseStore[Any],
+    jobs: int | None,
+    progress: _Progress,
+) -> None:
+    """Run turn by turn until nothing is missing; after a death those that were being run have to wait."""
+    deaths: Counter[str] = Counter()
+    while missing := store.missing(list(cases)):
+        progress.only(missing)
+        fewest = min(deaths[name] for name in missing)
+        if fewest >= MOST_DEATHS:
+            raise DataError(
+                f"{store.cases}: the worker died each of {fewest} times that it ran {_listed(missing)} (memory?); all "
+                "other cases are through"
+            )
+        turn = [name for name in missing if deaths[name] == fewest]
+        turn = turn[:1] if fewest >= TOGETHER else turn
+        try:
+            for name in _turn(work, ((name, cases[name]) for name in turn), store, jobs):
+                progress.through(name)
+        except Exception as error:
+            if not any(kind.__name__ in DEATHS for kind in type(error).__mro__):
+                raise
+            deaths.update(store.left_running() or turn)
+        else:
+            if absent := store.missing(turn):
+                raise DataError(
+                    f"{store.cases}: nothing was written of {_listed(absent)}, though it was run: do all workers see "
+                    "this folder?"
+                )
+    progress.only([])
+
+
+def _turn(
+    work: Callable[[Case], Mapping[str, Any]],
+    cases: Iterable[tuple[str, Case]],
+    store: CaseStore[Any],
+    jobs: int | None,
+) -> Iterator[str]:
+    """Run cases, and give the name of each as soon as it is through."""
+    from joblib import Parallel, delayed
+
+    tasks = (delayed(_one)(work, store, name, case) for name, case in cases)
+    with closing(Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks)) as stream:
+        yield from stream
+
+
+def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
+    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently.
+
+    What a fit makes of Ctrl-C, its best so far, is no result of a case.
+    """
+    from threadpoolctl import threadpool_limits
+
+    _end_with_master()
+    if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
+        with store.running(name), threadpool_limits(1), heard():
+            result = work(case)
+            obey()
+            store.put(name, result)
+    return name
+
+
+_watched = threading.Lock()
+
+
+def _end_with_master() -> None:
+    """End this worker soon after its master was killed: else it would run on against the workers of a new run."""
+    if os.name == "nt" or current_process().name == "MainProcess" or not _watched.acquire(blocking=False):
+        return
+
+    def watch() -> None:
+        while os.getppid() == PARENT:
+            time.sleep(WATCH)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True, name="deatwin-master-watch").start()
+
+
+class _Progress:
+    """What is told while a sweep runs: the share by effort, the count, and the time left."""
+
+    def __init__(
+        self, cases: Mapping[str, Any], missing: list[str], tell: Tell, noun: str, efforts: Mapping[str, float]
+    ) -> None:
+        self.tell, self.noun, self.efforts = tell, noun, efforts
+        self.count, self.total = len(cases), sum(efforts.get(name, 1.0) for name in cases)
+        self.left = {name: efforts.get(name, 1.0) for name in missing}
+        self.todo = self.to_come = sum(self.left.values())
+        self.time_left = TimeLeft()
+        self.time_left.tell(0.0)
+        if cases:
+            tell(1.0 - self.todo / self.total, f"{noun} {self.count - len(missing)} of {self.count}")
+
+    def only(self, missing: list[str]) -> None:
+        """Count as through whatever is not missing: of some the news was lost with a worker."""
+        for name in self.left.keys() - set(missing):
+            self.through(name)
+
+    def through(self, name: str) -> None:
+        self.to_come -= self.left.pop(name, 0.0)
+        self.time_left.tell(1.0 - self.to_come / self.todo if self.todo else 1.0)
+        text = f"{self.noun} {self.count - len(self.left)} of {self.count}, {self.time_left.text}"
+        self.tell(1.0 - self.to_come / self.total, text)
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -1,0 +1,299 @@
+"""Results of cases on the disk: one file each, whole or absent, under one seal."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import write_text_atomic
+from deatwin.plant.intake import clipped
+from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
+from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.lock import alone
+from deatwin.studies.sweep.seal import Sealed
+
+__all__ = ["CaseStore", "read_seal"]
+
+SEAL_FILE = "seal.json"
+RUNNING = "running"
+FORMER = ".json"
+SIDE_BY_SIDE = 2000
+"""Up to so many cases lie in one folder; more are spread."""
+GRACE = 1.0
+"""Workers of a run that was killed end within this time, s."""
+SHARDS = tuple(f"{number:02x}" for number in range(256))
+NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,199}")
+
+S = TypeVar("S", bound=Sealed)
+
+
+class CaseStore(Generic[S]):
+    """The cases of a sealed sweep.
+
+    Any number of processes may write into it. A case is a NetCDF file in the folder ``cases``; where there are to
+    be many, they are spread over 256 folders in it, ``00`` to ``ff``, by the first digits of the SHA-256 of their
+    names.
+
+    Parameters
+    ----------
+    folder : path
+        Of the sweep. On a cluster all workers must see it under this path.
+    seal : Sealed
+        Of the sweep as it is to be run now. It is written if the folder has none.
+    cases : str
+        Name of the folder for the cases.
+    expected : int
+        How many cases are to come: it decides whether those of a new folder are spread.
+
+    Raises
+    ------
+    DataError
+        If the folder was begun under another seal, or holds cases but no seal.
+    """
+
+    def __init__(self, folder: Path | str, seal: S, *, cases: str = "cases", expected: int = 0) -> None:
+        self.seal, self.folder = seal, Path(folder).absolute()
+        self.cases = self.folder / cases
+        self.cases.mkdir(parents=True, exist_ok=True)
+        self.spread = (self.cases / SHARDS[0]).is_dir()
+        path = self.folder / SEAL_FILE
+        if path.exists():
+            seal.require_same(read_seal(type(seal), folder), Path(folder))
+        else:
+            self.adopt()
+            if expected > SIDE_BY_SIDE and not self.spread:
+                for shard in reversed(SHARDS):  # the first comes last: it tells that all are there
+                    (self.cases / shard).mkdir(exist_ok=True)
+                self.spread = True
+            write_text_atomic(path, json.dumps(seal.to_dict(), indent=1) + "\n")
+        self.sealed_as = path.read_text(encoding="utf-8")
+
+    def adopt(self) -> None:
+        """Look at what a folder without a seal holds.
+
+        Raises
+        ------
+        DataError
+            If it holds cases.
+        """
+        if self.names():
+            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}: what they were run under cannot be known")
+
+    def put(self, name: str, result: Mapping[str, Any]) -> None:
+        """Write the result of a case; one that is there already is left as it is.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+        result : mapping
+            Plain data: mappings with texts as keys, lists, texts, numbers, truth values, None. All is read back as it
+            was.
+
+        Raises
+        ------
+        DataError
+            If the folder has been sealed anew since, or the file cannot be written.
+        """
+        if self._sealed_as() != self.sealed_as:
+            raise DataError(f"{self.folder}: sealed anew since this case was begun; its result is not written")
+        path = self.path(name)
+        if path.exists():
+            return
+        write_case(path, {**self.seal.stamp(name), **result})
+
+    def get(self, name: str) -> dict[str, Any]:
+        """Read the result of a case.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+
+        Returns
+        -------
+        dict
+            What was written, and ahead of it what the seal stamps.
+
+        Raises
+        ------
+        DataError
+            If there is none, it is damaged or no file of a case, or it was run under another seal.
+        """
+        path = self.path(name)
+        found = read_case(path)
+        stamped = {key: found.get(key) for key in self.seal.stamp(name)}
+        if stamped != self.seal.stamp(name):
+            raise DataError(f"{path}: this case was run under another seal than {SEAL_FILE} states")
+        return found
+
+    def has(self, name: str) -> bool:
+        """Whether a case is through.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+
+        Returns
+        -------
+        bool
+        """
+        return self.path(name).exists()
+
+    def names(self) -> set[str]:
+        """The cases that are through.
+
+        Raises
+        ------
+        DataError
+            If there are JSON files, which former versions wrote.
+        """
+        found: set[str] = set()
+        for folder in self._folders():
+            with os.scandir(folder) as entries:
+                there = [entry.name for entry in entries if entry.name[0] != "."]
+            if any(file.endswith(FORMER) for file in there):
+                raise DataError(
+                    f"{folder} holds cases as JSON files, as former versions wrote them: go on with the version that "
+                    "began it, or take an empty folder"
+                )
+            found.update(file.removesuffix(CASE_ENDING) for file in there if file.endswith(CASE_ENDING))
+        return found
+
+    def missing(self, names: Sequence[str]) -> list[str]:
+        """The cases that are not through.
+
+        Parameters
+        ----------
+        names : sequence of str
+            All cases.
+
+        Returns
+        -------
+        list of str
+            In the same order.
+        """
+        through = self.names()
+        return [name for name in names if name not in through]
+
+    def discard(self, names: Iterable[str]) -> None:
+        """Remove results: the cases are run again when the sweep is gone on with.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Of the cases.
+        """
+        for name in names:
+            self.path(name).unlink(missing_ok=True)
+
+    def path(self, name: str) -> Path:
+        """The file of a case.
+
+        Parameters
+        ----------
+        name : str
+            Of the case: letters, digits and ``_ . + -``, 200 at most, no dot in front.
+
+        Returns
+        -------
+        path
+
+        Raises
+        ------
+        DataError
+            If a file cannot bear the name.
+        """
+        if not NAME.fullmatch(name):
+            raise DataError(f"a case cannot be called {name!r}: letters, digits and _ . + - only, 200 at most")
+        folder = self.cases / hashlib.sha256(name.encode()).hexdigest()[:2] if self.spread else self.cases
+        return folder / f"{name}{CASE_ENDING}"
+
+    @contextmanager
+    def running(self, name: str) -> Iterator[None]:
+        """Note that a case is being run; of a worker that was killed the note stays.
+
+        Parameters
+        ----------
+        name : str
+            Of the case.
+        """
+        note = self.folder / RUNNING / name
+        note.parent.mkdir(exist_ok=True)
+        note.touch()
+        try:
+            yield
+        finally:
+            note.unlink(missing_ok=True)
+
+    def left_running(self) -> list[str]:
+        """The cases that were being run when their worker was killed; the notes of them are removed."""
+        notes = [note for note in (self.folder / RUNNING).glob("*") if note.name[0] != "."]
+        for note in notes:
+            note.unlink(missing_ok=True)
+        return [note.name for note in notes]
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep a second run off the folder, and clear away what a killed one left.
+
+        Raises
+        ------
+        DataError
+            If another process is running this sweep.
+        """
+        with alone(self.folder / RUNNING):
+            if self.left_running():
+                time.sleep(GRACE)
+            for folder in self._folders():
+                with os.scandir(folder) as entries:
+                    halves = [e.path for e in entries if e.name[0] == "." and f"{CASE_ENDING}." in e.name]
+                for half in halves:
+                    with suppress(OSError):
+                        os.unlink(half)
+            yield
+
+    def _folders(self) -> list[Path]:
+        return [self.cases / shard for shard in SHARDS] if self.spread else [self.cases]
+
+    def _sealed_as(self) -> str:
+        try:
+            return (self.folder / SEAL_FILE).read_text(encoding="utf-8")
+        except OSError:
+            return ""
+
+
+def read_seal(kind: type[S], folder: Path | str) -> S:
+    """The seal of a folder.
+
+    Parameters
+    ----------
+    kind : type
+        Of the seal.
+    folder : path
+        Of a sweep.
+
+    Returns
+    -------
+    Sealed
+
+    Raises
+    ------
+    DataError
+        If it has none, or it is damaged or was altered.
+    """
+    path = Path(folder) / SEAL_FILE
+    found = read_object(path, "the seal of a study; a study is sealed before its first case")
+    try:
+        return kind.from_dict(found)
+    except DataError as error:
+        raise DataError(f"{path}: {clipped(error, 400)}") from None

@@ -1,0 +1,191 @@
+"""What a command says: lines for people, JSON for machines, progress as a bar or, off a terminal, in lines."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+from deatwin.studies.timeleft import TimeLeft
+
+__all__ = ["PlainProgress", "Progress", "Voice", "complain"]
+
+Progress = Callable[[float, str], None]
+EVERY = 30.0
+"""Off a terminal a line of progress comes so often, s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Voice:
+    """How much a command says, and in which form.
+
+    Parameters
+    ----------
+    as_json : bool
+        The result goes to stdout as JSON and nothing else does.
+    quiet : bool
+        Neither lines nor progress; the progress of a command goes to stderr, beside the JSON as well.
+    """
+
+    as_json: bool = False
+    quiet: bool = False
+
+    def __post_init__(self) -> None:
+        if self.quiet:
+            logging.getLogger("deatwin").setLevel(logging.ERROR)
+
+    def say(self, text: str) -> None:
+        """Print a line for people.
+
+        Parameters
+        ----------
+        text : str
+            The line; it is not broken.
+        """
+        if not (self.as_json or self.quiet):
+            print(text)
+
+    def result(self, data: Mapping[str, Any]) -> None:
+        """Print the result for machines, if asked for.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data.
+        """
+        if self.as_json:
+            print(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
+
+    @contextmanager
+    def progress(self, title: str) -> Iterator[Progress]:
+        """A bar on stderr with the time left; where stderr is no terminal, a plain line from time to time.
+
+        Parameters
+        ----------
+        title : str
+            Shown until the first step names itself.
+
+        Yields
+        ------
+        callable
+            Takes the share that is done, from 0 to 1, and what is being done. It raises KeyboardInterrupt if Ctrl-C
+            came and has not ended the work.
+        """
+        from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
+
+        with self._shown(title) as show:
+
+            def tell(share: float, text: str = "") -> None:
+                obey()
+                show(share, text)
+
+            yield tell
+
+    @contextmanager
+    def _shown(self, title: str) -> Iterator[Progress]:
+        if self.quiet:
+            yield lambda share, text: None
+            return
+        if not sys.stderr.isatty():
+            with _lines(PlainProgress(title)) as plain:
+                yield plain.tell
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+        from rich.progress import Progress as Bar
+
+        left = TimeLeft()
+        description, remaining = TextColumn("{task.description}"), TextColumn("{task.fields[left]}")
+        columns = (description, BarColumn(), TaskProgressColumn(), remaining)
+        with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+            task = bar.add_task(title, total=1.0, left=left.text)
+
+            def show(share: float, text: str) -> None:
+                left.tell(share)
+                told = "" if text.endswith(" left") else left.text
+                bar.update(task, completed=share, description=text or title, left=told)
+
+            yield show
+
+
+class PlainProgress:
+    """Progress in lines, for files and pipes: what is being done, the share that is done, the time left.
+
+    Parameters
+    ----------
+    title : str
+        Shown until the first step names itself.
+    clock : callable
+        Gives the time in s.
+    """
+
+    def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._title, self._left = title, TimeLeft(clock)
+        self._share, self._doing = 0.0, title
+
+    def tell(self, share: float, text: str = "") -> None:
+        """Take how far the work is.
+
+        Parameters
+        ----------
+        share : float
+            That is done, from 0 to 1.
+        text : str
+            What is being done.
+        """
+        self._left.tell(share)
+        self._share, self._doing = share, text or self._title
+
+    @property
+    def line(self) -> str:
+        """One line, without control characters."""
+        doing = "".join(c if c.isprintable() else " " for c in self._doing)
+        parts = [" ".join(doing.split()), f"{100 * self._share:.0f} % done"]
+        if not doing.endswith(" left"):  # a study knows better how long its cases take, and says so
+            parts.append(self._left.text)
+        return ", ".join(parts)
+
+
+def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
+    """Print a line of progress on stderr again and again.
+
+    Parameters
+    ----------
+    progress : PlainProgress
+        Gives the lines.
+    wait : callable
+        Waits so many seconds; True when the work has ended.
+    """
+    while not wait(EVERY):
+        with suppress(OSError, ValueError):  # whoever listened is gone: the work goes on
+            print(progress.line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _lines(progress: PlainProgress) -> Iterator[PlainProgress]:
+    """Print lines beside the work: a step of it may take long."""
+    ended = threading.Event()
+    printer = threading.Thread(target=print_lines, args=(progress, ended.wait), daemon=True, name="deatwin-progress")
+    printer.start()
+    try:
+        yield progress
+    finally:
+        ended.set()
+        printer.join()
+
+
+def complain(text: str) -> None:
+    """Print one error line.
+
+    Parameters
+    ----------
+    text : str
+        What was wrong, where, and what would be right.
+    """
+    print(f"error: {' '.join(text.split())}", file=sys.stderr)

@@ -1,0 +1,143 @@
+"""The study of concealed effects as it runs: what its seal holds, an interruption, and a tiny study that is killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deatwin.app.cli import main
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.concealed_physics import study as running
+from deatwin.scenarios.concealed_physics.opened import open_key
+from deatwin.scenarios.concealed_physics.seal import Seal, thresholds
+from deatwin.scenarios.concealed_physics.store import Store
+
+TINY_SEED = 1001
+
+
+# --- the seal -------------------------------------------------------------------------------------------------------
+
+
+def test_thresholds_are_the_constants_of_the_engine() -> None:
+    from deatwin.ident.mismatch import excess
+
+    found = thresholds()
+    assert found["deatwin.ident.mismatch.excess.SIGNIFICANCE"] == excess.SIGNIFICANCE
+    assert all(name.startswith(("deatwin.ident.mismatch.", "deatwin.ident.greybox.")) for name in found)
+
+
+def test_a_moved_threshold_changes_the_seal(monkeypatch: pytest.MonkeyPatch) -> None:
+    from deatwin.ident.mismatch import excess
+
+    before = Seal.of("tiny", 0, {})
+    monkeypatch.setattr(excess, "SIGNIFICANCE", 0.5)
+    after = Seal.of("tiny", 0, {})
+    assert after.hash != before.hash
+    with pytest.raises(DataError, match=r"thresholds \(deatwin.ident.mismatch.excess.SIGNIFICANCE\)"):
+        after.require_same(before, Path("there"))
+
+
+# --- running --------------------------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_study_keeps_what_is_done_and_repeats_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+    told: list[tuple[float, str]] = []
+
+    def fake(each: Any, *lengths: float) -> dict[str, Any]:
+        if len(calls) == 5:
+            calls.append("interrupt")
+            raise KeyboardInterrupt
+        calls.append(each.name)
+        if each.kind == "pair":
+            raise ValueError("a pair\nthat fails")
+        return {"status": "done", "odd": float("nan")}
+
+    monkeypatch.setattr(running, "examine", fake)
+    monkeypatch.setattr(running, "cover", fake)
+    with pytest.raises(KeyboardInterrupt):
+        running.carry_out(tmp_path, "tiny", 2, 1, lambda *_: None)
+    assert len(list((tmp_path / "cases").glob("*.nc"))) == 5
+    store = running.carry_out(tmp_path, "tiny", 2, 1, lambda share, text: told.append((share, text)))
+    names = [each.name for each in running.labels("tiny", 2)]
+    assert sorted(c for c in calls if c != "interrupt") == sorted(names)
+    assert store.missing(names) == []
+    pair = store.get(next(name for name in names if name.startswith("pair")))
+    assert (pair["status"], pair["message"]) == ("error", "ValueError: a pair that fails")
+    assert store.get(next(name for name in names if name.startswith("clean")))["odd"] is None
+    shares = [share for share, _ in told[1:]]
+    assert shares == sorted(shares) and shares[0] > 0.1 and shares[-1] == pytest.approx(1.0)
+    assert "left" in told[-1][1]
+
+
+def test_an_interrupt_that_became_an_error_is_no_result(
+    mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "examine", mistaken)
+    clean = next(each for each in running.labels("tiny", 2) if each.kind == "clean")
+    with pytest.raises(KeyboardInterrupt):
+        running.run_case("tiny", clean)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "words"), [("concealed-physics", "tinny", 'did you mean "tiny"'), ("vhb4910", "tiny", "one size")]
+)
+def test_a_size_that_there_is_not_is_an_error_of_one_line(
+    name: str, size: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["scenario", name, "--size", size]) == 1
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1
+
+
+def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
+    command = [
+        "scenario",
+        "concealed-physics",
+        "--size",
+        "tiny",
+        "--seed",
+        str(TINY_SEED),
+        "--jobs",
+        "2",
+        "--out",
+        str(tmp_path),
+        "--quiet",
+    ]
+    program = [sys.executable, "-c", "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"]
+    first = subprocess.Popen([*program, *command], start_new_session=True)
+    while len(list((tmp_path / "cases").glob("*.nc"))) < 4 and first.poll() is None:
+        time.sleep(0.2)
+    os.killpg(first.pid, signal.SIGKILL)
+    first.wait()
+    before = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.nc")}
+    seal = (tmp_path / "seal.json").read_bytes()
+    assert len(before) >= 4
+
+    assert main(command) == 0
+    names = [each.name for each in running.labels("tiny", TINY_SEED)]
+    after = {path.name: path.read_bytes() for path in (tmp_path / "cases").glob("*.nc")}
+    assert set(after) == {f"{name}.nc" for name in names}  # nothing lost
+    assert {name: after[name] for name in before} == before  # nothing repeated
+    assert (tmp_path / "seal.json").read_bytes() == seal
+
+    result = json.loads((tmp_path / "concealed-physics.json").read_text(encoding="utf-8"))
+    assert result["cases"] == 12
+    assert result["failures"] == {}
+    assert result["seal"] == json.loads(seal)["hash"]
+    assert result["seal"] in (tmp_path / "report.html").read_text(encoding="utf-8")
+    alarms = next(g for g in result["goals"] if g["measure"].startswith("false alarm"))
+    assert (alarms["value"], alarms["count"]) == (0.0, 3)
+    opened = open_key(Store.opened(tmp_path), json.loads((tmp_path / "key.json").read_text(encoding="utf-8")))
+    assert not any(case.confidently_wrong for case in opened.cases)
+    # What was concealed is found: cases of one effect have 2.8 times the noise. Of four at least two must hold it.
+    assert sum(case.inside for case in opened.of("effect", ratio=0.5)) >= 2

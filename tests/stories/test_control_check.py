@@ -1,0 +1,414 @@
+"""The story of the check: its trials on the disk, its rates, and each of its measures on hand-made studies."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.control.checking.specification import Verdict
+from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.stability.margins import Margins
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.fleet import Actuator
+from deatwin.plant.simulate import RunStatus
+from deatwin.scenarios import control_check
+from deatwin.scenarios.concealed_physics.rates import least
+from deatwin.scenarios.control_check import record, trials
+from deatwin.scenarios.control_check import study as running
+from deatwin.scenarios.control_check.matters import Achieved, Interval, Matter, Matters
+from deatwin.scenarios.control_check.promises import kept, promises
+from deatwin.scenarios.control_check.rates import Rate, broken, caught, in_words, inside, sound
+from deatwin.scenarios.control_check.record import Trials, name_of
+from deatwin.scenarios.control_check.study import Study
+from deatwin.scenarios.control_check.tables import tables, trials_csv, verdicts_seen
+from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
+from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, try_one
+from deatwin.scenarios.control_check.verdicts import judge
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import STORIES, Setting
+from deatwin.studies.sweep.casefile import decode, encode
+
+H = 0.02
+PASS, MARGINAL, FAIL = Verdict.PASS, Verdict.MARGINAL, Verdict.FAIL
+
+# Trials --------------------------------------------------------------------------------------------------------------
+
+
+def outcome(number=0, verdict="pass", inside=1.0, sound=True, *, design="LQG", concealed="") -> Outcome:
+    return Outcome(
+        number=number,
+        concealed=concealed,
+        design=design,
+        closed_loop_time=0.2,
+        band_Hz=2.0,
+        verdict=verdict,
+        reason="a reason, with a comma",
+        inside=inside,
+        sound=sound,
+        truth="steps overshoot by 2 %",
+    )
+
+
+def put(trials: Trials, one: Outcome) -> None:
+    trials.put(name_of(one.number), one.to_dict())
+
+
+@pytest.mark.parametrize(
+    "one", [outcome(3), outcome(4, NO_MODEL, None, None), outcome(5, "marginal", 0.987654321, False)]
+)
+def test_an_outcome_comes_back_from_its_file(tmp_path: Path, one: Outcome) -> None:
+    trials = Trials(tmp_path, seed=7)
+    put(trials, one)
+    assert trials.outcomes([one.number]) == (one,)
+    assert Outcome.from_dict(one.to_dict()) == one
+
+
+def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = Trials(tmp_path, seed=0)
+    for number in (0, 2):
+        put(first, outcome(number))
+    assert first.missing([name_of(number) for number in range(4)]) == ["001", "003"]
+    run = []
+
+    def fake(number, seed):
+        run.append((number, seed))
+        return outcome(number, "fail", sound=False)
+
+    monkeypatch.setattr(running, "try_one", fake)
+    told = []
+    found = running._trials(tmp_path, 4, 0, 1, lambda share, text: told.append((share, text)))
+    assert run == [(1, 0), (3, 0)]
+    assert [o.verdict for o in found] == ["pass", "fail", "pass", "fail"]
+    assert [share for share, _ in told] == pytest.approx([0.5, 0.75, 1.0])
+    assert [text.split(",")[0] for _, text in told] == ["trial 2 of 4", "trial 3 of 4", "trial 4 of 4"]
+
+
+def test_trials_of_another_seed_are_refused_before_any_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(Trials(tmp_path, seed=1), outcome(0))
+    monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
+    with pytest.raises(DataError, match=r"another seal \(seed: 1 there, 0 now\)"):
+        running._trials(tmp_path, 4, 0, 1, lambda *_: None)
+
+
+def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    put(Trials(tmp_path, seed=0), outcome(0))
+    monkeypatch.setattr(record, "_digest", lambda: "another")
+    with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, \"another\" now\)"):
+        Trials(tmp_path, seed=0)
+
+
+@pytest.mark.parametrize("file", ["000.nc", "000.json"])
+def test_trials_without_a_seal_are_refused(tmp_path: Path, file: str) -> None:
+    (tmp_path / "trials").mkdir()
+    (tmp_path / "trials" / file).write_bytes(b"{}")
+    with pytest.raises(DataError, match=r"holds cases (but no seal|as JSON files, as former versions wrote them)"):
+        Trials(tmp_path, seed=0)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: b"{}",
+        lambda whole: whole.replace(b'"pass"', b'"fail"'),
+        lambda whole: encode({"word" if key == "verdict" else key: value for key, value in decode(whole).items()}),
+        lambda whole: encode({}),
+    ],
+)
+def test_a_malformed_trial_is_one_clear_error(tmp_path: Path, spoil, monkeypatch: pytest.MonkeyPatch) -> None:
+    stored = Trials(tmp_path, seed=0)
+    put(stored, outcome(0))
+    path = tmp_path / "trials" / "000.nc"
+    path.write_bytes(spoil(path.read_bytes()))
+    monkeypatch.setattr(running, "try_one", lambda *_: pytest.fail("a trial was run"))
+    with pytest.raises(DataError, match=r"000\.nc: (.*it must hold|this case was run under another seal)"):
+        running._trials(tmp_path, 4, 0, 1, lambda *_: None)
+
+
+def test_a_trial_that_has_not_been_run_is_said_so(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"002\.nc: this case has not been run"):
+        Trials(tmp_path, seed=0).outcomes([2])
+
+
+def test_a_file_that_is_no_text_is_one_clear_error(tmp_path: Path) -> None:
+    stored = Trials(tmp_path, seed=0)
+    (tmp_path / "trials" / "000.nc").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DataError, match="it must hold the result of a case"):
+        stored.outcomes([0])
+
+
+def test_a_recording_without_a_model_is_an_outcome(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(recording):
+        raise ModelError("no method found a model")
+
+    monkeypatch.setattr(trials, "identified", none)
+    bench = SimpleNamespace(plant=None, concealed=("creep",), recording=None, band_Hz=1.5)
+    monkeypatch.setattr(trials, "random_bench", lambda rng: bench)
+    found = try_one(11, 0)
+    assert (found.number, found.concealed) == (11, "creep")
+    assert (found.verdict, found.reason) == (NO_MODEL, "no method found a model")
+    assert found.inside is None and found.sound is None
+    assert try_one(11, 0) == found != try_one(11, 1)  # what is drawn depends on the seed alone
+
+
+# Rates ---------------------------------------------------------------------------------------------------------------
+
+MIXED = (
+    outcome(0),
+    outcome(1),
+    outcome(2, inside=0.999),
+    outcome(3, inside=None),
+    outcome(4, sound=False),
+    outcome(5, "marginal", 0.5),
+    outcome(6, "marginal", sound=False),
+    outcome(7, "fail", sound=False),
+    outcome(8, "fail", None, None),
+    outcome(9, NO_MODEL, None, None),
+)
+
+
+def test_what_counts_as_kept() -> None:
+    # Passed: 0, 1, 2, 3, 4. One sample outside, or no prediction, is not inside; 4 is inside and not sound.
+    assert inside(MIXED) == Rate(hits=3, count=5)
+    assert sound(MIXED) == Rate(hits=4, count=5)
+    # Unsound: 4, 6, 7. Those without a controller have no truth.
+    assert caught(MIXED) == Rate(hits=2, count=3)
+    assert [o.number for o in broken(MIXED)] == [2, 3, 4]
+
+
+def test_rates_are_written_with_their_exact_bound() -> None:
+    # All of n: the lower bound is 0.05^(1/n).
+    assert least(Rate(hits=20, count=20)) == pytest.approx(0.05 ** (1 / 20), rel=1e-9)
+    assert in_words(Rate(hits=20, count=20)) == "20 of 20, 100 % (with 95 % confidence at least 86 %)"
+    # 89.89 %: a bound that is printed as 90 % would promise more than was shown.
+    assert in_words(Rate(hits=44, count=45)) == "44 of 45, 98 % (with 95 % confidence at least 89 %)"
+    assert in_words(Rate(hits=0, count=0)) == "no trial"
+
+
+def test_the_file_of_trials_has_a_line_each_and_no_stray_comma() -> None:
+    lines = trials_csv(MIXED).splitlines()
+    assert len(lines) == 11
+    assert {line.count(",") for line in lines} == {7}
+    assert lines[3] == "2,none,LQG,0.2,2,pass,0.9990,1"
+    assert lines[10] == "9,none,LQG,0.2,2,no model,,"
+    assert verdicts_seen(MIXED) == ("pass", "marginal", "fail", "no model")
+    assert verdicts_seen(MIXED[:4]) == ("pass", "marginal", "fail")
+
+
+# Hand-made studies ---------------------------------------------------------------------------------------------------
+
+
+def loop(error: float = 1e-6, *, status: RunStatus = RunStatus.DONE, ringing: float = 0.0, seconds: float = 24.0):
+    """A run whose error is a fast square wave of that amplitude, and whose reference steps by 100 µm."""
+    n = round(seconds / H)
+    reference = 2e-4 + 1e-4 * (np.arange(n) // max(n // 4, 1) % 2)
+    swing = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
+    output = reference - error * swing - ringing * swing
+    return ClosedLoop(
+        status=status,
+        timepts=H * np.arange(n),
+        reference=reference,
+        output=output,
+        measured=output,
+        command=np.full(n, 2.5),
+        command_limits=(1.0, 4.0),
+        input_unit="V",
+        output_unit="m",
+    )
+
+
+def tracked(rms: float, phase: float = 80.0) -> Tracked:
+    one = np.ones(1)
+    return Tracked(
+        controller=None,
+        run=loop(rms),
+        margins=Margins(
+            gain=5.0 * one,
+            phase_deg=phase * one,
+            delay=0.3 * one,
+            crossover=3.0 * one,
+            stable=one > 0,
+            disk=one,
+            modulus=one,
+        ),
+    )
+
+
+def tracking(name: str = "nominal rig", *, phase: float = 80.0, **rms: float) -> Tracking:
+    """Micrometres by the initials of PI, inverse, inverse with dynamics, and the two oracles."""
+    errors = {"PI": 50.0, "I": 5.0, "D": 1.0, "oI": 4.0, "oD": 0.8} | rms
+    names = ("PI", "inverse", "inverse with dynamics", "oracle: inverse", "oracle: inverse with dynamics")
+    of = {
+        name: tracked(1e-6 * error, phase if key == "I" else 80.0)
+        for name, (key, error) in zip(names, errors.items(), strict=True)
+    }
+    return Tracking(name=name, tracked=of, residual=2e-6)
+
+
+def six(**spoilt: ClosedLoop) -> tuple[FleetRun, ...]:
+    runs = [
+        FleetRun(actuator=Actuator(name=f"DEA {n}", plant=None, story="ages", seed=(n,)), steps=loop(), tones=loop())
+        for n in range(1, 7)
+    ]
+    return (*runs[:5], replace(runs[5], **spoilt))
+
+
+def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "electrode_rc"):
+    designs = tuple(
+        SimpleNamespace(
+            source=source,
+            controller=SimpleNamespace(name="PI", closed_loop_time=0.4),
+            runs=SimpleNamespace(steps=loop(5e-6)),
+            check=SimpleNamespace(verdict=verdict, reason="the phase margin is 22°"),
+            truth=SimpleNamespace(verdict=verdict, text="steps overshoot by 51 % on the physics plant"),
+        )
+        for source, verdict in (("base", base), ("amended", amended))
+    )
+    causes = [SimpleNamespace(effect=effect)]
+    diagnosis = SimpleNamespace(verdict=SimpleNamespace(value="named"), causes=causes)
+    return SimpleNamespace(effect=effect, designs=designs, at_other_times=(), diagnosis=diagnosis)
+
+
+def matters() -> Matters:
+    known = Matter(
+        name="physics plant",
+        residual=2e-6,
+        bandwidth_Hz=Interval(value=1.0, low=0.9, high=1.1),
+        overshoot=Interval(value=0.02, low=0.01, high=0.04),
+        gain=Interval(value=5.0, low=4.0, high=6.0),
+        rms=Interval(value=8e-6, low=7e-6, high=9e-6),
+        controller=None,
+        steps=None,
+        achieved=Achieved(bandwidth_Hz=1.05, overshoot=0.04, gain=6.5, rms=7.5e-6),
+    )
+    lost = Matter(name="linear ARX", residual=None, reason="the model is unstable")
+    return Matters(models=(lost, known), output_rms=2e-4)
+
+
+GOOD = tuple(outcome(n) for n in range(9)) + tuple(outcome(n, "fail", 0.5, False) for n in range(9, 18))
+
+
+def made(**parts) -> Study:
+    whole = {
+        "tracking": (tracking(), tracking("specification", I=30.0, D=15.0, oI=18.0, oD=14.0)),
+        "fleet": six(),
+        "matters": matters(),
+        "concealed": (concealed(), concealed(PASS, PASS, "creep")),
+        "outcomes": GOOD,
+    }
+    return Study(**(whole | parts))
+
+
+def test_a_study_that_reaches_all() -> None:
+    rows = judge(made())
+    assert len(rows) == 7
+    assert all(row.passed for row in rows)
+    assert rows[0].reached == (
+        "inverse 10.0 times, inverse with dynamics 50.0 times; gain margin 5, phase margin 80° of all three"
+    )
+    assert rows[1].reached == "inverse 1.25 times, inverse with dynamics 1.25 times"
+    assert rows[3].reached == "fail; on the true rig fail: steps overshoot by 51 %"
+    assert rows[5].reached == "9 of 9, 100 % (with 95 % confidence at least 71 %)"  # 0.05^(1/9) = 0.717
+
+
+def spec() -> Tracking:
+    return tracking("specification")
+
+
+@pytest.mark.parametrize(
+    ("row", "parts", "says"),
+    [
+        (0, {"tracking": (tracking(I=11.0, oI=6.0), spec())}, "inverse 4.5 times"),
+        (0, {"tracking": (tracking(phase=81.0), spec())}, "of PI alone, others"),
+        (1, {"tracking": (tracking(D=1.7), spec())}, "with dynamics 2.12 times"),
+        (2, {"fleet": six(tones=loop(status=RunStatus.PULL_IN, seconds=3.0))}, "5 of 6 stable (not DEA 6)"),
+        (2, {"fleet": six(steps=loop(ringing=3e-5))}, "5 of 6 stable (not DEA 6)"),
+        (2, {"fleet": ()}, "0 of 0"),
+        (3, {"concealed": (concealed(PASS, PASS),)}, "pass; on the true rig"),
+        (4, {"concealed": (concealed(FAIL, MARGINAL),)}, "marginal; on the true rig"),
+        (5, {"outcomes": (*GOOD, outcome(18, inside=0.998), outcome(19, inside=None))}, "9 of 11, 82 %"),
+        (5, {"outcomes": GOOD[9:]}, "no trial"),
+        (6, {"outcomes": (*GOOD, outcome(18, sound=False), outcome(19, sound=False))}, "9 of 11, 82 %"),
+        (6, {"outcomes": GOOD[:9]}, "no trial"),
+    ],
+)
+def test_each_measure_can_be_missed(row, parts, says) -> None:
+    rows = judge(made(**parts))
+    assert [not r.passed for r in rows] == [n == row for n in range(7)]
+    assert says in rows[row].reached
+
+
+def test_nine_tenths_are_enough() -> None:
+    nine = (*GOOD, outcome(18, inside=0.9), outcome(19, "pass", sound=False))
+    # 10 of 11 inside, 9 of 10 caught.
+    assert [row.passed for row in judge(made(outcomes=nine))[5:]] == [True, True]
+
+
+def test_promises_are_counted_where_there_is_a_design() -> None:
+    every = promises(matters())
+    assert [p.quantity.key for p in every] == ["bandwidth_Hz", "overshoot", "gain", "rms"]
+    # The ends belong to an interval; the gain margin of 6.5 lies above 6.
+    assert [p.kept for p in every] == [True, True, False, True]
+    assert kept(every) == Rate(hits=3, count=4)
+    assert every[3].achieved == pytest.approx(7.5)  # µm
+    assert every[1].predicted.high == pytest.approx(4.0)  # %
+
+
+def test_tables_are_rectangular() -> None:
+    for table in tables(made(outcomes=MIXED)):
+        assert {len(row) for row in table.rows} <= {len(table.columns)}, table.title
+    cells = [cell for table in tables(made(outcomes=MIXED)) for row in table.rows for cell in row]
+    assert "no design: the model is unstable" in cells
+    assert [row[0] for row in tables(made(outcomes=MIXED))[-1].rows] == ["2", "3", "4"]  # passed, and did not keep it
+    assert len(tables(made())) == len(tables(made(outcomes=MIXED))) - 1
+    assert "6.5" in cells[[c.startswith("5 (4 to 6)") for c in cells].index(True)]
+
+
+def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # It ends before errors count: its rms is infinite.
+    lost = replace(tracked(1e-6), run=loop(status=RunStatus.PULL_IN, seconds=3.0))
+    study = made(outcomes=MIXED)
+    study = replace(
+        study,
+        tracking=(
+            study.tracking[0],
+            replace(study.tracking[1], tracked={**study.tracking[1].tracked, "inverse": lost}),
+        ),
+    )
+    asked = []
+
+    def fake(folder, size, seed, jobs, tell):
+        asked.append((size, seed, jobs))
+        return study
+
+    monkeypatch.setattr(control_check, "carry_out", fake)
+    folder = ResultFolder(tmp_path)
+    result = control_check.run(
+        Setting(folder=folder, data=None, command=("deatwin",), jobs=1, seed=3, progress=lambda *_: None)
+    )
+    assert asked == [("short", 3, 1)]
+    written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+    names = ("tracking", "fleet", "concealed", "models", "trials")
+    assert written == {"report.html", "control-check.json", "run.json", *(f"figures/{n}.csv" for n in names)}
+    text = (tmp_path / "control-check.json").read_text()
+    saved = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert saved["sentence"] == result["sentence"]
+    assert "check passes 5, of which 3 keep inside the predicted band; 3 break a limit" in saved["sentence"]
+    assert saved["tracking"]["specification"]["inverse"]["rms_error"] is None
+    assert saved["rates"]["unsound_not_passed"]["hits"] == 2
+    assert [trial["number"] for trial in saved["trials"]] == list(range(10))
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("<svg") == 5
+    assert ">nan<" not in page and ">inf<" not in page
+
+
+def test_the_story_is_listed_with_its_sizes() -> None:
+    story = STORIES["control-check"]
+    assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
+    assert story.told.endswith(" (short 3 min, standard 15 min, full 55 min; resumes)")
+    with pytest.raises(DataError, match="no size 'shrt'; did you mean"):
+        story.require_size("shrt")
+    assert story.run is control_check.run

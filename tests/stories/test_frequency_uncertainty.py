@@ -1,0 +1,295 @@
+"""The measures of the story on made-up numbers, and its page on actuators whose law is known."""
+
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency.comparison.bands import BandMean
+from deatwin.ident.frequency.comparison.compare import Agreement
+from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.uncertainty.propagate import propagate
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.fleet import TOLERANCES, Actuator, specification
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.scenarios import frequency_uncertainty
+from deatwin.scenarios.frequency_uncertainty import actuators, benchmarks, consistency, speed, spread, study
+from deatwin.scenarios.frequency_uncertainty.actuators import BEGIN, FACTOR, SHARED, STRUCTURE, recorded, tasks
+from deatwin.scenarios.frequency_uncertainty.benchmarks import spectra
+from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, contrast, shares_of
+from deatwin.scenarios.frequency_uncertainty.spread import Spread, departure, spread_of, whitened
+from deatwin.scenarios.frequency_uncertainty.study import Plan
+from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
+
+SAMPLE_TIME = 0.12
+
+
+def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:
+    """A response over a band, known with a circular normal law."""
+    return BandMean(
+        order=1,
+        from_Hz=0.0,
+        to_Hz=0.1,
+        value=np.array([value.real, value.imag]),
+        gradient=np.zeros((2, 1)),
+        scatter=Scatter(scale=variance * np.eye(2), dof=1e9),
+        gain=gain,
+        unit="m/V",
+    )
+
+
+def fleet_of(values: list[complex], variance: float = 0.0) -> Consistency:
+    means = {"steady": {f"DEA {n}": (mean(v, variance),) for n, v in enumerate(values, start=1)}}
+    return Consistency(tables={}, means=means, shares={}, responses={})
+
+
+def test_the_spread_is_that_of_the_actuators_without_the_scatter_of_the_estimates() -> None:
+    values = [2.0, 2.2, 2.0 + 0.2j, 2.2 + 0.2j]
+    # Each part has the variance 0.04/3 about its mean; over a gain of 2.
+    assert fleet_of(values).spread("steady") == pytest.approx([np.sqrt(0.08 / 3) / 2])
+    scatter = 0.004  # of each part
+    assert fleet_of(values, scatter).spread("steady") == pytest.approx([np.sqrt(0.08 / 3 - 2 * scatter) / 2])
+    assert fleet_of([2.0, 2.001], 1.0).spread("steady") == [0.0]
+
+
+def test_what_tolerances_predict() -> None:
+    # A quantity that is uniform within ±a has the standard deviation a/sqrt(3), and independent ones add in squares.
+    shares = shares_of((mean(2.0),), {"thickness": (mean(2.3),), "mass": (mean(2.0 + 0.4j),)})
+    assert shares["thickness"] == pytest.approx([0.15 / np.sqrt(3)])
+    assert shares["mass"] == pytest.approx([0.2 / np.sqrt(3)])
+    assert replace(fleet_of([1.0]), shares=shares).predicted == pytest.approx([0.25 / np.sqrt(3)])
+
+
+def test_a_measured_difference_beside_the_true_one() -> None:
+    # The true one is 0.3j; the measured one has 0.36 of it along, and 0.02 across: 0.06 beside it of 0.0632 in all.
+    true = mean(1.0 + 0.3j), mean(1.0)
+    apart = contrast((mean(1.02 + 0.36j, 5e-4), mean(1.0, 5e-4)), true)
+    assert (apart.true, apart.measured) == pytest.approx((0.15, 0.18))
+    assert apart.error == pytest.approx(np.sqrt(1e-3) / 2)
+    # The squared distance is 0.004 / 0.001 = 4 < 5.99; with half the variance it is 8.
+    assert apart.inside
+    assert not contrast((mean(1.02 + 0.36j, 2.5e-4), mean(1.0, 2.5e-4)), true).inside
+
+
+def test_departure_of_covariances() -> None:
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    reference = (turn @ np.diag([4.0, 0.01]) @ turn.T)[None]
+    # 20 % less along the short axis is what counts, however short it is.
+    other = (turn @ np.diag([4.2, 0.008]) @ turn.T)[None]
+    assert departure(reference, other) == pytest.approx(0.2)
+    np.testing.assert_allclose(np.linalg.eigvalsh(whitened(reference, other)), [[0.8, 1.05]])
+    flat = (turn @ np.diag([4.0, 0.0]) @ turn.T)[None]
+    assert departure(flat, 1.1 * flat) == pytest.approx(0.1)
+
+
+def drawn(model: NarxModel, scale: float, seed: int) -> Spread:
+    """Draws of a response that is linear in its parameters, from a covariance that is off by a factor."""
+    omega = 2 * np.pi * np.linspace(0.02, 0.4, 10)
+    found = spread_of("case", model, partial(gfrf, order=1, omega=omega), np.random.default_rng(seed))
+    draws = found.sampled.values + scale * (found.sampled.draws - found.sampled.values)
+    return replace(found, sampled=replace(found.sampled, draws=draws))
+
+
+def test_a_covariance_that_is_off_is_seen() -> None:
+    # b1 z^-1 + b2 z^-2 is linear in its parameters: the law is exact, and the band holds with a probability of 99 %.
+    theta_cov = np.array([[1e-4, 5e-5], [5e-5, 4e-4]])
+    model = replace(NarxModel.from_terms({"u(k-1)": 1.0, "u(k-2)": 0.5}, sample_time=1.0), theta_cov=theta_cov)
+    right = drawn(model, 1.0, 0)
+    assert right.strict.all() and right.largest < right.allowed
+    assert right.held == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 20_000))
+    # A variance 6 % too large is 6 % over sqrt(2/20000), 6 of its standard errors; the band is 3.6 of them wide.
+    wrong = drawn(model, np.sqrt(1.06), 0)
+    assert wrong.largest > wrong.allowed > 3
+    assert wrong.ratio == pytest.approx(1.06, abs=0.05)
+
+
+def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spread, "DRAWS", 200)
+    first, second, third = spectra(CASES[BILINEAR], (0,))
+    lines = [np.round(each.propagated.frequency_Hz * 64).astype(int).tolist() for each in (first, second, third)]
+    # Harmonics 3 to 8: the first order has these, the second sums and differences, the third sums of three.
+    assert lines[0] == list(range(3, 9))
+    assert set(lines[1]) == {a + s * b for a in range(3, 9) for b in range(3, 9) for s in (1, -1) if a + s * b > 0}
+    assert max(lines[2]) == 24 and min(lines[2]) == 1
+    np.testing.assert_allclose(first.propagated.values, first.sampled.values)
+    spread_over = np.sqrt(np.trace(second.sampled.covariance, axis1=1, axis2=2))
+    predicted = np.sqrt(np.trace(second.propagated.covariance, axis1=1, axis2=2))
+    # The standard deviation of 200 draws is known to 1/sqrt(400), or so; four times that.
+    np.testing.assert_allclose(spread_over, predicted, rtol=0.2)
+
+
+def test_who_shares_what() -> None:
+    found = {key: one for key, (one, _) in tasks(3, 4).items()}
+    groups = {group: [one for (its, _), one in found.items() if its == group] for group, _ in found}
+    assert {group: len(every) for group, every in groups.items()} == {
+        "fleet": 6,
+        "steady": 6,
+        "level": 6,
+        "repeats": 4,
+        "shared": len(SHARED),
+        "tolerances": len(TOLERANCES),
+        "specification": 1,
+    }
+    for one, other in zip(groups["fleet"], groups["steady"], strict=True):
+        assert one.seed == other.seed and other.plant.effect_names == ("hysteresis",)
+    assert len({one.seed for one in groups["level"]}) == 1
+    assert all(one.plant is groups["repeats"][0].plant for one in groups["repeats"])
+    assert len({one.seed for one in groups["repeats"]}) == 4
+    made = {one.plant.rig.thickness for one in groups["shared"]}
+    assert made == {specification().rig.thickness}  # type: ignore[attr-defined]
+    seeds = [one.seed for group in ("fleet", "repeats", "shared") for one in groups[group]]
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_one_quantity_at_the_end_of_its_tolerance() -> None:
+    wished = specification()
+    for (group, name), (one, _) in tasks(0, 1).items():
+        if group != "tolerances":
+            continue
+        known = {n: parameter.value for n, parameter in wished.parameters.items() if parameter.value != 0}
+        values = {n: one.plant.parameters[n].value / value for n, value in known.items()}
+        rig = {n: getattr(one.plant.rig, n) / getattr(wished.rig, n) for n in TOLERANCES if hasattr(wished.rig, n)}
+        off = {n: factor for n, factor in (values | rig).items() if abs(factor - 1) > 1e-12}
+        assert off == pytest.approx({name: 1 + TOLERANCES[name].share})
+
+
+def test_what_is_compared_begins_after_the_start() -> None:
+    class Fake:
+        def excitation(self, duration: float) -> float:
+            return duration
+
+        def record(self, duration: float) -> Experiment:
+            n = round(duration / 0.02)
+            return Experiment(recordings=(Recording.from_arrays(np.arange(n), np.arange(n), 0.02),))
+
+    record = recorded(Fake(), 90.0)  # type: ignore[arg-type]
+    assert record.sample_time == pytest.approx(0.02 * FACTOR)
+    assert record.start == pytest.approx(BEGIN)
+    np.testing.assert_array_equal(record.inputs[0], np.arange(round(BEGIN / 0.02), 4500, FACTOR))
+
+
+def polynomial(actuator: Actuator, duration: float) -> Recording:
+    """An actuator whose law is among the terms: its gain is that of a thinner film, and histories make it drift."""
+    rng = np.random.default_rng(actuator.seed)
+    n = round(duration / SAMPLE_TIME)
+    u = 2.4 + np.convolve(rng.uniform(-1.4, 1.4, n + 4), np.ones(5) / 2.2, "valid")
+    noise = 2e-6 * rng.standard_normal(n)
+    thin = specification().rig.thickness / actuator.plant.rig.thickness  # type: ignore[attr-defined]
+    histories = set(actuator.plant.effect_names) - {"hysteresis", "electrode_loss"}
+    gain = thin**4 * (1 + (0.4 if histories else 0.0) * np.linspace(-0.5, 0.5, n))
+    y = np.zeros(n)
+    y[0] = 1.2e-3
+    for k in range(1, n):
+        y[k] = 0.6 * y[k - 1] + gain[k] * (1e-4 * u[k] ** 2 - 3e-5 * u[k - 1] ** 2 + 1e-5 * u[k] ** 3) + noise[k]
+    return Recording.from_arrays(u, y, SAMPLE_TIME, input_units=("V",), output_units=("m",))
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The story on polynomials, with few draws."""
+    monkeypatch.setattr(study, "recorded", polynomial)
+    monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
+    for module, name, less in (
+        (spread, "DRAWS", 500),
+        (speed, "DRAWS", 500),
+        (speed, "CHUNKS", 3),
+        (speed, "LOOP", 3),
+        (benchmarks, "SURFACE", 9),
+        (consistency, "ORDERS", (1, 2)),
+        (consistency, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
+    ):
+        monkeypatch.setattr(module, name, less)
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
+    told: list[tuple[float, str]] = []
+    setting = Setting(
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
+        progress=lambda share, text: told.append((share, text)),
+    )
+    result = frequency_uncertainty.run(setting)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    figures = (
+        "complex",
+        "plane",
+        "gain_phase",
+        "higher_orders",
+        "spectra",
+        "law",
+        "fleet",
+        "pairs",
+        "spread",
+        "truth",
+        "p_values",
+    )
+    assert page.count("<figure>") == page.count("<svg ") == len(figures)
+    for figure in figures:
+        assert (tmp_path / f"figures/{figure}.csv").is_file() and f"figures/{figure}.csv" in page
+    assert json.loads((tmp_path / "frequency-uncertainty.json").read_text(encoding="utf-8")) == result
+    rows = {row["measure"]: row["passed"] for row in result["measures"]}
+    assert f"{sum(rows.values())} of {len(rows)} measures reached" in page
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] <= 1
+
+    steady, recorded_ = result["tables"]["steady"], result["tables"]["fleet"]
+    gains = {n: 1 / one.plant.rig.thickness**4 for (g, n), (one, _) in tasks(0, 1).items() if g == "steady"}
+    first = [d for d in steady["differences"] if d["order"] == 1]
+    for d in first:
+        # H_1 is proportional to the film's gain; the noise lets 1 % of it be seen.
+        expected = abs(gains[d["first"]] - gains[d["second"]]) / np.sqrt(
+            (gains[d["first"]] ** 2 + gains[d["second"]] ** 2) / 2
+        )
+        assert d["size"] == pytest.approx(expected, abs=0.01)
+        assert (d["agreement"] == "different") == (d["adjusted"] < steady["level"])
+    assert any(d["agreement"] == "different" for d in first)
+    assert not any(d["drifts"] for d in steady["drifts"])
+    assert {d["name"] for d in recorded_["drifts"] if d["drifts"]} == {f"DEA {n}" for n in range(1, 6)}
+    # What the tolerance of the thickness predicts of a gain that goes with its fourth power, to first order.
+    share = TOLERANCES["thickness"].share
+    assert result["spread"]["predicted"] == pytest.approx([abs((1 + share) ** -4 - 1) / np.sqrt(3)] * 4, rel=0.05)
+
+
+def test_the_structure_is_set_beforehand() -> None:
+    texts = {str(term) for term in STRUCTURE}
+    assert len(texts) == 16 and {"1", "y(k-1)", "u(k)^3", "u(k)u(k-1)^2"} <= texts
+    assert not any(text.count("y(k-1)") > 1 or "y(k-1)^" in text for text in texts)
+    assert actuators.BANDS[0][0] == 0 and actuators.BANDS[-1][1] == actuators.INPUT_BAND[1]
+
+
+def test_linear_cases_are_propagated_as_they_are() -> None:
+    # The response of the linear system is b(z)/a(z); its covariance by finite differences of that.
+    model = CASES[LINEAR].identify(np.random.default_rng(0))
+    found = propagate(model, CASES[LINEAR].response(1))
+    z = np.exp(1j * CASES[LINEAR].omega(1))
+
+    def response(theta: np.ndarray) -> np.ndarray:
+        a1, a2, b1, b2 = theta
+        return (b1 / z + b2 / z**2) / (1 - a1 / z - a2 / z**2)
+
+    steps = 1e-6 * np.eye(4)
+    slopes = np.array([(response(model.theta + s) - response(model.theta - s)) / 2e-6 for s in steps]).T
+    parts = np.stack([slopes.real, slopes.imag], axis=1)
+    np.testing.assert_allclose(found.covariance, parts @ model.theta_cov @ parts.swapaxes(1, 2), rtol=1e-6, atol=1e-12)
+
+
+def test_agreements_are_counted_by_column() -> None:
+    kinds = ("DIFFERENT", "ALIKE", "DRIFT", "DIFFERENT", "DIFFERENT", "ALIKE")
+    table = SimpleNamespace(
+        differences=[SimpleNamespace(agreement=Agreement[kind]) for kind in kinds],
+        pairs=("ab", "ac", "bc"),
+        columns=(1, 2),
+    )
+    shares = consistency.share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
+    np.testing.assert_allclose(shares, [2 / 3, 1 / 3])

@@ -1,0 +1,101 @@
+"""The lessons' closed forms against independent ones, and the page on few experiments."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import norm
+
+from deatwin.scenarios import regression_lessons
+from deatwin.scenarios.regression_lessons import constraint, occam, shrinkage, variance, verdicts
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
+
+
+@pytest.mark.parametrize("name", shrinkage.RULES)
+@pytest.mark.parametrize("size", [0.0, 0.7, 3.0])
+def test_risk_is_the_integral_of_the_squared_error(name: str, size: float) -> None:
+    level = 1.3
+    expected, _ = quad(
+        lambda z: float((shrinkage.rule(name, np.array(z), level) - size) ** 2 * norm.pdf(z - size)),
+        -10,
+        14,
+        points=[-level, level],
+        limit=200,
+    )
+    found = shrinkage._risk(name, np.array(size), level)
+    assert float(found) == pytest.approx(expected, abs=1e-7)  # of the quadrature
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_minimum_on_a_constraint_is_that_of_a_grid(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((2, 2))
+    gram, least, size = root @ root.T + 0.1 * np.eye(2), 3 * rng.standard_normal(2), 0.8
+    angle = np.linspace(-np.pi, np.pi, 200_001)
+    circle = size * np.array([np.cos(angle), np.sin(angle)])
+    diamond = circle / np.abs(circle).sum(axis=0) * size
+    for edge, found in (
+        (circle, constraint._on_circle(gram, least, size)),
+        (diamond, constraint._on_diamond(gram, least, size)),
+    ):
+        errors = np.einsum("in,ij,jn->n", edge - least[:, None], gram, edge - least[:, None])
+        own = float((found - least) @ gram @ (found - least))
+        assert own <= errors.min() + 1e-12
+        assert own == pytest.approx(errors.min(), rel=1e-6)  # the grid is 3e-5 rad wide
+
+
+def test_expected_log_evidence_is_a_mean() -> None:
+    # E ln N(y; 0, C) for y ~ N(m, s²) by many draws; the standard error is known from the draws.
+    rng = np.random.default_rng(0)
+    root = rng.standard_normal((5, 5))
+    law, truth = root @ root.T + np.eye(5), rng.standard_normal(5)
+    drawn = [occam._log_density(law, truth + occam.NOISE * rng.standard_normal(5)) for _ in range(4000)]
+    assert occam._expected(law, truth) == pytest.approx(np.mean(drawn), abs=4 * np.std(drawn) / np.sqrt(4000))
+
+
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page in a few seconds: fewer experiments, each measure with its own wider standard error."""
+    monkeypatch.setattr(variance, "DRAWS", 40)
+    monkeypatch.setattr(occam, "DRAWS", 60)
+    monkeypatch.setattr(occam, "JUDGED", 10)
+    monkeypatch.setattr(shrinkage, "DRAWS", 2000)
+
+
+def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few(monkeypatch)
+    shares: list[float] = []
+    setting = Setting(
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
+        progress=lambda share, text: shares.append(share),
+    )
+    result = regression_lessons.run(setting)
+    missed = [row for row in result["measures"] if not row["passed"]]
+    assert len(result["measures"]) == 21 and not missed, missed
+    assert shares == sorted(shares)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == page.count("<svg ") == 7
+    for name in ("constraint", "paths", "shrinking", "overfitting", "bias_and_variance", "razor", "two_models"):
+        assert f"figures/{name}.csv" in page and (tmp_path / f"figures/{name}.csv").is_file()
+    assert (tmp_path / "regression-lessons.json").is_file() and (tmp_path / "run.json").is_file()
+
+
+def test_a_wrong_closed_form_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    few(monkeypatch)
+    generators = [np.random.default_rng(seed) for seed in range(4)]
+    right = shrinkage.risks(generators[0])
+    wrong: Any = {name: 1.3 * risk for name, risk in right.expected.items()}
+    object.__setattr__(right, "expected", wrong)
+    orthogonal = shrinkage.orthogonal(generators[1])
+    object.__setattr__(orthogonal, "found", {n: found + 1e-6 for n, found in orthogonal.found.items()})
+    passed = [row.passed for row in verdicts.shrinkage_rows(orthogonal, right)]
+    assert passed == [False, False, True, True]
+    degrees = variance.by_degree(generators[2])
+    object.__setattr__(degrees, "bias", np.zeros_like(degrees.bias))
+    assert not verdicts.bias_rows(degrees, degrees)[0].passed

@@ -1,0 +1,326 @@
+"""The parts of the benchmark against closed forms and brute force, and its page on few draws."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.ident.narx import FitStatus, Frols, NarxModel
+from deatwin.ident.narx.bayes import Statistics
+from deatwin.plant.errors import DataError
+from deatwin.scenarios import svb_benchmark
+from deatwin.scenarios.svb_benchmark import record, sampling, study
+from deatwin.scenarios.svb_benchmark.cases import Answer, Case
+from deatwin.scenarios.svb_benchmark.gibbs import SpikeSlab, sample_structures
+from deatwin.scenarios.svb_benchmark.oracle import Contrast, Margin, consult, full_margin, near_margin
+from deatwin.scenarios.svb_benchmark.record import CASES as CASES_FOLDER
+from deatwin.scenarios.svb_benchmark.record import Draws
+from deatwin.scenarios.svb_benchmark.study import WHITE, Plan, Study, carry_out
+from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, as_csv, draw_of, intervals, system_of, try_out
+from deatwin.scenarios.svb_benchmark.verdicts import judge
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.stories import Setting
+
+SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
+
+
+def regression(seed: int, n_terms: int = 8, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
+    """Correlated regressors of which three count, one of them weakly."""
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((n_terms, n))
+    rows[1] = rows[0] + 0.3 * rows[1]
+    weights = np.zeros(n_terms)
+    weights[[0, 2, 5]] = 0.5, 0.3, 0.15
+    return rows, weights @ rows + 0.5 * rng.standard_normal(n)
+
+
+def test_interval_of_a_rate() -> None:
+    # All of n: the lower end p solves p^n = 0.025. Otherwise the binomial tails at the ends are 0.025 each.
+    assert Rate(hits=100, count=100).interval == pytest.approx((0.025**0.01, 1.0))
+    assert Rate(hits=0, count=10).interval == pytest.approx((0.0, 1 - 0.025**0.1))
+    binom = pytest.importorskip("scipy.stats").binom
+    low, high = Rate(hits=90, count=100).interval
+    assert binom.sf(89, 100, low) == pytest.approx(0.025)
+    assert binom.cdf(90, 100, high) == pytest.approx(0.025)
+
+
+def test_t_values_of_all_candidates() -> None:
+    rows, target = regression(1)
+    design = rows.T
+    theta, (squares,), _, _ = np.linalg.lstsq(design, target, rcond=None)
+    t = np.abs(theta) / np.sqrt(squares / (60 - 8) * np.diag(np.linalg.inv(design.T @ design)))
+    margin = full_margin(rows, target, np.array([0, 2, 5]))
+    assert margin.true == pytest.approx(t[[0, 2, 5]].min())
+    assert margin.false == pytest.approx(t[[1, 3, 4, 6, 7]].max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_truth_among_its_neighbours(seed: int) -> None:
+    # The reference fits every neighbour by least squares.
+    rows, target = regression(seed)
+    true, false = [0, 2, 5], [1, 3, 4, 6, 7]
+
+    def squares(terms: Sequence[int]) -> float:
+        theta = np.linalg.lstsq(rows[list(terms)].T, target, rcond=None)[0]
+        return float(np.sum((target - theta @ rows[list(terms)]) ** 2))
+
+    own = squares(true)
+    dropped = min((squares([t for t in true if t != out]) - own) / (own / 57) for out in true)
+    added = max((own - squares([*true, extra])) / (squares([*true, extra]) / 56) for extra in false)
+    swapped = min(squares([*(t for t in true if t != out), extra]) for out in true for extra in false)
+    margin = near_margin(rows, target, np.array(true))
+    assert margin.true == pytest.approx(np.sqrt(dropped))
+    assert margin.false == (pytest.approx(np.sqrt(added)) if swapped >= own else np.inf)
+
+
+def test_the_oracle_takes_the_best_threshold() -> None:
+    # Right for thresholds in [1, 3), [2, 5), [4, 6) and never: at best two at once, first by 2.
+    pairs = ((3.0, 1.0), (5.0, 2.0), (6.0, 4.0), (1.5, np.inf))
+    found = consult([Margin(true=true, false=false) for true, false in pairs])
+    assert (found.threshold, found.exact.hits, found.kept.hits) == (2.0, 2, 3)
+
+
+def test_flips_change_the_evidence_as_its_formula_says() -> None:
+    rows, target = regression(0)
+    posterior = spike_slab(rows, target)
+    for terms in (frozenset(), frozenset({0, 2}), frozenset(range(8))):
+        own = posterior.log_evidence(terms)
+        expected = [posterior.log_evidence(terms ^ {j}) - own for j in range(8)]
+        np.testing.assert_allclose(posterior.flip_gains(terms), expected, atol=1e-10)
+
+
+def test_evidence_is_that_of_a_gaussian_process() -> None:
+    # With tau integrated out y is Student-t with scale (b0 / a0)(I + Phi Phi' / slab): SciPy has its density.
+    multivariate_t = pytest.importorskip("scipy.stats").multivariate_t
+    rows, target = regression(2)
+    posterior = spike_slab(rows, target)
+    a0, b0 = posterior.priors.a0, posterior.priors.b0
+
+    def log_density(terms: list[int]) -> float:
+        spread = np.eye(60) + rows[terms].T @ (rows[terms] / posterior.slab[terms, None])
+        return float(multivariate_t.logpdf(target, shape=b0 / a0 * spread, df=2 * a0))
+
+    same_prior = [[0, 2], [1, 5], [3, 4]]  # sets of one size are as likely as each other before the data
+    expected = np.diff([log_density(terms) for terms in same_prior])
+    found = np.diff([posterior.log_evidence(frozenset(terms)) for terms in same_prior])
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize("start", [frozenset(), frozenset({1, 3, 4, 6, 7})])
+def test_the_sampler_agrees_with_enumeration(start: frozenset[int]) -> None:
+    # 256 sets; 20,000 flips of which about every tenth is independent leave an error of 0.01 at most, three allowed.
+    rows, target = regression(0)
+    posterior = spike_slab(rows, target)
+    sets = [frozenset(chosen) for m in range(9) for chosen in combinations(range(8), m)]
+    logs = np.array([posterior.log_evidence(terms) for terms in sets])
+    weights = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
+    expected = [sum(w for w, terms in zip(weights, sets, strict=True) if j in terms) for j in range(8)]
+    rng = np.random.default_rng(5)
+    found = sample_structures(posterior, rng, flips=20_000, burn_in=200, start=start)
+    np.testing.assert_allclose(found.inclusion, expected, atol=0.03)
+    assert found.median == {0, 2}
+    # Means over structures: that of a set is (Phi'Phi + slab)^-1 Phi'y, here through the inverse.
+    mean = np.zeros(8)
+    for weight, terms in zip(weights, sets, strict=True):
+        chosen = sorted(terms)
+        inverse = np.linalg.inv(rows[chosen] @ rows[chosen].T + np.diag(posterior.slab[chosen]))
+        mean[chosen] += weight * inverse @ rows[chosen] @ target
+    drawn = found.parameters(posterior, 20_000, rng)
+    np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.02)
+
+
+def spike_slab(rows: np.ndarray, target: np.ndarray) -> SpikeSlab:
+    data = Statistics(gram=rows @ rows.T, moment=rows @ target, power=float(target @ target), n_samples=target.size)
+    return SpikeSlab(data=data)
+
+
+def test_intervals_of_normal_and_student_laws() -> None:
+    model = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0, theta_cov=[[0.04]])
+    assert np.ravel(intervals(model)) == pytest.approx([0.5 - 0.2 * 1.959964, 0.5 + 0.2 * 1.959964])
+    # Student-t of 10 degrees of freedom has the variance 10/8; its 97.5 % point is 2.228139.
+    scale = np.sqrt(0.04 * 8 / 10)
+    assert np.ravel(intervals(replace(model, theta_dof=10.0))) == pytest.approx(
+        [0.5 - 2.228139 * scale, 0.5 + 2.228139 * scale], rel=1e-6
+    )
+
+
+def test_draws_are_spawned_of_the_seed() -> None:
+    child = np.random.SeedSequence(3).spawn(4)[3].spawn(3)[2]  # the third draw of S4
+    expected = system_of("S4").draw(np.random.default_rng(child)).recording.outputs
+    np.testing.assert_array_equal(draw_of(system_of("S4"), 3, 2).recording.outputs, expected)
+
+
+def test_a_trial_counts_what_is_missed_and_what_is_false() -> None:
+    told = try_out("S1", "fro-told", 0, 0)  # known: forward regression takes y(k-4) and u(k-4) on S1
+    assert {"y(k-4)", "u(k-4)"} <= set(told.terms)
+    assert (told.missed, told.false, told.exact, told.kept) == (2, 2, False, False)
+    assert len(told.theta) == len(told.low) == len(told.high) == 4
+
+
+def wrong(system: str, method: str, number: int) -> Trial:
+    return Trial(
+        system=system,
+        method=method,
+        number=number,
+        redraws=0,
+        terms=("1",),
+        theta=(0.0,),
+        low=(0.0,),
+        high=(0.0,),
+        missed=1,
+        false=1,
+        seconds=0.1,
+    )
+
+
+def test_methods_that_are_always_wrong_do_not_pass() -> None:
+    plan = Plan()
+    margin = Margin(true=5.0, false=1.0)
+    contrast = Contrast(full=margin, near=margin, redraws=0, snr_db=20.0, condition=10.0)
+    found = Study(
+        plan=plan,
+        trials=tuple(wrong(s, m, 0) for s in plan.systems for m in plan.methods),
+        contrasts={system: (contrast,) for system in plan.systems},
+        covered={(system, "least squares"): np.zeros((200, 4), dtype=bool) for system in WHITE},
+        levels=(),
+        comparisons=(),
+    )
+    rows = judge(found)
+    assert len(rows) >= 1
+    assert not any(row.passed for row in rows)
+
+
+def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(svb_benchmark, "PLAN", SMALL)
+    monkeypatch.setattr(sampling, "FLIPS", 1000)
+    shares: list[float] = []
+    setting = Setting(
+        folder=ResultFolder(tmp_path),
+        data=None,
+        command=["test"],
+        jobs=1,
+        seed=0,
+        progress=lambda share, text: shares.append(share),
+    )
+    result = svb_benchmark.run(setting)
+    assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == page.count("<svg ") == 5
+    assert set(result["methods"]) == {"fro", "svb"} and set(result["oracles"]) == {"S2", "E1"}
+    lines = (tmp_path / "trials.csv").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 1 + 2 * 2
+    for name in ("rates", "outcomes", "coverage", "sweep", "sampler"):
+        header = (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0]
+        assert f"figures/{name}.csv" in page and "," in header
+
+
+MANY = Plan(systems=("S2",), methods=("fro", "svb"), draws=12, swept_draws=1, sampled_draws=1, levels=(0.004,))
+CASES = 12 + 7 + 1 + 1
+"""Draws, systems whose intervals are looked at, a draw of one level, one beside the sampler."""
+SCRIPT = "import sys; sys.path.insert(0, sys.argv[1]); import test_svb_benchmark as t; t.noted(t.Path(sys.argv[2]))"
+
+
+def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
+    """Run the study in this process, noting which case is begun."""
+
+    def note(seed: int, case: Case) -> dict[str, Any]:
+        assert case.name not in refused, "a case that is through is run again"
+        with (folder / "begun.log").open("a") as log:
+            log.write(f"{case.name}\n")
+        return case.answer(seed).to_dict()
+
+    folder.mkdir(exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampling, "FLIPS", 100)
+        patch.setattr(sampling, "BURN_IN", 10)
+        patch.setattr(study, "_answered", note)
+        patch.setattr(record, "PACKAGES", ())  # their sources may be worked on between one process and the next
+        return carry_out(folder, 0, MANY, jobs=1, tell=lambda *_: None)
+
+
+def begun(folder: Path) -> Counter[str]:
+    return Counter((folder / "begun.log").read_text().split())
+
+
+@pytest.mark.skipif(os.name == "nt", reason="there is no such signal on Windows")
+def test_a_killed_run_is_gone_on_with_and_no_draw_is_lost_or_repeated(tmp_path: Path) -> None:
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    expected = noted(whole)
+    assert len(begun(whole)) == begun(whole).total() == CASES
+    master = subprocess.Popen([sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(killed)])
+    until = time.monotonic() + 120
+    while not (killed / "begun.log").exists() or begun(killed).total() < 4:
+        assert master.poll() is None and time.monotonic() < until
+        time.sleep(0.002)
+    master.send_signal(signal.SIGKILL)
+    master.wait()
+    files = {path.stem: path for path in (killed / CASES_FOLDER).iterdir() if path.name[0] != "."}
+    through = {name: path.stat().st_mtime_ns for name, path in files.items()}
+    assert 3 <= len(through) < CASES
+    found = noted(killed, refused=tuple(through))
+    assert set(begun(killed)) == set(begun(whole))
+    assert begun(killed).total() <= CASES + 1  # the one that was being run
+    assert {name: files[name].stat().st_mtime_ns for name in through} == through
+    assert as_csv(found.trials) == as_csv(expected.trials)
+    assert found.contrasts == expected.contrasts
+    np.testing.assert_array_equal(found.comparisons[0].mass, expected.comparisons[0].mass)
+    np.testing.assert_array_equal(found.covered["S1", "least squares"], expected.covered["S1", "least squares"])
+    noted(killed, refused=tuple(begun(whole)))  # nothing is left to do
+
+
+def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = asdict(SMALL)
+    Draws(tmp_path, 0, plan)
+    with pytest.raises(DataError, match=r"another seal \(seed: 0 there, 1 now\)"):
+        Draws(tmp_path, 1, plan)
+    with pytest.raises(DataError, match=r"another seal \(plan: "):
+        Draws(tmp_path, 0, asdict(MANY))
+    monkeypatch.setattr(record, "OWN", record.OWN[1:])
+    with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, [0-9a-f]{12} now\)"):
+        Draws(tmp_path, 0, plan)
+
+
+def test_a_malformed_case_is_told_of_before_any_is_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Draws(tmp_path, 0, asdict(SMALL)).put("S2-000", {"trials": [{"system": "S2"}]})
+    monkeypatch.setattr(study, "_answered", lambda *_: pytest.fail("a case was run"))
+    with pytest.raises(DataError, match=r"S2-000\.\w+: it must hold a case .*; delete it, and it is run again"):
+        carry_out(tmp_path, 0, SMALL, jobs=1, tell=lambda *_: None)
+
+
+def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
+    never = Contrast(
+        full=Margin(true=5.0, false=math.inf),
+        near=Margin(true=1 / 3, false=1.0),
+        redraws=2,
+        snr_db=20.0,
+        condition=math.inf,
+    )
+    flags = np.array([[True, False], [True, True]])
+    answer = Answer(trials=(wrong("S2", "fro", 7),), contrast=never, covered={"least squares": flags})
+    store = Draws(tmp_path, 0, {})
+    store.put("one", answer.to_dict())
+    back = store.answer("one")
+    assert (back.trials, back.contrast, back.comparison) == (answer.trials, never, None)
+    np.testing.assert_array_equal(back.covered["least squares"], flags)
+
+
+def test_an_interrupted_fit_is_no_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Identifiers keep their best when interrupted and return; the study must not take that for a result and go on.
+    def fit(self: Frols, recordings: object) -> Frols:
+        self.model_, self.status_ = system_of("S2").model, FitStatus.INTERRUPTED
+        return self
+
+    monkeypatch.setattr(Frols, "fit", fit)
+    with pytest.raises(KeyboardInterrupt):
+        try_out("S2", "fro", 0, 0)

@@ -1,0 +1,120 @@
+"""A rig that is simulated in a moment, and recordings of it on the disk."""
+
+import json
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from deatwin.plant import Coupon, Creep, Plant
+from deatwin.plant.files import write_csv
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.studies.interrupts import heard
+
+ROOT = Path(__file__).parents[3]
+SCHEMAS = {
+    "diagnosis": "ident/deatwin/ident/schemas/diagnosis.schema.json",
+    "plant": "plant/deatwin/plant/schemas/plant.schema.json",
+    "run": "scenarios/deatwin/studies/schemas/run.schema.json",
+    "check": "control/deatwin/control/schemas/check.schema.json",
+}
+MODULE = """
+from deatwin.plant import Coupon, Plant
+
+def strip():
+    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
+"""
+RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def validate() -> Callable[[str, Path], dict[str, Any]]:
+    """Checks a file against its JSON Schema, and returns its content."""
+
+    def check(kind: str, path: Path) -> dict[str, Any]:
+        schema = json.loads((ROOT / SCHEMAS[kind]).read_text(encoding="utf-8"))
+        data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        jsonschema.Draft202012Validator.check_schema(schema)
+        jsonschema.validate(data, schema)
+        return data
+
+    return check
+
+
+def pulls(seed: int) -> Experiment:
+    """A strip that creeps, pulled to and fro at random."""
+    rng = np.random.default_rng(seed)
+    corners = 1 + rng.uniform(0.1, 1.0, 13)
+    stretch = np.interp(np.arange(1200) / 100, np.arange(13), corners)
+    stretch[:100] = np.linspace(1, corners[1], 100)
+    silent = Recording.from_arrays(
+        stretch,
+        np.zeros(1200),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
+    plant = Plant(rig=Coupon(sample_time=0.1, noise=2e-3)).with_effects(Creep(modulus=60e3, time=25.0))
+    return plant.record(Experiment(recordings=(silent,)), rng)
+
+
+@pytest.fixture(scope="session")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a plant in a module, its recordings, a rig file and commands for it."""
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
+    (folder / "rig.toml").write_text(RIG, encoding="utf-8")
+    soft = RIG.replace("prestretch = 3.5", "prestretch = 2.0")  # pulls in at a few kilovolts
+    (folder / "soft.toml").write_text(soft, encoding="utf-8")
+    for name, seed in (("pulls.csv", 1), ("again.csv", 2)):
+        record = pulls(seed).recordings[0]
+        columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
+        write_csv(folder / name, columns)
+    time = np.arange(200) * 0.02
+    command = (2.4 + 0.8 * np.sin(2 * np.pi * 0.5 * time)).round(5)
+    write_csv(folder / "first.csv", {"time_s": time.round(6), "command_V": command})
+    write_csv(folder / "second.csv", {"time_s": (time + 6).round(6), "command_V": command})
+    write_csv(folder / "high.csv", {"time_s": time.round(6), "command_V": np.linspace(2, 14, 200)})
+    return folder
+
+
+@pytest.fixture
+def on_bench(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The same, as the working folder."""
+    monkeypatch.chdir(bench)
+    yield bench
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A folder with a rig and a recording, and a secret beside it."""
+    root = tmp_path / "lab"
+    root.mkdir()
+    (root / "rig.toml").write_text("", encoding="utf-8")
+    for path in (root / "noise.csv", tmp_path / "secret.csv"):
+        path.write_text("time_s,command_V,displacement_mm\n0.00,2.0,0.3\n", encoding="utf-8")
+    return root
+
+
+@pytest.fixture
+def mistaken() -> Iterator[Callable[..., Any]]:
+    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupted(*_: object, **__: object) -> Any:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise SystemError("DM.__array__ returned a result with an exception set")
+
+    try:
+        with heard():
+            yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,453 @@
+"""`deatwin check` from files to files: designs, rivals, errors, and what is written."""
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.app import checking
+from deatwin.app.check_report import View, write_check_report
+from deatwin.app.cli import main
+from deatwin.app.designs import DesignName, Wanted, design_named
+from deatwin.control import Check, Specification, excited_band, free_run_residual, linearise
+from deatwin.control.controllers.scheduled import ScheduledController
+from deatwin.ident.narx import NarxModel
+from deatwin.plant import Coupon, Creep, Plant
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.files import read_csv, write_csv
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.studies.diagnosing import DiagnosisTask
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.report import Origin
+
+COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
+PLANT = ["--plant", "strip_of_mine:strip"]
+FURTHER = """
+from deatwin.plant import Coupon, Plant
+from deatwin.plant.effects.delay import Delay
+
+def late():
+    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3)).with_effects(Delay(time=0.08))
+
+def seldom():
+    return Plant(rig=Coupon(sample_time=0.2))
+"""
+FIGURES = {"steps.csv", "rivals.csv", "margins.csv", "nyquist.csv", "sine.csv"}
+
+
+def strip() -> Plant:
+    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
+
+
+def pulled(seed: int, plant: Plant) -> Recording:
+    """Two minutes of noise up to 1 Hz about a stretch of 1.5."""
+    rng = np.random.default_rng(seed)
+    noise = band_limited_noise(rng, 120.0, 0.1)
+    stretch = 1.5 + 0.4 * (noise - noise.mean()) / np.abs(noise - noise.mean()).max()
+    silent = Recording.from_arrays(
+        stretch,
+        np.zeros(stretch.size),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
+    return plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
+
+
+def write(path: Path, record: Recording) -> None:
+    write_csv(path, {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]})
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory, bench: Path) -> Path:
+    """A folder with recordings of a strip, a model of it, further plants, and a diagnosis with a rival."""
+    folder = tmp_path_factory.mktemp("desk")
+    (folder / "strip_of_mine.py").write_text((bench / "strip_of_mine.py").read_text(encoding="utf-8"))
+    (folder / "further.py").write_text(FURTHER, encoding="utf-8")
+    write(folder / "noise.csv", pulled(1, strip()))
+    write(folder / "other.csv", pulled(2, strip()))
+    rival = CalibratedPlant.nominal(strip().with_effects(Creep(modulus=2e3, time=25.0)))
+    (folder / "found" / "rivals").mkdir(parents=True)
+    (folder / "found" / "diagnosis.json").write_text('{"schema": "deatwin/diagnosis/1", "causes": []}')
+    rival.save(folder / "found" / "rivals" / "creep.json")
+    (folder / "spoilt").mkdir()
+    (folder / "spoilt" / "diagnosis.json").write_text("{}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        assert main(["identify", "noise.csv", *COLUMNS, "--method", "frols", "--out", "narx.json", "--quiet"]) == 0
+    return folder
+
+
+@pytest.fixture
+def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same, as the working folder."""
+    monkeypatch.chdir(desk)
+    return desk
+
+
+@pytest.fixture(scope="module")
+def results(desk: Path) -> Path:
+    """What a check with all options wrote."""
+    options = [
+        "--design",
+        "shaped",
+        "--closed-loop-time",
+        "1.2",
+        "--operating-input",
+        "1.44",
+        "--operating-range",
+        "1.3",
+        "1.6",
+        "--recording",
+        "other.csv",
+        *COLUMNS,
+        "--diagnosis",
+        "found",
+        "--rival",
+        "further:late",
+        "--seed",
+        "3",
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(desk)
+        assert main(["check", "narx.json", *PLANT, *options, "--out", "c", "--quiet"]) == 0
+    return desk / "c"
+
+
+def table(path: Path) -> Any:
+    return np.genfromtxt(path, delimiter=",", names=True, deletechars="")
+
+
+def test_all_files_are_written_and_follow_their_schemas(
+    results: Path, validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    assert {path.name for path in results.iterdir()} == {"check.json", "report.html", "run.json", "figures"}
+    assert {path.name for path in (results / "figures").iterdir()} == FIGURES
+    run = validate("run", results / "run.json")
+    assert run["seed"] == 3
+    assert [Path(entry["file"]).name for entry in run["inputs"]] == ["narx.json", "other.csv", "creep.json"]
+    assert set(run["outputs"]) == {p.relative_to(results).as_posix() for p in results.rglob("*") if p.is_file()}
+
+
+def test_every_option_is_heard(results: Path, validate: Callable[[str, Path], dict[str, Any]], desk: Path) -> None:
+    found = validate("check", results / "check.json")
+    assert found["operating"]["input"] == 1.44
+    assert found["controller"]["closed_loop_time"] == pytest.approx(1.2, rel=0.05)  # the crossover is at one by it
+    assert found["excited_band_Hz"] == pytest.approx(excited_band(pulled(2, strip())), rel=1e-6)
+    assert set(found["others"]) == {"creep", "further:late"}
+    for source in ("model", "plant", "creep", "further:late"):  # at the operating input of the controller as well
+        points = [row["operating_input"] for row in found["table"] if row["source"] == source]
+        np.testing.assert_allclose(points, sorted([*np.linspace(1.3, 1.6, 9), 1.44]), rtol=1e-12)
+    assert {"stability (creep)", "overshoot (further:late)", "prediction"} <= {f["subject"] for f in found["findings"]}
+
+
+def test_a_loop_with_a_dead_time_has_less_phase_by_its_crossover(results: Path) -> None:
+    """A delay of 0.08 s takes as much of the delay margin: without other dynamics, the same loop otherwise."""
+    rows = Check.load(results / "check.json").table
+    delay = {row.source: row.delay for row in rows if row.operating_input == rows[0].operating_input}
+    assert delay["plant"] - delay["further:late"] == pytest.approx(0.08, abs=0.002)
+
+
+class Page(HTMLParser):
+    """What a test asks of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.tags: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in ("src", "href", "xlink:href"):
+                self.addresses.append(value or "")
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.handle_starttag(tag, attrs)
+        self.open.pop()
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_report_needs_nothing_else(results: Path) -> None:
+    text = (results / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.open == []
+    assert page.tags.count("svg") == page.tags.count("figure") == len(FIGURES)
+    assert page.tags.count("h1") == 1
+    assert not {"link", "img", "iframe"} & set(page.tags) and page.tags.count("script") == 1
+    assert len(page.ids) == len(set(page.ids))
+    for address in page.addresses:
+        assert address[1:] in page.ids if address.startswith("#") else (results / address).is_file(), address
+    assert "@import" not in text and len(text) < 5e6
+    assert not re.search(r"#010a0\d", text)  # every colour of the figures is one of the page's
+    assert re.search(r">predicted 95 % band<", text) and re.search(r">command \(|>stretch<", text)
+
+
+def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
+    text = (results / "report.html").read_text(encoding="utf-8")
+    found = json.loads((results / "check.json").read_text(encoding="utf-8"))
+    row = r'<tr><td>([^<]*)</td>(?:<td class="n">[^<]*</td>){3}<td class="(good|doubt|bad)">(\w+)</td>'
+    rows = re.findall(row, text)
+    assert len(rows) == len(found["findings"])
+    assert sorted(verdict for _, _, verdict in rows) == sorted(f["verdict"] for f in found["findings"])
+    assert {"pass": "good", "marginal": "doubt", "fail": "bad"}[found["verdict"]] in text
+    for title in (
+        "Margins of the model",
+        "Margins of creep",
+        "Runs on the physics plant",
+        "Runs on further:late",
+        "Prediction",
+        "Film",
+        "Limit cycles",
+        "Excitation",
+    ):
+        assert f'colspan="6">{title}</th>' in text, title
+    assert "<td>phase margin</td>" in text and "≥ 45°" in text and "≥ 30°" in text
+
+
+def test_the_data_of_the_figures_are_those_of_the_check(results: Path) -> None:
+    found = Check.load(results / "check.json")
+    assert found.steps is not None and found.controller is not None
+    steps = table(results / "figures/steps.csv")
+    np.testing.assert_allclose(steps["achieved_N"], found.steps.output, rtol=1e-12)
+    document = json.loads((results / "check.json").read_text(encoding="utf-8"))
+    np.testing.assert_allclose(0.5 * (steps["high_N"] - steps["low_N"]), document["predicted"]["half_width"], rtol=1e-9)
+    rivals = table(results / "figures/rivals.csv")
+    np.testing.assert_allclose(rivals["achieved_creep_N"], found.others["creep"].output, rtol=1e-12)
+    margins = table(results / "figures/margins.csv")
+    late = [row for row in found.table if row.source == "further:late"]
+    column = margins["further_late_phase_deg"]
+    np.testing.assert_allclose(column[np.isfinite(column)], [row.phase_deg for row in late], rtol=1e-12)
+    loop = table(results / "figures/nyquist.csv")
+    at = np.argmin(np.abs(np.hypot(loop["model_real"], loop["model_imag"]) - 1.0))
+    assert found.margins is not None
+    assert loop["frequency_Hz"][at] == pytest.approx(found.margins.crossover_Hz, rel=0.02)
+
+
+def test_json_is_the_file_and_the_model_tells_the_band(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    (at_desk / "d" / "figures").mkdir(parents=True)
+    (at_desk / "d" / "figures" / "rivals.csv").write_text("of a former run")
+    (at_desk / "d" / "figures" / "mine.csv").write_text("somebody's own")
+    (at_desk / "d" / "run.json").write_text(json.dumps({"outputs": ["figures/rivals.csv", "run.json"]}))
+    assert main(["check", "narx.json", *PLANT, "--out", "d", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said == validate("check", at_desk / "d" / "check.json")
+    assert said["predicted"] is not None and said["excited_band_Hz"] is not None
+    left = {path.name for path in (at_desk / "d" / "figures").iterdir()}
+    assert left == FIGURES - {"rivals.csv"} | {"mine.csv"}
+    assert "The same steps on the rivals" not in (at_desk / "d" / "report.html").read_text(encoding="utf-8")
+    assert main(["check", "narx.json", *PLANT, "--out", "d2", "--quiet"]) == 0
+    for path in (at_desk / "d2").rglob("*"):  # equal runs differ in nothing but the record of the run
+        if path.is_file() and path.name != "run.json":
+            assert path.read_bytes() == (at_desk / "d" / path.relative_to(at_desk / "d2")).read_bytes(), path.name
+
+
+def test_what_cannot_be_met_is_an_answer(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    """The strip has no second lag for a derivative to cancel; exit status 0, since the job was done."""
+    assert main(["check", "narx.json", *PLANT, "--design", "pid", "--out", "e"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("fail: no controller could be designed: ")
+    found = validate("check", at_desk / "e" / "check.json")
+    assert found["controller"] is None and found["steps"] is None and found["table"] == []
+    page = (at_desk / "e" / "report.html").read_text(encoding="utf-8")
+    assert "<svg" not in page and "No controller could be designed" in page and 'class="verdict bad"' in page
+
+
+def test_a_free_run_that_diverges_on_the_recording_is_an_answer(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    """0.5 y = 10 y³ + 0.028 u has no root above u = 1.54: there y grows without end. The job was done: status 0."""
+    model = NarxModel.load(at_desk / "narx.json")
+    grows = NarxModel.from_terms(
+        {"y(k-1)": 0.5, "y(k-1)^3": 10.0, "u(k)": 0.028},
+        sample_time=model.sample_time,
+        provenance=model.provenance,
+        operating=replace(
+            model.operating, output_min=np.zeros(1), output_max=np.full(1, 0.15), output_centre=np.full(1, 0.08)
+        ),
+    )
+    grows.save(at_desk / "grows.json")
+    given = ["grows.json", *PLANT, "--recording", "noise.csv", *COLUMNS, "--operating-input", "1.3"]
+    assert main(["check", *given, "--out", "grown"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("fail: the model's free run fails on the recording: the free run diverged"), said
+    found = validate("check", at_desk / "grown" / "check.json")
+    assert found["worst_case"] == "model" and found["controller"] is None
+    page = (at_desk / "grown" / "report.html").read_text(encoding="utf-8")
+    assert "free run fails on the recording" in page and 'class="verdict bad"' in page
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "line"),
+    [
+        (["--plant", "rig.toml"], 1, "rig.toml: the rig file"),
+        ([*PLANT, "--operating-range", "1.6", "1.4"], 1, "the operating range 1.6 to 1.4 holds no input"),
+        ([*PLANT, "--operating-range", "1.5", "9"], 1, "lies outside of the training data"),
+        (
+            [*PLANT, "--operating-input", "1.7", "--operating-range", "1.4", "1.6"],
+            1,
+            "the operating input 1.7 lies outside of the operating range, 1.4 to 1.6",
+        ),
+        ([*PLANT, "--operating-input", "9"], 1, "the operating input 9 lies outside of the training data"),
+        ([*PLANT, "--recording", "absent.csv"], 1, "absent.csv: no such file"),
+        ([*PLANT, "--recording", "noise.csv", "--output-column", "forse"], 1, 'no column "forse"'),
+        ([*PLANT, "--diagnosis", "absent"], 1, "absent: there is no diagnosis.json; give the folder"),
+        ([*PLANT, "--diagnosis", "spoilt"], 1, "spoilt/diagnosis.json: it names no schema"),
+        ([*PLANT, "--rival", "further:nobody"], 1, "give module:function"),
+        ([*PLANT, "--rival", "further:seldom"], 1, "the rival further:seldom is sampled every 0.2 s"),
+        (["--plant", "further:seldom"], 1, "a NARX model is not resampled"),
+        ([*PLANT, "--closed-loop-time", "0"], 2, "positive number of seconds"),
+        ([*PLANT, "--design", "pidd"], 2, "pidd"),
+        ([], 2, "--plant"),
+    ],
+)
+def test_one_line_for_what_is_wrong(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], options: list[str], status: int, line: str
+) -> None:
+    assert main(["check", "narx.json", *options, "--out", "never"]) == status
+    error = capsys.readouterr().err
+    assert line in " ".join(error.replace("│", " ").split())
+    assert "Traceback" not in error
+    assert status == 2 or (error.startswith("error: ") and error.count("\n") == 1)
+    assert not list((at_desk / "never").glob("*"))
+
+
+def test_a_model_of_another_kind_is_refused(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "absent.json", *PLANT, "--out", "never"]) == 1
+    assert "absent.json: there is no such file" in capsys.readouterr().err
+    model = NarxModel.load(at_desk / "narx.json")
+    replace(model, provenance={**model.provenance, "excited_band_Hz": "wide"}).save(at_desk / "wide.json")
+    assert main(["check", "wide.json", *PLANT, "--out", "never"]) == 1
+    assert "excited_band_Hz = 'wide'" in capsys.readouterr().err
+
+
+def test_an_interrupt_leaves_nothing_half_written(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: object, **named: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(checking, "check_design", interrupted)
+    assert main(["check", "narx.json", *PLANT, "--out", "cut"]) == 130
+    assert "error: interrupted; nothing was written to cut" in capsys.readouterr().err
+    assert not (at_desk / "cut").exists()
+
+
+def test_the_schedule_spans_the_range_that_is_asked_for(at_desk: Path) -> None:
+    model = NarxModel.load(at_desk / "narx.json").deterministic
+    reading = strip().rig.reading
+    linear = linearise(model, 1.5).in_loop(reading)
+    wanted = Wanted(model=model, reading=reading, closed_loop_time=1.0, band_Hz=None, operating_range=(1.3, 1.6))
+    found = design_named(DesignName.SCHEDULED, wanted)(linear, command_limits=(1.0, 2.0))
+    assert isinstance(found, ScheduledController)
+    np.testing.assert_allclose(found.points, [1.3, 1.375, 1.45, 1.5, 1.525, 1.6])
+    curve = design_named(DesignName.INVERSE, wanted)(linear, command_limits=(1.0, 2.0))
+    assert (curve.command_min, curve.command_max) == (1.3, 1.6)
+
+
+def test_identify_tells_the_largest_residual(at_desk: Path) -> None:
+    """The free run leaves more of a strip that creeps; held-out parts of 360 samples are too short to tell."""
+    write(at_desk / "creeps.csv", pulled(5, strip().with_effects(Creep(modulus=2e3, time=25.0))))
+    options = [*COLUMNS, "--method", "frols", "--quiet", "--out", "both.json"]
+    assert main(["identify", "noise.csv", "creeps.csv", *options]) == 0
+    model = NarxModel.load(at_desk / "both.json")
+    left = {}
+    for name in ("noise.csv", "creeps.csv"):
+        record = read_csv(at_desk / name, input_column="stretch", output_column="force_N")[0]
+        left[name] = free_run_residual(model, record)
+    largest = left["creeps.csv"]
+    assert largest.rms > left["noise.csv"].rms
+    assert float(model.provenance["free_run_residual_rms"]) == pytest.approx(largest.rms, rel=1e-5)
+    assert float(model.provenance["free_run_residual_time_s"]) == pytest.approx(largest.correlation_time, rel=1e-5)
+
+
+def test_a_model_whose_free_run_diverges_says_so(at_desk: Path) -> None:
+    from deatwin.app.commands.identify import _largest_residual
+
+    wild = NarxModel.from_terms({"y(k-1)": 1.2, "u(k)": 1.0}, sample_time=0.1)
+    record = pulled(1, strip())
+    assert _largest_residual(wild, [record], [record.section(800, 1200)]) == {"free_run": "diverged"}
+
+
+def test_a_diagnosis_keeps_its_rivals(
+    tmp_path: Path, validate: Callable[[str, Path], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twelve seconds do not tell creep from softening by the largest stretch: each is the other's rival."""
+    from deatwin.plant.effects.mullins import Mullins
+
+    creeping = strip().with_effects(Creep(modulus=60e3, time=25.0))
+    rng = np.random.default_rng(1)
+    corners = 1 + rng.uniform(0.1, 1.0, 13)
+    stretch = np.interp(np.arange(1200) / 100, np.arange(13), corners)
+    stretch[:100] = np.linspace(1, corners[1], 100)
+    silent = Recording.from_arrays(
+        stretch,
+        np.zeros(1200),
+        0.1,
+        input_names=("stretch",),
+        input_units=("1",),
+        output_names=("force",),
+        output_units=("N",),
+    )
+    record = creeping.record(Experiment(recordings=(silent,)), rng).recordings[0].section(0, 120)
+    task = DiagnosisTask(
+        plant=strip(),
+        experiments=[Experiment(recordings=(record,))],
+        files=[],
+        command=["deatwin", "diagnose"],
+        effects=(Creep(), Mullins()),
+    )
+    (tmp_path / "rivals").mkdir()
+    (tmp_path / "rivals" / "delay.json").write_text("of a former run")
+    (tmp_path / "run.json").write_text(json.dumps({"outputs": ["rivals/delay.json"]}))
+    diagnosis = task.run(ResultFolder(tmp_path), lambda share, text: None)
+    assert diagnosis.verdict.value == "ambiguous" and diagnosis.evidence is not None
+    (name,) = diagnosis.evidence.rivals
+    assert {name, *(cause.effect for cause in diagnosis.causes)} == {"creep", "mullins"}
+    assert [path.name for path in (tmp_path / "rivals").iterdir()] == [f"{name}.json"]
+    assert validate("plant", tmp_path / "rivals" / f"{name}.json")["effects"] == [name]
+    assert f"rivals/{name}.json" in validate("run", tmp_path / "run.json")["outputs"]
+    best = "+".join(cause.effect for cause in diagnosis.causes)
+    model, rival = str(tmp_path / "model.json"), str(tmp_path / "rivals" / f"{name}.json")
+    files = checking.rival_files("strip.toml", tmp_path, ["further:late"])
+    assert files == {best: model, name: rival, "further:late": "further:late"}
+    assert set(checking.rival_files(model, tmp_path, [])) == {name}  # the plant to control is no other one
+    monkeypatch.chdir(tmp_path)
+    assert set(checking.rival_files("model.json", tmp_path, [])) == {name}
+    again, kept = checking.load_rivals({name: files[name]})[name], diagnosis.evidence.rivals[name]
+    np.testing.assert_array_equal(again.plant.free_values, kept.plant.free_values)
+    np.testing.assert_array_equal(again.covariance, kept.covariance)
+
+
+def test_margins_along_time_have_their_figure(results: Path, desk: Path, tmp_path: Path) -> None:
+    loaded = Check.load(results / "check.json")
+    along = tuple(replace(row, time=60.0 * n) for n, row in enumerate(loaded.table[:4]))
+    check = replace(loaded, table=(*loaded.table, *along), others={})
+    model = NarxModel.load(desk / "narx.json").deterministic
+    view = View(check=check, model=model, plants={"plant": strip()}, specification=Specification())
+    write_check_report(ResultFolder(tmp_path), view, Origin(inputs=[], seed=0))
+    found = table(tmp_path / "figures/margins_time.csv")
+    np.testing.assert_array_equal(found["time_s"], [0.0, 60.0, 120.0, 180.0])
+    assert "Margins over time" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -1,0 +1,124 @@
+"""`deatwin diagnose` from files to files, and what it writes."""
+
+import json
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.app.cli import main
+
+FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
+
+
+@pytest.fixture(scope="module")
+def results(bench: Path) -> Path:
+    """The results of one diagnosis of two experiments."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(bench)
+        arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out d --quiet"
+        assert main(arguments.split()) == 0
+    return bench / "d"
+
+
+def test_every_file_is_written_and_follows_its_schema(
+    results: Path, validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    assert {path.name for path in results.iterdir()} == FILES
+    diagnosis = validate("diagnosis", results / "diagnosis.json")
+    assert diagnosis["verdict"] == "named"
+    assert [cause["effect"] for cause in diagnosis["causes"]] == ["creep"]
+    assert validate("plant", results / "model.json")["effects"] == ["creep"]
+    run = validate("run", results / "run.json")
+    assert run["command"][:2] == ["deatwin", "diagnose"]
+    assert [entry["file"] for entry in run["inputs"]] == ["pulls.csv", "again.csv"]
+    assert set(run["outputs"]) == {str(p.relative_to(results)) for p in results.rglob("*") if p.is_file()}
+
+
+def test_equal_runs_differ_in_nothing_but_the_record_of_the_run(
+    results: Path, on_bench: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out e --json"
+    assert main(arguments.split()) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
+    for path in results.rglob("*"):
+        if path.is_file() and path.name != "run.json":
+            assert path.read_bytes() == (on_bench / "e" / path.relative_to(results)).read_bytes(), path.name
+
+
+def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> None:
+    assert main(["simulate", "d/model.json", "again.csv", "--out", "predicted.csv", "--quiet"]) == 0
+    table = np.genfromtxt("predicted.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("time_s", "force_N", "low_N", "high_N")
+    measured = np.genfromtxt("again.csv", delimiter=",", names=True)["force_N"]
+    assert np.sqrt(np.mean((table["force_N"] - measured) ** 2)) < 3e-3
+    inside = (table["low_N"] <= measured) & (measured <= table["high_N"])
+    assert inside.mean() > 0.9
+
+
+class Page(HTMLParser):
+    """What a test asks of a page."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.addresses: list[str] = []
+        self.tags: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        for name, value in attrs:
+            if name == "id":
+                self.ids.append(value or "")
+            if name in ("src", "href", "xlink:href"):
+                self.addresses.append(value or "")
+
+
+def test_the_report_needs_nothing_else(results: Path) -> None:
+    text = (results / "report.html").read_text(encoding="utf-8")
+    page = Page(text)
+    assert page.tags.count("svg") >= 6  # four of the recordings, and one of each step that draws itself
+    assert page.tags.count("h1") == 1
+    assert not {"link", "img", "iframe"} & set(page.tags) and page.tags.count("script") == 1
+    assert len(page.ids) == len(set(page.ids))
+    for address in page.addresses:
+        if address.startswith("#"):
+            assert address[1:] in page.ids
+        else:
+            assert (results / address).is_file(), address
+    assert "@import" not in text
+    assert len(text) < 5e6
+    diagnosis = json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
+    assert f"<h1>{diagnosis['sentence']}</h1>" in text
+    assert not re.search(r"#010a0\d", text)  # every colour of the figures is one of the page's
+
+
+def test_the_data_of_the_figures(results: Path) -> None:
+    table = np.genfromtxt(results / "figures" / "time.csv", delimiter=",", names=True)
+    assert table.size == 2400
+    diagnosis = json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
+    unseen = table[table["unseen"] == 1]
+    before = np.sqrt(np.mean((unseen["measured_N"] - unseen["base_N"]) ** 2))
+    assert before == pytest.approx(diagnosis["fit"]["unseen"]["before"], rel=1e-3)
+    spectrum = np.genfromtxt(results / "figures" / "frequency.csv", delimiter=",", names=True)
+    assert (np.diff(spectrum["frequency_Hz"]) > 0).all()
+    assert spectrum["base_N_per_sqrtHz"][0] > 10 * spectrum["amended_N_per_sqrtHz"][0]
+
+
+def test_an_interrupt_says_what_exists(
+    on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from deatwin.studies import diagnosing
+
+    def interrupted(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(diagnosing, "write_report", interrupted)
+    assert main(["diagnose", "strip_of_mine:strip", "pulls.csv", "--out", "cut", "--quiet"]) == 130
+    error = capsys.readouterr().err
+    assert "cut holds diagnosis.json, model.json" in error

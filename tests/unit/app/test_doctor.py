@@ -1,0 +1,108 @@
+"""``deatwin doctor``: what is installed, what is missing and how it comes, what is slower without a compiler."""
+
+import json
+import re
+import shlex
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deatwin.app.cli import main
+from deatwin.app.commands import doctor as command
+from deatwin.app.commands.doctor import OPTIONAL, SLOWER
+from deatwin.plant.integrator import compiled
+
+ROOT = Path(__file__).parents[3]
+FOR_DEVELOPERS = {"test", "docs", "browser", "fuzz"}
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert main(["doctor", "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def test_every_package_of_an_extra_is_named_with_its_versions() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    stated = {
+        re.sub(r"\[.*?\]", "", text)
+        for extra, packages in project["optional-dependencies"].items()
+        if extra not in FOR_DEVELOPERS
+        for text in packages
+    }
+    others = {re.split(r"[\[><=]", text)[0] for text in project["dependencies"]} | {"distributed"}  # which dask brings
+    named = {part.package + part.versions for part in OPTIONAL if part.versions and part.package not in others}
+    assert named == {text for text in stated if re.split(r"[><=]", text)[0] not in others}
+
+
+def test_no_advice_needs_an_index_that_has_deatwin() -> None:
+    for part in OPTIONAL:
+        (requirement,) = shlex.split(part.command)[2:]
+        assert requirement == part.package + part.versions
+    for path in (file for part in ("plant", "ident", "control", "scenarios") for file in (ROOT / part).rglob("*.py")):
+        assert not re.search(r"pip install \W*deatwin", path.read_text(encoding="utf-8")), path
+
+
+def test_what_is_absent_comes_with_its_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = command.Part(package="no_such_package", use="nothing at all", versions=">=1")
+    monkeypatch.setattr(command, "OPTIONAL", (part, command.Part(package="numpy", use="numbers")))
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r'no_such_package +absent: pip install "no_such_package>=1" \(nothing at all\)', said)
+    assert re.search(r"numpy +\d+\.\S+ \(numbers\)", said)
+    found = told(capsys)["optional"]
+    assert found["no_such_package"]["version"] is None and found["numpy"]["install"] == "pip install numpy"
+
+
+def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(r"compiler +none found on the path: install gcc or clang", said)
+    for what, times, script in SLOWER:
+        assert f"{what} {times} times" in said and script in said
+        assert (ROOT / "tests/benchmarks" / script).is_file()
+    assert told(capsys)["compiler"] is None
+    monkeypatch.delenv("DEATWIN_COMPILER")
+    assert told(capsys)["compiler"] == compiled.compiler()
+
+
+def test_the_cache_is_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "a.so").write_bytes(bytes(1_500_000))
+    (tmp_path / "cache" / "b.so").write_bytes(bytes(1_000_000))
+    found = told(capsys)
+    assert (found["cache"], found["cache_files"], found["cache_bytes"]) == (str(tmp_path / "cache"), 2, 2_500_000)
+    assert main(["doctor"]) == 0
+    assert f"{tmp_path / 'cache'}: 2 files, 2.5 MB" in capsys.readouterr().out
+
+
+def test_a_cache_that_cannot_be_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "file" / "cache"))
+    assert main(["doctor"]) == 0
+    assert "Not a directory: without it nothing is compiled" in capsys.readouterr().out
+
+
+def test_the_folder_of_public_recordings_is_looked_into(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("silverbox", "emps"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setenv("DEATWIN_DATA", str(tmp_path))
+    assert told(capsys)["data"] == {"variable": "DEATWIN_DATA", "folder": str(tmp_path), "holds": ["emps", "silverbox"]}
+    monkeypatch.setenv("DEATWIN_DATA", str(tmp_path / "gone"))
+    assert main(["doctor"]) == 0
+    assert "gone: no such folder" in capsys.readouterr().out
+    monkeypatch.delenv("DEATWIN_DATA")
+    assert main(["doctor"]) == 0
+    assert "DEATWIN_DATA is not set" in capsys.readouterr().out

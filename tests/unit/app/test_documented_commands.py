@@ -1,0 +1,306 @@
+"""Every command and every block of Python in README and documents is run, on files of its own.
+
+What takes long has the mark `study`: ``python -m pytest -m study tests/unit/app/test_documented_commands.py``.
+What another test or a step of the gate runs is listed with its place. A command that is none of these fails a test.
+"""
+
+import importlib.util
+import json
+import os
+import shlex
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from deatwin.app.cli import main
+from deatwin.plant import Experiment, Recording, load_plant
+from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.files import write_csv
+from deatwin.plant.integrator.compiled import compiler
+
+ROOT = Path(__file__).parents[3]
+STEP = 0.02
+
+
+def _documents() -> ModuleType:
+    """The reader of the pages, which the test of their grammar has."""
+    spec = importlib.util.spec_from_file_location("documents_of_tests", ROOT / "tests/unit/test_documents.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+DOCUMENTS = _documents()
+
+# Where things are run ------------------------------------------------------------------------------------------------
+
+SHAKER = "docs/how-to/own-plant.md"
+"""Its commands are for a plant with another sample time."""
+ELSEWHERE = {
+    "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
+    "scenario NAME": "a placeholder: each scenario has commands of its own",
+    "scenario NAME --out results/NAME": "the same placeholder",
+}
+PUBLISHED = [
+    json.loads((ROOT / f"docs/data/{name}.json").read_text(encoding="utf-8"))
+    for name in ("concealed-physics", "concealed-physics-long")
+]
+STUDIES = [f"scenario concealed-physics --size {study['size']} --seed {study['seed']}" for study in PUBLISHED]
+"""The studies of the published tables: each page tells the command that made it, whatever its seed."""
+DATA = ("scenario silverbox --data recordings --out silverbox",)
+"""Public recordings, which a user downloads: run where DEATWIN_DATA names their folder."""
+LONG = {
+    "demo": [],
+    "demo --out deatwin-demo": [],
+    "check narx.json --plant found/model.json --diagnosis found --recording noise.csv --design inverse "
+    "--operating-range 1.5 3.2 --out control": [],
+    "diagnose rig.toml lab.csv --input-column '#2' --output-column '#3' --out found": [],
+    "diagnose rig.toml --experiment monday_1.csv monday_2.csv --experiment tuesday.csv --out found": [],
+    "diagnose shaker:plant shaken.csv --out spring": [],
+    "scenario concealed-physics": ["--size", "tiny", "--jobs", "-1"],
+    **{study: ["--size", "tiny"] for study in STUDIES},
+    "scenario concealed-physics --size tiny --jobs -1 --out concealed": [],
+    "scenario control-check": [],
+    "scenario svb-benchmark": [],
+    "scenario thesis-data": [],
+    "scenario thesis-data --out thesis-data": [],
+    "scenario your-own-rig": [],
+    "scenario your-own-rig --out quarter-car": [],
+    **{command: [] for command in DATA},
+}
+"""Under the mark `study`, with the options that are added to make them shorter: tiny studies in place of days."""
+STAGES = ("doctor", "scenarios", "identify", "frequency", "diagnose", "simulate", "check", "export", "demo", "scenario")
+MADE_BY = {
+    "narx.json": "identify noise.csv --method svb --out narx.json",
+    "found": "diagnose rig.toml noise.csv steps.csv --out found",
+    "control": "check narx.json --plant found/model.json --diagnosis found --out control",
+}
+"""What other commands take, by the documented command that writes it."""
+LONG_BLOCKS = {
+    ("README.md", 0),
+    ("docs/how-to/check-a-controller.md", 0),
+    ("docs/how-to/own-effect.md", 1),
+    ("docs/how-to/which-experiment.md", 1),
+}
+BLOCKS_ELSEWHERE = {
+    ("docs/how-to/run-a-study.md", 0): "tests/unit/studies/test_sweep_studies.py",
+    ("docs/how-to/run-a-study.md", 1): "a form, not a program: `...` stands for the reader's own call",
+    ("docs/how-to/own-identifier.md", 1): "a test for pytest, with the checks of tests/unit/ident/test_testing.py",
+}
+
+
+def shown() -> dict[str, str]:
+    """Each command once, with the page on which it stands first; one only mentioned by its name is no call."""
+    found: dict[str, str] = {}
+    for page in DOCUMENTS.PAGES:
+        for arguments in DOCUMENTS.commands(page):
+            alone = len(arguments) == 1 and arguments[0] not in ("demo", "doctor", "scenarios")
+            if not alone:
+                found.setdefault(shlex.join(arguments), DOCUMENTS.name_of(page))
+    return found
+
+
+def code_blocks() -> dict[tuple[str, int], tuple[str | None, str]]:
+    """Title and text of each block of Python, by page and number."""
+    return {
+        (DOCUMENTS.name_of(page), number): block
+        for page in DOCUMENTS.PAGES
+        for number, block in enumerate(DOCUMENTS.blocks(page, "python"))
+    }
+
+
+SHOWN, BLOCKS = shown(), code_blocks()
+SHORT = sorted((c for c in SHOWN if c not in {*LONG, *ELSEWHERE}), key=lambda c: STAGES.index(c.split()[0]))
+
+
+# Files ---------------------------------------------------------------------------------------------------------------
+
+
+def table(path: Path, record: Recording) -> None:
+    write_csv(
+        path,
+        {
+            "time_s": record.timepts.round(6),
+            "command_V": record.inputs[0].round(6),
+            "displacement_mm": (1e3 * record.outputs[0]).round(6),
+        },
+    )
+
+
+def measured(folder: Path, commands: Sequence[np.ndarray], start: float = 0.0) -> tuple[Recording, ...]:
+    """Records that follow one another, by the plant of the rig file with a softer film."""
+    plant, silent = load_plant(str(folder / "rig.toml")).plant, []
+    for command in commands:
+        silent.append(Recording.from_arrays(command, np.zeros_like(command), STEP, start=start))
+        start += STEP * command.size
+    made = plant.with_values({"shear_modulus": 0.95 * plant.parameters["shear_modulus"].value})
+    return made.record(Experiment(recordings=tuple(silent)), np.random.default_rng(1)).recordings
+
+
+def german(path: Path, record: Recording) -> None:
+    """The same as a laboratory writes it: semicolons, decimal commas, a line above the header."""
+    lines = ["Film 7, second visit", "Zeit (ms);U_cmd (V);Weg (mm)"]
+    rows = zip(1e3 * record.timepts, record.inputs[0], 1e3 * record.outputs[0], strict=True)
+    lines += [f"{time:.0f};{command:.5f};{reading:.5f}".replace(".", ",") for time, command, reading in rows]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files that the pages speak of: short recordings of one film, and the files shown as code."""
+    folder, rng = tmp_path_factory.mktemp("desk"), np.random.default_rng(0)
+    (rig,) = [text for _, text in DOCUMENTS.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
+    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    noise, other = band_limited_noise(rng, 18.0, STEP), band_limited_noise(rng, 10.0, STEP)
+    for name, record in zip(
+        ("noise", "steps", "check"),
+        measured(folder, [noise, random_holds(rng, 12.0, STEP, 1.4, 3.0), other]),
+        strict=True,
+    ):
+        table(folder / f"{name}.csv", record)
+    monday = measured(folder, [noise, other])
+    for name, record in (
+        ("monday_1", monday[0]),
+        ("monday_2", monday[1]),
+        ("train", monday[0]),
+        ("test", monday[1]),
+        ("tuesday", measured(folder, [noise[::-1]])[0]),
+    ):
+        table(folder / f"{name}.csv", record)
+    german(folder / "lab.csv", monday[0])
+    rows = np.c_[monday[0].timepts.round(6), monday[0].inputs[0], 1e3 * monday[0].outputs[0]]
+    np.savetxt(folder / "a.dat", rows, "%.6f")
+    np.savetxt(folder / "log.csv", rows * [1e3, 1.0, 1.0], "%.6f", ",", header="clock,u,y", comments="")
+    write_csv(folder / "input.csv", {"time_s": STEP * np.arange(other.size), "command_V": other})
+    for title, code in BLOCKS.values():
+        if title is not None:
+            (folder / title).write_text(code, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The same, as the working folder; modules that lie in it are forgotten afterwards."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    monkeypatch.chdir(desk)
+    monkeypatch.syspath_prepend(str(desk))
+    before = set(sys.modules)
+    yield desk
+    for name in set(sys.modules) - before:
+        if getattr(sys.modules[name], "__file__", None) and str(desk) in str(sys.modules[name].__file__):
+            del sys.modules[name]
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command as it is shown, after those that write what it takes."""
+    for path, maker in MADE_BY.items():
+        taken = any(word == path or word.startswith(f"{path}/") for word in arguments)
+        if taken and maker != shlex.join(arguments) and not Path(path).exists():
+            assert run(shlex.split(maker)) == 0
+    return main(list(arguments))
+
+
+def outputs(arguments: Sequence[str]) -> list[Path]:
+    """What ``--out`` names."""
+    return [Path(arguments[k + 1]) for k, word in enumerate(arguments[:-1]) if word == "--out"]
+
+
+# Tests ---------------------------------------------------------------------------------------------------------------
+
+
+def test_every_command_and_block_is_run_somewhere() -> None:
+    assert {*LONG, *ELSEWHERE, *MADE_BY.values()} <= set(SHOWN)
+    assert {*LONG_BLOCKS, *BLOCKS_ELSEWHERE} <= set(BLOCKS)
+    assert all(command.split()[0] in STAGES for command in SHORT)
+    for place in [*ELSEWHERE.values(), *BLOCKS_ELSEWHERE.values()]:
+        for word in place.replace(",", "").split():
+            assert not word.startswith("tests/") or (ROOT / word).is_file(), word
+
+
+@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take ten times as long")
+@pytest.mark.parametrize("command", SHORT)
+def test_a_command_does_what_its_page_says(
+    command: str, at_desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = shlex.split(command)
+    if SHOWN[command] == SHAKER:
+        arguments = at_the_shaker(arguments, tmp_path, at_desk, monkeypatch)
+    status, told = run(arguments), capsys.readouterr()
+    if "fmu" in command and importlib.util.find_spec("fmpy") is None:
+        assert status == 1 and 'pip install "fmpy' in told.err
+        return
+    assert status == 0, told.err
+    assert all(path.exists() for path in outputs(arguments))
+    if "--json" in arguments:
+        json.loads(told.out)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("command", LONG)
+def test_a_long_command_does_what_its_page_says(
+    command: str, at_desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if command in DATA and "DEATWIN_DATA" not in os.environ:
+        pytest.skip("public recordings: DEATWIN_DATA names no folder")
+    arguments = shlex.split(command)
+    if SHOWN[command] == SHAKER:
+        arguments = at_the_shaker(arguments, tmp_path, at_desk, monkeypatch)
+    if command in DATA:
+        arguments[arguments.index("recordings")] = os.environ["DEATWIN_DATA"]
+    added = LONG[command]
+    for option in added[::2]:  # one that is shown gives way
+        if option in arguments:
+            at = arguments.index(option)
+            del arguments[at : at + 2]
+    assert run([*arguments, *added]) == 0
+    assert all(path.exists() for path in outputs(arguments))
+
+
+def at_the_shaker(arguments: list[str], folder: Path, desk: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The working folder for a plant with a sample time of its own, with the recording that its page makes."""
+    monkeypatch.chdir(folder)
+    monkeypatch.syspath_prepend(str(folder))
+    for name in ("shaker.py", "record.py"):
+        (folder / name).write_bytes((desk / name).read_bytes())
+    exec(compile((folder / "record.py").read_text(encoding="utf-8"), "record.py", "exec"), {"__name__": "__main__"})
+    (folder / "input.csv").write_bytes((folder / "shaken.csv").read_bytes())
+    return arguments
+
+
+def block_params() -> list[object]:
+    return [
+        pytest.param(at, id=f"{at[0]}-{at[1]}", marks=[pytest.mark.study] if at in LONG_BLOCKS else [])
+        for at in BLOCKS
+        if at not in BLOCKS_ELSEWHERE
+    ]
+
+
+@pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take ten times as long")
+@pytest.mark.parametrize("at", block_params())
+def test_a_block_of_python_runs(at: tuple[str, int], at_desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    title, code = BLOCKS[at]
+    if "to_arviz" in code:
+        pytest.importorskip("arviz", reason="the extra bayes is not installed")
+    for path, maker in MADE_BY.items():
+        if f'"{path}' in code and not Path(path).exists():
+            assert run(shlex.split(maker)) == 0
+    if "predicted.csv" in code:
+        assert (
+            run(
+                shlex.split(
+                    "simulate found/model.json check.csv --history noise.csv --history steps.csv --out predicted.csv"
+                )
+            )
+            == 0
+        )
+    module = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", module)
+    monkeypatch.setattr("matplotlib.pyplot.show", lambda: None)
+    exec(compile(code, title or f"{at[0]}, block {at[1]}", "exec"), vars(module))

@@ -1,0 +1,284 @@
+"""`deatwin frequency` on systems whose responses can be written down."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from deatwin.app import frequency_report
+from deatwin.app.cli import main
+from deatwin.app.frequency_report import write_responses
+from deatwin.app.frequency_responses import respond
+from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency.output_responses.result import NofrfStatus
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.operating import OperatingRange
+from deatwin.studies.folder import ResultFolder
+
+STEP = 0.1
+PICTURES = ("frequency", "gfrf2", "gfrf3", "nofrf", "test_signal")
+TABLES = ("frequency", "gfrf2", "gfrf3", "nofrf1", "nofrf2", "nofrf3", "test_signal")
+FILES = {
+    "report.html",
+    "run.json",
+    *(f"figures/{name}.svg" for name in PICTURES),
+    *(f"figures/{name}.csv" for name in TABLES),
+}
+
+
+def model_of(equation: Mapping[str, float], centre: float = 0.0, **more: Any) -> NarxModel:
+    """A model with a covariance of 1 % of each parameter, trained on inputs from -1 to 1 about a centre."""
+    found = NarxModel.from_terms(equation, sample_time=STEP)
+    trained = OperatingRange(
+        input_min=[centre - 1],
+        input_max=[centre + 1],
+        input_centre=[centre],
+        output_min=[-9],
+        output_max=[9],
+        output_centre=[0],
+    )
+    return replace(
+        found,
+        theta_cov=np.diag((0.01 * found.theta) ** 2),
+        operating=trained,
+        input_units=("V",),
+        output_units=("m",),
+        **more,
+    )
+
+
+SQUARE = {"y(k-1)": 0.6, "u(k)": 0.4, "u(k)^2": 0.1}
+"""H_1 = 0.4 / A and H_2 = 0.1 / A at the sum of the frequencies, with A = 1 - 0.6 e^(-jwT); no third order."""
+
+
+def one_by_a(frequency_Hz: NDArray[np.float64]) -> NDArray[np.complex128]:
+    return np.asarray(1 / (1 - 0.6 * np.exp(-2j * np.pi * frequency_Hz * STEP)))
+
+
+@pytest.fixture
+def square(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The model in a file, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    model_of(SQUARE, provenance={"excited_band_Hz": "1.0"}).save(tmp_path / "narx.json")
+    return tmp_path
+
+
+def files_of(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+
+
+def table(path: Path) -> NDArray[Any]:
+    return np.genfromtxt(path, delimiter=",", names=True)
+
+
+def test_order_one_keeps_its_table(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    found = table(square / "response/figures/frequency.csv")
+    assert found.dtype.names is not None
+    assert found.dtype.names[:7] == (
+        "frequency_Hz",
+        "real_m_per_V",
+        "imaginary_m_per_V",
+        "gain_m_per_V",
+        "gain_low_m_per_V",
+        "gain_high_m_per_V",
+        "phase_deg",
+    )
+    expected = 0.4 * one_by_a(found["frequency_Hz"])
+    np.testing.assert_allclose(found["real_m_per_V"] + 1j * found["imaginary_m_per_V"], expected, rtol=1e-12)
+    # d ln H / d ln b = 1 and d ln H / d a = e^(-jwT) / A, each parameter known to 1 %
+    turn = np.exp(-2j * np.pi * found["frequency_Hz"] * STEP)
+    relative = 0.01 * np.hypot(1, (0.6 * turn * one_by_a(found["frequency_Hz"])).real)
+    np.testing.assert_allclose(found["gain_high_m_per_V"] / found["gain_m_per_V"] - 1, 1.959964 * relative, rtol=1e-6)
+    assert len(found) == 200 and found["frequency_Hz"][[0, -1]] == pytest.approx([0.005, 5.0])
+    written = files_of(square / "response")
+    assert written == {"figures/frequency.csv", "figures/frequency.svg", "report.html", "run.json"}
+    assert "the operating point is stable" in capsys.readouterr().out
+
+
+def test_all_orders(
+    square: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
+) -> None:
+    assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
+    folder = square / "response"
+    assert files_of(folder) == FILES
+    second, third = table(folder / "figures/gfrf2.csv"), table(folder / "figures/gfrf3.csv")
+    expected = 0.1 * one_by_a(second["f1_Hz"] + second["f2_Hz"])
+    np.testing.assert_allclose(second["real_m_per_V2"] + 1j * second["imaginary_m_per_V2"], expected, rtol=1e-12)
+    assert second["f1_Hz"].max() == 1.0  # the band that the training data excited
+    assert third["gain_m_per_V3"].max() == 0.0
+    assert set(third["f3_Hz"]) == {0.5}
+    # A Hammerstein system: G_n is H_n, which depends on the sum of the frequencies alone.
+    for order, factor, unit in ((1, 0.4, "m_per_V"), (2, 0.1, "m_per_V2")):
+        rows = table(folder / f"figures/nofrf{order}.csv")
+        assert rows["frequency_Hz"].max() == pytest.approx(order) and f"truncation_{unit}" in rows.dtype.names
+        found = rows[f"real_{unit}"] + 1j * rows[f"imaginary_{unit}"]
+        np.testing.assert_allclose(found, factor * one_by_a(rows["frequency_Hz"]), rtol=1e-8)
+    assert np.abs(table(folder / "figures/nofrf3.csv")["gain_m_per_V3"]).max() < 1e-9
+    signal = table(folder / "figures/test_signal.csv")
+    assert signal.dtype.names == ("time_s", "deviation_V", "input_V")
+    assert signal["deviation_V"].max() == pytest.approx(1.0)  # up to the end of the training inputs
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("<figure>") == page.count("<svg ") == len(PICTURES)
+    assert all(f'href="figures/{name}.csv"' in page for name in TABLES)
+    assert set(validate("run", folder / "run.json")["outputs"]) == FILES
+    said = capsys.readouterr().out
+    assert "order 2 can have energy at 0 to 2 Hz" in said and "order 3 can have energy at 0 to 3 Hz" in said
+    assert "NOFRFs: excitation and levels suit these orders" in said
+
+
+def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    folder = square / "response"
+    assert main(["frequency", "narx.json", "--order", "3", "--out", "response"]) == 0
+    (folder / "figures/gfrf8.csv").write_text("somebody's own")  # no run has written it
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "figures/gfrf8.csv"}
+
+
+def test_a_run_removes_what_releases_before_wrote_beside_the_report(
+    square: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    folder = square / "response"
+    folder.mkdir()
+    former = ["frequency.csv", "nofrf.csv", "gfrf2.svg", "report.html"]
+    for name in (*former, "gfrf3.csv"):
+        (folder / name).write_text("")
+    (folder / "run.json").write_text(json.dumps({"outputs": former}))
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "gfrf3.csv"}  # which no run wrote
+
+
+@pytest.mark.parametrize(
+    ("units", "headers"),
+    [
+        (("V", "m"), ("gain_m_per_V", "gain_m_per_V2", "deviation_V")),
+        (("1", "N"), ("gain_N", "gain_N", "deviation")),
+        (("V", "1"), ("gain_per_V", "gain_per_V2", "deviation_V")),
+        (("V", "m/s"), ("gain_m_per_s_per_V", "gain_m_per_s_per_V2", "deviation_V")),
+        (("", ""), ("gain", "gain", "deviation")),
+    ],
+)
+def test_headers_have_their_units(
+    units: tuple[str, str], headers: tuple[str, str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    found = respond(replace(model_of(SQUARE), input_units=units[:1], output_units=units[1:]), 2, amplitude=0.1)
+    write_responses(found, ResultFolder(tmp_path))
+    for name, header in zip(("frequency", "gfrf2", "test_signal"), headers, strict=True):
+        assert header in (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+
+
+def test_json_tells_all(square: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))  # other tests draw
+    options = ["--operating-input", "0.2", "--level", "0.9", "--band", "0.5", "0.8", "--out", "response", "--json"]
+    assert main(["frequency", "narx.json", *options]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["unit"] == "m/V"
+    assert found["operating_input"] == 0.2 and found["stable"] and found["band_Hz"] == [0.5, 0.8]
+    assert found["equilibria"] == pytest.approx([(0.4 * 0.2 + 0.1 * 0.2**2) / 0.4])
+    # Expanded about 0.2 V the square adds 2 * 0.1 * 0.2 to the gain; 90 % are 1.645 deviations.
+    expected = 0.44 * one_by_a(np.array(found["frequency_Hz"]))
+    np.testing.assert_allclose(np.array(found["real"]) + 1j * np.array(found["imaginary"]), expected, rtol=1e-12)
+    first = table(square / "response/figures/frequency.csv")
+    wider = gfrf(model_of(SQUARE), 1, 2 * np.pi * first["frequency_Hz"], operating_input=0.2).band(0.95)
+    gain, high = first["gain_m_per_V"], first["gain_high_m_per_V"]
+    np.testing.assert_allclose((high - gain) / (wider.high - gain), 1.644854 / 1.959964, rtol=1e-6)
+
+
+def test_nofrfs_as_plain_data() -> None:
+    found = respond(model_of(SQUARE), 2, band_Hz=(0.5, 0.8), amplitude=0.3).to_json()
+    np.testing.assert_allclose(found["output_ranges_Hz"][1], [[0.0, 0.3], [1.0, 1.6]], atol=1e-12)
+    nofrfs = found["nofrf"]
+    assert nofrfs["status"] == "ok" and nofrfs["amplitude"] == 0.3 and nofrfs["largest_residual"] < 1e-10
+    json.dumps(found, allow_nan=False)
+
+
+def test_amplitude_is_lowered_where_further_orders_act() -> None:
+    model = model_of({"y(k-1)": 0.8, "u(k)": 0.2, "y(k-1)u(k)": 0.3})
+    lowered, asked = respond(model, 3, band_Hz=(0, 0.3)), respond(model, 3, band_Hz=(0, 0.3), amplitude=1.0)
+    assert lowered.nofrfs is not None and lowered.nofrfs.status is NofrfStatus.OK
+    assert lowered.signal is not None and 0.3 < lowered.signal.amplitude < 1.0
+    assert asked.nofrfs is not None and asked.nofrfs.status is NofrfStatus.TRUNCATED
+    assert asked.signal is not None and asked.signal.amplitude == 1.0
+    assert any("orders that were not fitted act" in line for line in asked.lines)
+
+
+def test_what_fails_is_said_plainly() -> None:
+    unstable = {"y(k-1)": 1.2, "u(k)": 0.4, "y(k-1)^3": -0.3}  # rests at 0, and at +- sqrt(2/3), which is stable
+    said = " / ".join(respond(model_of(unstable), 2).lines)
+    assert "the operating point is unstable" in said
+    assert "equilibria -0.8165 (stable), 0 (unstable), 0.8165 (stable) m; 0 is taken" in said
+    wild = replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0]))  # H_1 is known to 50 %
+    assert "H₁: the band is not to be relied upon at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
+    unknown = replace(model_of(SQUARE), operating=None)
+    found = respond(unknown, 2)
+    assert found.nofrfs is None and "does not tell the range of its training inputs" in found.missing
+    assert found.band_Hz == (0.0, 1.25)  # a quarter of half the sampling rate
+
+
+def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
+    found = respond(replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0])), 1)
+    write_responses(replace(found, missing="for a reason"), ResultFolder(tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert 'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs: for a reason." in page
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "words"),
+    [
+        (["--band", "2", "1"], 1, "band of 2 to 1 Hz"),
+        (["--band", "0", "5"], 1, "half the sampling rate, 5 Hz"),
+        (["--level", "1.5"], 1, "level = 1.5"),
+        (["--order", "2", "--operating-input", "3"], 1, "operating input 3 lies outside the training inputs"),
+        (["--order", "1", "--amplitude", "-1"], 2, "give a positive number"),
+        (["--order", "2", "--amplitude", "inf"], 2, "give a positive number"),
+        (["--amplitude", "0.1"], 2, "give --order 2 or more"),
+        (["--order", "9"], 2, "--order"),
+    ],
+)
+def test_one_line_for_what_cannot_be(
+    square: Path, capsys: pytest.CaptureFixture[str], options: list[str], status: int, words: str
+) -> None:
+    assert main(["frequency", "narx.json", *options, "--out", "response"]) == status
+    error = capsys.readouterr().err
+    assert words in error and "Traceback" not in error
+    assert status == 2 or error.count("\n") == 1
+    assert not (square / "response").exists()
+
+
+def test_a_band_that_is_no_number(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model_of(SQUARE, provenance={"excited_band_Hz": "wide"}).save(square / "narx.json")
+    assert main(["frequency", "narx.json", "--out", "response"]) == 1
+    assert "excited_band_Hz = 'wide'" in capsys.readouterr().err
+
+
+def test_several_inputs_are_refused(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    NarxModel.from_terms({"y(k-1)": 0.5, "u1(k)": 1.0, "u2(k)": 1.0}, sample_time=STEP).save(square / "narx.json")
+    assert main(["frequency", "narx.json", "--out", "response"]) == 1
+    assert "2 inputs" in capsys.readouterr().err
+
+
+def test_identified_then_analysed(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    columns = ["--input-column", "stretch", "--output-column", "force_N"]
+    assert main(["identify", "pulls.csv", *columns, "--method", "frols", "--out", "found.json"]) == 0
+    assert main(["frequency", "found.json", "--out", "found"]) == 0
+    found = table(on_bench / "found/figures/frequency.csv")
+    assert (found["gain_low"] <= found["gain"]).all()
+    assert (on_bench / "found/figures/frequency.svg").read_text(encoding="utf-8").startswith("<svg")
+    assert "the operating point is stable" in capsys.readouterr().out
+
+
+def test_it_says_where_ellipses_do_not_describe_a_response():
+    """y(k) = a y(k-1) + u(k-1) with a = 0.9 ± 0.05: near rest the gain 1/(1 - a) is far from linear in a."""
+    model = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 1.0}, sample_time=0.1, theta_cov=np.diag([0.05**2, 0.0]))
+    assert any(line.startswith("H₁: ") and "not linear in the parameters" in line for line in respond(model, 1).lines)
+    known = replace(model, theta_cov=1e-4 * model.theta_cov)
+    assert not any("not linear" in line for line in respond(known, 1).lines)

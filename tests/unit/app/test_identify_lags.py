@@ -1,0 +1,74 @@
+"""`deatwin identify`: input lags from the dead time on, and unstable models judged some steps ahead."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from deatwin.app.cli import main
+from deatwin.app.identify_lags import choose_input_lags
+from deatwin.plant.files import write_recording
+from deatwin.plant.recording import Recording
+
+COLUMNS = ["--input-column", "u", "--output-column", "y"]
+
+
+def named(u, y, sample_time=0.1):
+    return Recording.from_arrays(
+        u, y, sample_time, input_names=["u"], output_names=["y"], input_units=["1"], output_units=["1"]
+    )
+
+
+def late(lag, n=2000):
+    rng = np.random.default_rng(lag)
+    u = np.repeat(rng.uniform(-1, 1, n // 10), 10)
+    return named(u, lfilter(np.r_[np.zeros(lag), 0.1], [1, -0.9], u) + 0.002 * rng.normal(size=n))
+
+
+def test_lags_begin_at_the_dead_time_unless_others_are_asked_for():
+    found = choose_input_lags([late(25)], None, None)
+    assert set(found.lags) >= {25, 26, 27} and found.lags[0] >= 24 and found.lags[-1] == 27
+    assert "after 25 samples (2.5 s)" in found.sentences[0] and "24 to 27" in found.sentences[-1]
+    asked = choose_input_lags([late(25)], None, 4)
+    assert asked.lags == (0, 1, 2, 3, 4)
+    assert "end at 4" in asked.sentences[-1] and "--first-input-lag 24 --input-lags 27" in asked.sentences[-1]
+    enough = choose_input_lags([late(25)], 20, 30)
+    assert enough.lags == tuple(range(20, 31)) and len(enough.sentences) == 1
+    assert choose_input_lags([late(1)], None, None).lags == (0, 1, 2)
+
+
+@pytest.fixture
+def at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_command_finds_a_late_input(at: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_recording("late.csv", late(25))
+    assert main(["identify", "late.csv", *COLUMNS, "--out", "narx.json", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["dead_times"][0]["samples"] == 25 and 25 in told["input_lags"]
+    assert "u(k-25)" in told["terms"] and told["unseen"][0]["free_run"] < 0.004
+
+
+def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(3)
+    wanted, y, u = np.repeat(rng.uniform(-1, 1, 100), 20), np.zeros(2000), np.zeros(2000)
+    for k in range(1, 2000):
+        y[k] = 1.1 * y[k - 1] + u[k - 1] + 0.02 * rng.normal()
+        u[k] = 0.5 * (wanted[k] - y[k]) + 0.2 * rng.normal()
+    write_recording("loop.csv", named(u, y))
+    options = ["--degree", "1", "--method", "frols", "--out", "narx.json", "--report", "found"]
+    assert main(["identify", "loop.csv", *COLUMNS, *options]) == 0
+    told = capsys.readouterr().out
+    assert "a loop is suspected" in told and "closed loop" in told
+    # z = 1.1 is +0.95 1/s and grows by e in ten samples; the estimate is within some per cent
+    pole = float(re.search(r"the unstable pole: z = ([\d.]+), \+0\.\d+ 1/s", told).group(1))
+    assert pole == pytest.approx(1.1, abs=0.02) and " steps ahead, in which it grows by e" in told
+    page = (at / "found" / "report.html").read_text()
+    assert re.search(r"prediction \d+ steps ahead", page)

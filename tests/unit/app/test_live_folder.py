@@ -1,0 +1,277 @@
+"""What the live view makes of its folder: names, what is listed, uploads, and verdicts side by side."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deatwin.app.cli import main
+from deatwin.app.live.comparison import compare
+from deatwin.app.live.desk import Desk, free_name, inside, safe_name
+from deatwin.app.live.uploads import keep_upload
+from deatwin.app.live.verdicts import Verdict
+from deatwin.plant.errors import DataError, DeatwinError
+
+ROWS = [f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3\n" for k in range(40)]
+TABLE = "time_s,command_V,displacement_mm\n" + "".join(ROWS)
+DIAGNOSIS: dict[str, Any] = {
+    "schema": "deatwin/diagnosis/1",
+    "output": {"name": "displacement", "unit": "um"},
+    "verdict": "named",
+    "noise": 2.0,
+    "model_error": 0.9,
+    "detect": {"p_value": 0.0, "excess": 4.1, "smallest_detectable": {"creep": 0.4}},
+    "locate": {"time": [], "frequency": [], "region": [], "place": []},
+    "causes": [
+        {
+            "effect": "creep",
+            "family": "film",
+            "probability": 0.98,
+            "share_explained": 0.97,
+            "parameters": {"time": {"value": 54.0, "low": 50.0, "high": 59.0, "unit": "s"}},
+        }
+    ],
+    "set": ["creep"],
+    "indistinguishable": [],
+    "next_experiment": None,
+    "free_form": None,
+    "sentence": "The film <keeps> creeping.",
+    "fit": {"fitted": {"before": 9.8, "after": 2.05}, "unseen": {"before": 10.2, "after": 2.1, "gain_low": 7.4}},
+    "warnings": [],
+}
+
+
+def write_result(folder: Path, recordings: dict[str, str] | None = None, **changed: Any) -> None:
+    folder.mkdir(parents=True)
+    (folder / "diagnosis.json").write_text(json.dumps({**DIAGNOSIS, **changed}), encoding="utf-8")
+    if recordings is not None:
+        inputs = [{"file": file, "sha256": 64 * digit} for file, digit in recordings.items()]
+        (folder / "run.json").write_text(json.dumps({"inputs": inputs, "seconds": 12.5}), encoding="utf-8")
+
+
+@pytest.fixture
+def root(root: Path) -> Path:
+    """The same, with a recording that can be read."""
+    (root / "noise.csv").write_text(TABLE, encoding="utf-8")
+    return root
+
+
+# Names
+
+
+@pytest.mark.parametrize("name", ["../secret.csv", "sub/../../secret.csv", "/etc/hostname", "..", "leads/out.csv"])
+def test_a_name_that_leads_out_of_the_folder_is_refused(name: str, root: Path) -> None:
+    (root / "leads").mkdir()
+    (root / "leads" / "out.csv").symlink_to(root.parent / "secret.csv")
+    with pytest.raises(DataError, match="lies outside of"):
+        inside(root, name)
+
+
+def test_a_folder_that_is_a_link_outwards_and_one_that_has_a_null_are_refused(root: Path) -> None:
+    (root / "up").symlink_to(root.parent)
+    with pytest.raises(DataError, match="lies outside of"):
+        inside(root, "up/secret.csv")
+    with pytest.raises(DataError, match="no name of a file"):
+        inside(root, "noise\0.csv")
+
+
+def test_a_name_inside_is_its_path_also_where_the_folder_itself_is_a_link(root: Path) -> None:
+    (root.parent / "shortcut").symlink_to(root)
+    assert inside(root, "noise.csv") == inside(root.parent / "shortcut", "sub/../noise.csv") == root / "noise.csv"
+
+
+@pytest.mark.parametrize(
+    ("sent", "kept"),
+    [
+        ("noise.csv", "noise.csv"),
+        ("../../etc/noise.csv", "noise.csv"),
+        ("C:\\lab\\noise.csv", "noise.csv"),
+        ("--out.csv", "out.csv"),
+        (".hidden.csv", "hidden.csv"),
+        ('a<b>:"|?*\n.csv', "a_b_______.csv"),
+        ("Übung 1.csv", "Übung 1.csv"),
+        ("U\u0308bung.csv", "Übung.csv"),
+    ],
+)
+def test_a_name_that_is_sent_becomes_one_of_a_file_in_the_folder(sent: str, kept: str) -> None:
+    assert safe_name(sent) == kept
+
+
+@pytest.mark.parametrize("sent", ["", "...", "/", "a" * 101 + ".csv", "con.csv", "LPT1", "a\u202eb.csv"])
+def test_a_name_of_which_nothing_can_be_made_is_refused(sent: str) -> None:
+    with pytest.raises(DataError):
+        safe_name(sent)
+
+
+# What lies in the folder
+
+
+def test_recordings_rigs_and_results_are_listed_and_nothing_else(root: Path) -> None:
+    write_result(root / "found")
+    for name in ("model.json", "next_input.csv", "figures/residual.csv", "rivals/delay.json", "kept.csv"):
+        (root / "found" / name).parent.mkdir(exist_ok=True)
+        (root / "found" / name).write_text("", encoding="utf-8")
+    for name in ("day 2/steps.TSV", ".cache/a.csv", "notes.md", "a/b/c/d/deep.csv", "a/b/c/near.nc"):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_text("", encoding="utf-8")
+    (root / "out.csv").symlink_to(root.parent / "secret.csv")
+    (root / "up").symlink_to(root.parent)
+    (root / "again.csv").symlink_to(root / "noise.csv")
+    desk = Desk.look(root)
+    assert desk.recordings == ("a/b/c/near.nc", "again.csv", "day 2/steps.TSV", "found/kept.csv", "noise.csv")
+    assert desk.rigs == ("found/model.json", "rig.toml")
+    assert desk.results == ("found",)
+    assert desk.whole
+
+
+def test_a_folder_of_results_is_itself_a_result(tmp_path: Path) -> None:
+    write_result(tmp_path / "found")
+    assert Desk.look(tmp_path / "found").results == (".",)
+
+
+def test_a_full_folder_is_listed_in_part_and_says_so(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("deatwin.app.live.desk.MOST_FILES", 1)
+    desk = Desk.look(root)
+    assert (len(desk.recordings) + len(desk.rigs), desk.whole) == (1, False)
+
+
+def test_a_name_that_is_taken_is_not_offered(root: Path) -> None:
+    assert free_name(root) == "diagnosis-1"
+    (root / "diagnosis-1").mkdir()
+    (root / "diagnosis-2").symlink_to("nowhere")
+    assert free_name(root) == "diagnosis-3"
+
+
+# Uploads
+
+
+def left_over(root: Path) -> set[str]:
+    return {path.name for path in root.iterdir()} - {"rig.toml", "noise.csv"}
+
+
+def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
+    assert keep_upload(root, "..\\steps.csv", TABLE.encode(), most_bytes=10_000) == "steps.csv"
+    assert (root / "steps.csv").read_text(encoding="utf-8") == TABLE
+    assert left_over(root) == {"steps.csv"}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("big.csv", TABLE * 20, r"big.csv: 0.0 MB; at most 0.01 MB are taken \(--upload-limit\)"),
+        ("page.html", TABLE, r'page.html: files ".html" are not taken; drop one of .csv, .txt, .tsv, .toml'),
+        ("noise.csv", TABLE, "noise.csv: the folder has a file of this name; rename yours"),
+        ("key.toml", "[film]\nprestrech = 3", r'^key.toml: .+ line 2, \[film\]: unknown key "prestrech"; did you mean'),
+    ],
+)
+def test_what_is_not_taken_leaves_nothing_behind(name: str, content: str, message: str, root: Path) -> None:
+    with pytest.raises(DeatwinError, match=message):
+        keep_upload(root, name, content.encode(), most_bytes=10_000)
+    assert left_over(root) == set()
+    assert (root / "noise.csv").read_text(encoding="utf-8") == TABLE
+
+
+@pytest.mark.parametrize(
+    "content", [TABLE.replace("command_V", "comand_V"), TABLE.replace("0.12,", "0.12,nan"), "", "time_s\n", "\x00\x01"]
+)
+def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
+    content: str, root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(DataError) as refused:
+        keep_upload(root, "bad.csv", content.encode(), most_bytes=10_000)
+    monkeypatch.chdir(root)
+    (root / "bad.csv").write_text(content, encoding="utf-8", newline="")
+    assert main(["identify", "bad.csv", "--out", "model.json"]) == 1
+    assert capsys.readouterr().err == f"error: {refused.value}\n"
+
+
+def test_other_columns_are_read_as_they_are_named(root: Path) -> None:
+    content = TABLE.replace("command_V", "U").encode()
+    columns = {"input_column": "U", "output_column": "displacement_mm"}
+    assert keep_upload(root, "other.csv", content, most_bytes=10_000, **columns) == "other.csv"
+    with pytest.raises(DataError, match="command_V"):
+        keep_upload(root, "again.csv", content, most_bytes=10_000)
+
+
+# Verdicts side by side
+
+
+def test_a_verdict_is_read_with_its_recordings(root: Path) -> None:
+    write_result(root / "found", {"rig.toml": "c", "noise.csv": "a"})
+    verdict = Verdict.read(root, "found")
+    assert (verdict.verdict, verdict.tone, verdict.unit, verdict.fault) == ("named", "good", "µm", "")
+    assert (verdict.fitted, verdict.unseen, verdict.noise) == ((9.8, 2.05), (10.2, 2.1), 2.0)
+    assert [(cause.effect, cause.parameters) for cause in verdict.causes] == [
+        ("creep", (("time", "54 s", "50 to 59 s"),))
+    ]
+    assert verdict.recordings == {64 * "a"} and verdict.seconds == 12.5 and not verdict.report
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"schema": "deatwin/narx/1"}', "[" * 100_000])
+def test_a_damaged_result_is_a_fault_and_no_traceback(text: str, root: Path) -> None:
+    (root / "broken").mkdir()
+    (root / "broken" / "diagnosis.json").write_text(text, encoding="utf-8")
+    verdict = Verdict.read(root, "broken")
+    assert verdict.fault.startswith("broken/diagnosis.json: ") and str(root) not in verdict.fault
+    assert "broken/diagnosis.json: " in compare([verdict]).html()
+
+
+def test_a_result_that_lies_outside_is_not_read(root: Path) -> None:
+    write_result(root.parent / "elsewhere")
+    assert "lies outside of" in Verdict.read(root, "../elsewhere").fault
+    (root / "linked").mkdir()
+    (root / "linked" / "diagnosis.json").symlink_to(root.parent / "elsewhere" / "diagnosis.json")
+    assert "lies outside of" in Verdict.read(root, "linked").fault
+
+
+def test_errors_of_one_unit_are_drawn_to_one_scale(root: Path) -> None:
+    fit = {"fitted": {"before": 40.0, "after": None}, "unseen": {"before": 30.0, "after": None, "gain_low": None}}
+    write_result(root / "one")
+    write_result(root / "two", fit=fit, causes=[], verdict="unknown")
+    write_result(root / "force", output={"name": "force", "unit": "N"})
+    comparison = compare([Verdict.read(root, name) for name in ("one", "two", "force", "gone")])
+    assert comparison.limits == (40.0, 40.0, 10.2, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "same"),
+    [
+        ({"noise.csv": "a", "rig.toml": "b"}, {"other name.csv": "a", "rig.toml": "c"}, True),
+        ({"noise.csv": "a"}, {"noise.csv": "b"}, False),
+        ({"noise.csv": "a"}, None, None),
+    ],
+)
+def test_it_is_said_whether_the_recordings_are_the_same(
+    first: dict[str, str], second: dict[str, str] | None, same: bool | None, root: Path
+) -> None:
+    write_result(root / "one", first)
+    write_result(root / "two", second)
+    verdicts = [Verdict.read(root, name) for name in ("one", "two")]
+    assert compare(verdicts).same_recordings is same
+    assert compare(verdicts[:1]).same_recordings is None
+
+
+def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
+    write_result(root / "<b>one", {"noise.csv": "a"}, set=["creep", "dielectric_absorption"])
+    write_result(root / "two", {"<i>.csv": "b"})
+    (root / "two" / "report.html").write_text("", encoding="utf-8")
+    table = compare([Verdict.read(root, name) for name in ("<b>one", "two")]).html()
+    for text in (
+        "The film &lt;keeps&gt; creeping.",
+        "54 s",
+        "50 to 59 s",
+        "creep, dielectric absorption",
+        "10.2 → 2.10 µm",
+        "9.80 → 2.05 µm",
+        "2.00 µm",
+        64 * "a",
+        "Not from the same recordings",
+        'href="results/two/report.html"',
+        "&lt;b&gt;one",
+        "&lt;i&gt;.csv",
+        "took 12.5 s",
+    ):
+        assert text in table, text
+    assert "<b>" not in table and "<i>" not in table
+    assert table.count("<svg") == 2 and "results/%3Cb%3Eone" not in table

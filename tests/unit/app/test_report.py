@@ -1,0 +1,318 @@
+"""The page of a diagnosis: of every verdict, without evidence, and with all steps in their order."""
+
+import re
+from dataclasses import dataclass, replace
+from html import unescape
+from html.parser import HTMLParser
+from math import inf
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch import CandidateSummary, Cause, Diagnosis, Evidence, Interval, Verdict
+from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.verify import Ablation, Verification
+from deatwin.ident.mismatch.verify.constancy import Constancy
+from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
+from deatwin.ident.mismatch.verify.transfer import Transfer
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.errors import ModelError
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report import Origin, write_report
+from deatwin.studies.report.quantities import in_interval, with_interval
+from deatwin.studies.report.story import Note, StoryPage, write_story
+
+DIAGNOSIS = Diagnosis(
+    output={"name": "displacement", "unit": "um"},
+    verdict=Verdict.UNKNOWN,
+    noise=2.0,
+    model_error=1.2,
+    detect={"p_value": 0.0, "excess": 4.0, "smallest_detectable": {}},
+    locate={"time": [], "frequency": [], "region": [], "place": []},
+    sentence="Something is <missing>.",
+    fit={"fitted": {"before": 5.0, "after": None}, "unseen": {"before": 6.0, "after": None, "gain_low": None}},
+    warnings=("stretch_limit ended on a bound of its range",),
+)
+
+
+@pytest.mark.parametrize("verdict", [v for v in Verdict if v not in (Verdict.NAMED, Verdict.AMBIGUOUS)])
+def test_every_verdict_has_a_page(tmp_path: Path, verdict: Verdict) -> None:
+    folder = ResultFolder(tmp_path / "new")
+    write_report(folder, replace(DIAGNOSIS, verdict=verdict), Origin(inputs=[], seed=3))
+    page = (folder.path / "report.html").read_text(encoding="utf-8")
+    assert folder.written == ["report.html"]
+    assert "<h1>Something is &lt;missing&gt;.</h1>" in page
+    assert verdict.value.replace("_", " ") in page
+    assert "stretch_limit ended on a bound" in page
+    assert "6.00" in page
+
+
+def test_an_interval_has_the_prefix_of_its_value() -> None:
+    assert with_interval(950.0, 900.0, 1100.0, "Pa") == ("950 Pa", "900 to 1100 Pa")
+    assert with_interval(26.1e3, 24.5e3, 27.7e3, "Pa") == ("26.1 kPa", "24.5 to 27.7 kPa")
+    assert with_interval(-0.1, -0.12, -0.08, "1") == ("-0.1", "-0.12 to -0.08")
+
+
+def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart() -> None:
+    assert with_interval(25.012, 24.98, 25.04, "s") == ("25.01 s", "24.98 to 25.04 s")
+    assert with_interval(25.0, 24.99999, 25.00002, "s") == ("25.00000 s", "24.99999 to 25.00002 s")
+    assert with_interval(12345.6, 12340.0, 12351.0, "1") == ("12346", "12340 to 12351")
+    assert with_interval(25.0, 25.0, 25.0, "s") == ("25 s", "25 to 25 s")  # nothing to tell apart
+    assert in_interval(2.0, -inf, inf) == "2 (-inf to inf)"
+    assert in_interval(10.0, 9.98, 10.02) == "10.00 (9.98 to 10.02)"
+    assert in_interval(54.12, 50.2, 59.3) == "54.1 (50.2 to 59.3)"
+
+
+def test_code_of_a_note_is_shown_as_it_is(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path)
+    code = "if a < b:\n        print('<b>')  # two  spaces\n"
+    notes = [Note(title="Monday", paragraphs=["Text."], code=code), Note(title="Tuesday", paragraphs=["No code."])]
+    page = StoryPage(title="a story", sentence="Told.", rows=[], notes=notes, figures=[])
+    write_story(folder, page, RunRecord(command=["test"], inputs=[], seed=0, jobs=1))
+    found = re.findall("<pre[^>]*><code>(.*?)</code></pre>", (tmp_path / "report.html").read_text("utf-8"), re.DOTALL)
+    assert [unescape(text) for text in found] == [code]
+
+
+@dataclass(frozen=True)
+class Step:
+    """The result of a step: draws as many panels as it is given."""
+
+    name: str
+
+    def plot(self, ax: Any = None) -> Any:
+        for axes in ax if isinstance(ax, list) else [ax]:
+            axes.plot([0, 1], [0, 1], color="0.5", label=self.name)
+            axes.set_xlabel(f"drawn by {self.name}")
+        return ax
+
+
+VERIFIED = Verification(
+    fitted_before=9e-6,
+    fitted_after=2e-6,
+    unseen_before=10.2e-6,
+    unseen_after=2.13e-6,
+    gain_low=7.4e-6,
+    noise=2e-6,
+    output_unit="m",
+    ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10.2e-6, gain_low=7.4e-6, share=0.968),),
+    shams=(
+        Sham(effect="creep", kind=ShamKind.BACKWARDS, share=0.0312, expected=0.02),
+        Sham(effect="creep", kind=ShamKind.OPPOSITE, share=0.9124, expected=0.0),
+        Sham(effect="creep", kind=ShamKind.RANDOM_PHASES, skipped="it hardly differs"),
+    ),
+    transfers=(
+        Transfer(
+            part="steps.csv", before=11e-6, after=2.2e-6, gain_low=8e-6, gain_high=9e-6, floor=2.3e-6, model_error=1e-6
+        ),
+        Transfer(
+            part="lowest amplitudes",
+            before=2e-6,
+            after=6.78e-6,
+            gain_low=-5e-6,
+            gain_high=-4e-6,
+            floor=2.3e-6,
+            model_error=1e-6,
+        ),
+    ),
+    constancies=(
+        Constancy(effect="creep", change=-1.264, deviation=0.083, own=0.5),
+        Constancy(effect="delay", own=0.04),
+    ),
+)
+
+
+def with_everything() -> Diagnosis:
+    """A diagnosis with two recordings, all optional fields, and a result of each step."""
+    rng = np.random.default_rng(0)
+    records = [
+        Recording.from_arrays(rng.uniform(1, 3, 700), 1e-4 * rng.normal(size=700), 0.02, start=start)
+        for start in (0.0, 20.0)
+    ]
+    experiment = Experiment(recordings=tuple(records))
+    plant = Plant(rig=Diaphragm())
+    unseen = (tuple(np.arange(700) >= 490 for _ in records),)
+    step: Any = Step
+    located: Any = SimpleNamespace(region=Step("region"), place=Step("place"), lines=None)
+    evidence = Evidence(
+        experiments=(experiment,),
+        base=(tuple(np.zeros(700) for _ in records),),
+        amended=(tuple(np.zeros(700) for _ in records),),
+        unseen=unseen,
+        noise=2e-6,
+        model_error=1e-6,
+        candidates=(
+            CandidateSummary(effects=(), fitted=9e-6, unseen=10e-6),
+            CandidateSummary(effects=("creep",), fitted=2e-6, unseen=2.1e-6, d2=0.0),
+            CandidateSummary(effects=("delay",), fitted=8e-6, unseen=8.1e-6, d2=1234.0),
+        ),
+        base_model=CalibratedPlant.nominal(plant),
+        checked=gate(plant, (experiment,)),
+        detection=step("detection"),
+        location=located,
+        discovery=step("discovery"),
+        advice=step("advice"),
+        verification=VERIFIED,
+    )
+    return replace(
+        DIAGNOSIS,
+        verdict=Verdict.NAMED,
+        evidence=evidence,
+        verification=VERIFIED.to_dict(),
+        names=("creep",),
+        causes=(
+            Cause(
+                effect="creep",
+                family="film",
+                probability=0.98,
+                share_explained=0.97,
+                parameters={"time": Interval(value=54.0, low=50.0, high=59.0, unit="s")},
+            ),
+        ),
+        detect={
+            **DIAGNOSIS.detect,
+            "noise_source": "rests",
+            "practical": 0.61,
+            "taken_up": True,
+            "smallest_detectable": {"creep": 0.4},
+            "statistics": [{"name": "variance", "value": 4.0, "where": "", "score": 3.0, "p_value": 0.0025}],
+        },
+        locate={
+            "time": [{"from_s": 1.0, "to_s": 9.0, "score": 0.9}],
+            "frequency": [],
+            "region": [],
+            "response": None,
+            "place": [{"place": "film", "signal": "stiffness", "score": 0.8}],
+        },
+        parameters={
+            "shear_modulus": FittedParameter(value=26.4e3, low=25e3, high=27e3, unit="Pa", nominal=30e3, at_bound=True)
+        },
+        next_experiment={
+            "file": "next_input.csv",
+            "seconds": 120.0,
+            "confusion_before": 0.3,
+            "confusion_after": 0.02,
+            "waveform": "holds",
+            "added_mass_g": None,
+            "measure": None,
+        },
+        free_form={
+            "place": "ball",
+            "before": 10.2,
+            "after": 4.41,
+            "gain_low": 5.0,
+            "terms": [{"term": "x v", "coefficient": -0.0123, "unit": "N s/m2", "shape": None, "inclusion": 0.94}],
+        },
+        indistinguishable=({"effects": ["creep", "delay"], "d2": 9.1},),
+        forms=(
+            {"form": {"ball": "sliding"}, "fitted": 9.77, "unseen": 10.4},
+            {"form": {}, "fitted": 11.3, "unseen": 12.6},
+        ),
+    )
+
+
+class Outline(HTMLParser):
+    """Headings, ids, and whether every element is closed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.headings: list[str] = []
+        self.ids: list[str] = []
+        self.open: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == "h2":
+            self.headings.append(data)
+
+
+def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "new")
+    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
+    page = (folder.path / "report.html").read_text(encoding="utf-8")
+    outline = Outline(page)
+    assert outline.headings == [
+        "What was left out",
+        "Recordings",
+        "The calibrated plant",
+        "Is anything missing?",
+        "Where it differs",
+        "What was tried",
+        "Free form",
+        "What to record next",
+        "Does it hold?",
+        "Provenance",
+    ]
+    assert outline.open == []
+    assert len(outline.ids) == len(set(outline.ids))
+    assert page.count("<svg") == 11  # four of the recordings, seven of the steps
+    for name in ("detection", "region", "place", "discovery", "advice"):
+        assert f"drawn by {name}" in page
+    assert len(page) < 5e6
+    shown = (
+        "that of the readings while the command rests",
+        "on a bound of its range",
+        "30 kPa",
+        "26.4 kPa",
+        "25 to 27 kPa",
+        "0.00250",
+        "0.610 µm",
+        "Fitted to all recordings, the plant leaves less than that",
+        "film: stiffness",
+        "1234",
+        "creep and delay (9.10)",
+        "x v",
+        "-0.0123",
+        "94 %",
+        "at the ball",
+        "from 30 to 2.0 %",
+        "ball = sliding",
+        "as the rig file says",
+        "12.6",
+        "creep with the opposite sign does as well",
+        "the error grows on unseen data: lowest amplitudes",
+        "6.78",
+        "97 %",
+        "3.12 %",
+        "not judged: it hardly differs",
+        "-126 ± 8 %",
+        "cannot be told",
+        "the strength of creep would change by -126 % of itself over the fitted part",
+    )
+    for text in shown:
+        assert text in page, text
+
+
+def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path / "new")
+    write_report(folder, with_everything(), Origin(inputs=[], seed=3))
+    drawn = "".join(re.findall(r"<svg.*?</svg>", (folder.path / "report.html").read_text(encoding="utf-8"), re.DOTALL))
+    assert "color-mix(in srgb, var(--ink) 50%, var(--page))" in drawn  # 0.5, half way between ink and page
+    assert re.search(r"#([0-9a-f]{2})\1\1\b", drawn) is None
+
+
+def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    axes = with_everything().plot()
+    assert axes.get_title() == "named: creep"
+    assert axes.get_ylabel() == "measured − simulated (µm)"
+    legend = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert legend == ["calibrated plant", "amended plant", "unseen"]
+    assert len(axes.patches) == 2  # one unseen part in each recording
+    with pytest.raises(ModelError, match="no evidence"):
+        DIAGNOSIS.plot()

@@ -1,0 +1,37 @@
+"""Recordings that are sampled too fast for a NARX model."""
+
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from deatwin.app.thinning import thinned
+from deatwin.ident.narx.preprocess import choose_sampling
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
+
+
+@pytest.fixture(scope="module")
+def fast() -> Recording:
+    """Noise of 5 Hz through a lag of 20 ms, at 1 kHz."""
+    noise = np.random.default_rng(4).standard_normal(20_000)
+    u = sosfiltfilt(butter(4, 5.0, fs=1000, output="sos"), noise)
+    return Recording.from_arrays(u, lfilter([0.05], [1, -0.95], u), 0.001)
+
+
+def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
+    said = thinned([fast], None, ReadingTime.END_OF_HOLD, held_out=0.3)
+    assert said.records == [fast]
+    assert "--decimate auto goes to" in said.notes[0]
+    made = thinned([fast], "auto", ReadingTime.END_OF_HOLD, held_out=0.3)
+    factor = choose_sampling(fast.section(0, 14_000)).factor
+    assert made.records[0].sample_time == pytest.approx(0.001 * factor)
+    assert f"goes to {made.records[0].sample_time:g} s" in said.notes[0]
+    assert f"decimated by {factor}" in made.notes[0]
+
+
+def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:
+    tone = np.sin(2 * np.pi * np.arange(2000) / 56)  # its square has the first minimum of its correlation at 14 samples
+    slow = [Recording.from_arrays(tone, tone, 0.01)]
+    assert thinned(slow, None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
+    assert "not decimated" in thinned(slow, "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes[0]
+    assert thinned(slow, "3", ReadingTime.END_OF_HOLD, held_out=0.3).records[0].sample_time == pytest.approx(0.03)
