@@ -1,9 +1,7 @@
 """A rig that is simulated in a moment, and recordings of it on the disk."""
 
 import json
-import signal
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +12,6 @@ import pytest
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.studies.interrupts import heard
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = {
@@ -101,20 +98,3 @@ def root(tmp_path: Path) -> Path:
     for path in (root / "noise.csv", tmp_path / "secret.csv"):
         path.write_text("time_s,command_V,displacement_mm\n0.00,2.0,0.3\n", encoding="utf-8")
     return root
-
-
-@pytest.fixture
-def mistaken() -> Iterator[Callable[..., Any]]:
-    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    def interrupted(*_: object, **__: object) -> Any:
-        with suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        raise SystemError("DM.__array__ returned a result with an exception set")
-
-    try:
-        with heard():
-            yield interrupted
-    finally:
-        signal.signal(signal.SIGINT, before)
