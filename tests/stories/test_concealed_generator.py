@@ -21,7 +21,8 @@ from deatwin.plant.integrator.reference import reference_outputs
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.concealed_physics import mechanisms
 from deatwin.scenarios.concealed_physics.apparatus import Apparatus
-from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs, make, pairable
+from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs, pairable
+from deatwin.scenarios.concealed_physics.specimens import make
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES, accepted, canonical
 from deatwin.scenarios.concealed_physics.mechanisms import MECHANISMS, Drive, Reading, mechanism_named
 from deatwin.scenarios.concealed_physics.mechanisms.electrical import HardClip, TransportDelay

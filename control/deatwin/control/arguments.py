@@ -14,24 +14,6 @@ from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.checks import real_numbers
 from deatwin.plant.errors import ModelError
 
-__all__ = [
-    "coefficients",
-    "each",
-    "finite",
-    "function",
-    "generator",
-    "instance",
-    "not_negative",
-    "number",
-    "numbers",
-    "pair",
-    "positive",
-    "require_fields",
-    "row",
-    "taking",
-    "whole",
-]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 Check = Callable[[Any, str], object]
@@ -39,13 +21,7 @@ Check = Callable[[Any, str], object]
 
 
 def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function so that its arguments are checked first; one that is its own default is not.
-
-    Parameters
-    ----------
-    **checks : callable
-        For each argument that is to be checked.
-    """
+    """Decorate a function so that its arguments are checked first; one that is its own default is not."""
 
     def decorate(taker: Callable[P, R]) -> Callable[P, R]:
         parameters = signature(taker)
@@ -63,34 +39,13 @@ def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def require_fields(owner: object, **checks: Check) -> None:
-    """Check attributes of an object.
-
-    Parameters
-    ----------
-    owner : object
-        A dataclass, as its ``__post_init__`` has it.
-    **checks : callable
-        For each attribute that is to be checked.
-
-    Raises
-    ------
-    ControlError
-        As the checks.
-    """
+    """Check attributes of an object."""
     for name, check in checks.items():
         check(getattr(owner, name), name)
 
 
 def numbers(value: Any, name: str) -> None:
-    """Refuse what is no array of real numbers.
-
-    Parameters
-    ----------
-    value : array_like
-        Any shape; infinite and NaN pass.
-    name : str
-        What it is.
-    """
+    """Refuse what is no array of real numbers."""
     try:
         real_numbers(value, name)
     except ModelError as error:
@@ -98,14 +53,7 @@ def numbers(value: Any, name: str) -> None:
 
 
 def coefficients(value: Any, name: str) -> None:
-    """Refuse what is not one list of finite numbers.
-
-    Parameters
-    ----------
-    value : array_like, shape (n,)
-    name : str
-        What it is.
-    """
+    """Refuse what is not one list of finite numbers. Shapes: `value` (n,)."""
     numbers(value, name)
     if np.ndim(value) > 1 or np.size(value) == 0:
         raise ControlError(f"{name} must be a list of coefficients; got {_kind(np.asarray(value))}")
@@ -114,72 +62,35 @@ def coefficients(value: Any, name: str) -> None:
 
 
 def number(value: Any, name: str) -> None:
-    """Refuse what is not one real number.
-
-    Parameters
-    ----------
-    value : float
-        Infinite and NaN pass: where a function has bounds, it says so itself.
-    name : str
-        What it is.
-    """
+    """Refuse what is not one real number."""
     kinds = int | float | np.integer | np.floating | np.ndarray
     if not isinstance(value, kinds) or np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
         raise ControlError(f"{name} must be a number; got {_kind(value)}")
 
 
 def finite(value: Any, name: str) -> None:
-    """Refuse what is not one finite number.
-
-    Parameters
-    ----------
-    value : float
-    name : str
-        What it is.
-    """
+    """Refuse what is not one finite number."""
     number(value, name)
     if not isfinite(value):
         raise ControlError(f"{name} is {float(value):g}: it must be finite")
 
 
 def positive(value: Any, name: str) -> None:
-    """Refuse what is not one finite number above 0.
-
-    Parameters
-    ----------
-    value : float
-    name : str
-        What it is.
-    """
+    """Refuse what is not one finite number above 0."""
     number(value, name)
     if not (isfinite(value) and value > 0.0):
         raise ControlError(f"{name} is {float(value):g}: it must be positive and finite")
 
 
 def not_negative(value: Any, name: str) -> None:
-    """Refuse what is not one finite number of 0 or more.
-
-    Parameters
-    ----------
-    value : float
-    name : str
-        What it is.
-    """
+    """Refuse what is not one finite number of 0 or more."""
     finite(value, name)
     if value < 0.0:
         raise ControlError(f"{name} is {float(value):g}: it must not be negative")
 
 
 def row(value: Any, name: str) -> None:
-    """Refuse what is not one row of finite numbers.
-
-    Parameters
-    ----------
-    value : array_like, shape (n,)
-        With one number at least.
-    name : str
-        What it is.
-    """
+    """Refuse what is not one row of finite numbers. Shapes: `value` (n,)."""
     numbers(value, name)
     if np.ndim(value) != 1 or np.size(value) == 0:
         raise ControlError(f"{name} must be a row of one or more numbers; got {_kind(value)}")
@@ -188,14 +99,7 @@ def row(value: Any, name: str) -> None:
 
 
 def pair(value: Any, name: str) -> None:
-    """Refuse what is not two finite numbers.
-
-    Parameters
-    ----------
-    value : (float, float)
-    name : str
-        What it is.
-    """
+    """Refuse what is not two finite numbers."""
     if isinstance(value, str | Mapping) or np.shape(_or_none(value)) != (2,):
         raise ControlError(f"{name} must be two numbers, the least and the largest; got {_kind(value)}")
     for end, one in zip(("first", "second"), value, strict=True):
@@ -203,13 +107,7 @@ def pair(value: Any, name: str) -> None:
 
 
 def whole(least: int) -> Check:
-    """A check that refuses what is no integer, or below the least.
-
-    Parameters
-    ----------
-    least : int
-        The smallest that is allowed.
-    """
+    """A check that refuses what is no integer, or below the least."""
 
     def check(value: Any, name: str) -> None:
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
@@ -220,15 +118,7 @@ def whole(least: int) -> Check:
 
 
 def instance(*kinds: type, hint: str = "") -> Check:
-    """A check that refuses objects of other classes.
-
-    Parameters
-    ----------
-    *kinds : type
-        What is taken.
-    hint : str
-        Where it comes from, as the end of the error's sentence.
-    """
+    """A check that refuses objects of other classes."""
     wanted = " or ".join(_with_article(kind.__name__) for kind in kinds)
 
     def check(value: Any, name: str) -> None:
@@ -239,13 +129,7 @@ def instance(*kinds: type, hint: str = "") -> Check:
 
 
 def each(check: Check) -> Check:
-    """A check of every member of a sequence.
-
-    Parameters
-    ----------
-    check : callable
-        Of one.
-    """
+    """A check of every member of a sequence."""
 
     def check_all(value: Any, name: str) -> None:
         if not isinstance(value, list | tuple | np.ndarray):
@@ -257,26 +141,12 @@ def each(check: Check) -> Check:
 
 
 def generator(value: Any, name: str) -> None:
-    """Refuse what is no source of random numbers.
-
-    Parameters
-    ----------
-    value : numpy.random.Generator
-    name : str
-        What it is.
-    """
+    """Refuse what is no source of random numbers."""
     instance(np.random.Generator, hint=", as numpy.random.default_rng(0)")(value, name)
 
 
 def function(value: Any, name: str) -> None:
-    """Refuse what cannot be called.
-
-    Parameters
-    ----------
-    value : callable
-    name : str
-        What it is.
-    """
+    """Refuse what cannot be called."""
     if not callable(value):
         raise ControlError(f"{name} must be a function; got {_kind(value)}")
 

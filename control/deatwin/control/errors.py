@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from deatwin.plant.errors import DeatwinError
 
-__all__ = ["ControlError", "MissingPackageError"]
-
 
 class ControlError(DeatwinError, ValueError):
     """A controller or a specification for one is at fault."""

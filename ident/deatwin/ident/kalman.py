@@ -29,20 +29,8 @@ from math import log, pi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.kalman_loops import advance_root, backward, covariance_root, forward, smooth, update_root
+from deatwin.ident.kalman_loops import backward, covariance_root, forward, smooth
 from deatwin.plant.errors import ModelError
-
-__all__ = [
-    "Adjoint",
-    "Filtered",
-    "Smoothed",
-    "StateSpace",
-    "adjoint",
-    "advance_root",
-    "kalman_filter",
-    "kalman_smoother",
-    "update_root",
-]
 
 Array = NDArray[np.float64]
 
@@ -196,27 +184,13 @@ class Filtered:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjoint:
-    """The filter's adjoint: the gradient of the log likelihood by all that the model is made of.
+    """The filter's adjoint: the gradient of the log likelihood by all that the model is made of."""
 
-    Parameters
-    ----------
-    vectors : ndarray, shape (n, n_states)
-        Gradient by a shift of the state just before each sample is measured.
-    matrices : ndarray, shape (n, n_states, n_states)
-        Minus the second derivative by such a shift, symmetric.
-    noise_score : ndarray, shape (n_outputs,)
-        Derivative of the log likelihood by each R_i.
-    process_score : ndarray, shape (n_states, n_states)
-        Gradient by a Q that is the same at all samples; symmetric, each element taken as its own.
-    start_score : ndarray, shape (n_states,)
-        Gradient by the mean of the start.
-    """
-
-    vectors: Array
-    matrices: Array
-    noise_score: Array
+    vectors: Array  # shape (n, n_states): Gradient by a shift of the state just before each sample is measured
+    matrices: Array  # shape (n, n_states, n_states): Minus the second derivative by such a shift, symmetric
+    noise_score: Array  # shape (n_outputs,): Derivative of the log likelihood by each R_i
     process_score: Array
-    start_score: Array
+    start_score: Array  # shape (n_states,): Gradient by the mean of the start
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -282,22 +256,7 @@ def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
 
 
 def adjoint(filtered: Filtered) -> Adjoint:
-    """Run the filter's adjoint backward over the record [2]_, [3]_.
-
-    Parameters
-    ----------
-    filtered : Filtered
-        Result of `kalman_filter`.
-
-    Returns
-    -------
-    Adjoint
-
-    Raises
-    ------
-    ModelError
-        If the filter was a fading one.
-    """
+    """Run the filter's adjoint backward over the record [2]_, [3]_."""
     model = filtered.model
     _require_no_fading(model)
     vectors, matrices, noise_score = backward(

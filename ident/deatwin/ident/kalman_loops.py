@@ -22,7 +22,6 @@ from deatwin.plant.integrator.compiled import compile_source, compiler
 if TYPE_CHECKING:
     from deatwin.ident.kalman import StateSpace
 
-__all__ = ["advance_root", "backward", "covariance_root", "forward", "smooth", "update_root"]
 
 Array = NDArray[np.float64]
 
@@ -30,30 +29,8 @@ _NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this ar
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:
-    """Take in one measured number, by Potter's formula.
-
-    Parameters
-    ----------
-    root : ndarray, shape (n_states, n_states)
-        Root S of the covariance before.
-    row : ndarray, shape (n_states,)
-        Measurement row h.
-    noise_variance : float
-        R, in squared units of the measurement.
-
-    Returns
-    -------
-    root : ndarray, shape (n_states, n_states)
-        Root of the covariance after.
-    gain : ndarray, shape (n_states,)
-        The state moves by the gain times the innovation.
-    innovation_variance : float
-        h'P h + R.
-
-    Raises
-    ------
-    ModelError
-        If it is zero: the measurement was certain beforehand.
+    """Take in one measured number, by Potter's formula. Shapes: `root` (n_states, n_states); `row` (n_states,);
+    returns (n_states, n_states); returns (n_states,).
     """
     seen = row @ root
     variance = float(seen @ seen) + noise_variance
@@ -65,21 +42,8 @@ def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, 
 
 
 def advance_root(root: Array, transition: Array | None, process_root: Array | None) -> Array:
-    """Carry a root over one step: P becomes F P F' + G G'.
-
-    Parameters
-    ----------
-    root : ndarray, shape (n_states, n_states)
-        Root of P.
-    transition : ndarray, shape (n_states, n_states), or None
-        F; None for the identity.
-    process_root : ndarray, shape (r, n_states), or None
-        G', one row for each source of noise; None for no noise.
-
-    Returns
-    -------
-    ndarray, shape (n_states, n_states)
-        Lower triangular where there is noise.
+    """Carry a root over one step: P becomes F P F' + G G'. Shapes: `root` (n_states, n_states); `transition`
+    (n_states, n_states); `process_root` (r, n_states); returns (n_states, n_states).
     """
     moved = root if transition is None else transition @ root
     if process_root is None:
@@ -92,22 +56,7 @@ def advance_root(root: Array, transition: Array | None, process_root: Array | No
 
 
 def covariance_root(covariance: Array) -> Array:
-    """Return G with G G' = covariance.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n) or (count, n, n)
-        One covariance or several; may be singular.
-
-    Returns
-    -------
-    ndarray, shape (n, n) or (count, n, n)
-
-    Raises
-    ------
-    ModelError
-        If it is not symmetric and positive semidefinite.
-    """
+    """Return G with G G' = covariance. Shapes: `covariance` (n, n); returns (n, n)."""
     scale = np.sqrt(np.abs(np.einsum("...ii->...i", covariance)))
     divisor = np.where(scale > 0, scale, 1.0)
     correlation = covariance / (divisor[..., :, None] * divisor[..., None, :])
@@ -119,25 +68,7 @@ def covariance_root(covariance: Array) -> Array:
 
 
 def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Filter a record.
-
-    Parameters
-    ----------
-    model : StateSpace
-        The model.
-    outputs : ndarray, shape (n_outputs, n)
-        Measurements, contiguous; NaN where one is missing.
-
-    Returns
-    -------
-    states, roots, innovations, innovation_variances, gains : ndarray
-        As `deatwin.ident.kalman.Filtered` has them.
-
-    Raises
-    ------
-    ModelError
-        If a measurement was certain beforehand.
-    """
+    """Filter a record. Shapes: `outputs` (n_outputs, n)."""
     p, n, m = model.rows.shape
     found = (np.empty((n, m)), np.empty((n, m, m)), np.full((p, n), np.nan), np.empty((p, n)), np.zeros((p, n, m)))
     root = covariance_root(model.start_cov)
@@ -156,21 +87,8 @@ def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Arr
 
 
 def backward(model: StateSpace, innovations: Array, variances: Array, gains: Array) -> tuple[Array, Array, Array]:
-    """Run the adjoint of the filter.
-
-    Parameters
-    ----------
-    model : StateSpace
-        The model.
-    innovations, variances : ndarray, shape (n_outputs, n)
-        Innovations, NaN where there was no measurement, and their variances.
-    gains : ndarray, shape (n_outputs, n, n_states)
-        Gains of the filter.
-
-    Returns
-    -------
-    vectors, matrices, noise_score : ndarray
-        As `deatwin.ident.kalman.Adjoint` has them.
+    """Run the adjoint of the filter. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n,
+    n_states).
     """
     p, n, m = model.rows.shape
     found = np.empty((n, m)), np.empty((n, m, m)), np.zeros(p)
@@ -185,22 +103,7 @@ def backward(model: StateSpace, innovations: Array, variances: Array, gains: Arr
 
 
 def smooth(model: StateSpace, states: Array, roots: Array) -> tuple[Array, Array, Array]:
-    """Run the smoother.
-
-    Parameters
-    ----------
-    model : StateSpace
-        The model.
-    states : ndarray, shape (n, n_states)
-        Of the filter.
-    roots : ndarray, shape (n, n_states, n_states)
-        Of the filter.
-
-    Returns
-    -------
-    states, covariances, gains : ndarray
-        As `deatwin.ident.kalman.Smoothed` has them.
-    """
+    """Run the smoother. Shapes: `states` (n, n_states); `roots` (n, n_states, n_states)."""
     n, m = states.shape
     found = np.empty((n, m)), np.empty((n, m, m)), np.empty((n - 1, m, m))
     kernel = _kernel(compiler())

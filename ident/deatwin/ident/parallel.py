@@ -12,8 +12,6 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["run_jobs", "spawn_generators", "stream_jobs"]
-
 Result = TypeVar("Result")
 PARENT = os.getppid()
 """Of a worker process: who wants its results."""
@@ -81,27 +79,7 @@ def run_jobs(
 def stream_jobs(
     function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
 ) -> Iterator[Result]:
-    """Call a function once for each tuple of arguments, and give each result as soon as it and those before it exist.
-
-    Parameters
-    ----------
-    function : callable
-        As in `run_jobs`.
-    jobs : iterable of tuple
-        As there.
-    workers : int
-        As there.
-
-    Yields
-    ------
-    result
-        In the order of `jobs`.
-
-    Raises
-    ------
-    DataError
-        If there can be no such number of workers.
-    """
+    """Call a function once for each tuple of arguments, and give each result as soon as it and those before it exist."""
     if workers < 1 and workers != -1:
         raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
     tasks = list(jobs)
@@ -115,10 +93,7 @@ def stream_jobs(
 
 
 def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
-    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run.
-
-    Ctrl-C reaches every process of a terminal; whoever wanted the job ends its workers, which need not say so.
-    """
+    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
     if current_process().name != "MainProcess":
         if os.getppid() != PARENT:
             os._exit(1)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["at_limit", "neighbours_deviation", "noise_of_bends", "resolution", "runs"]
-
 Array = NDArray[np.float64]
 FEWEST_LEVELS = 50
 """A signal of fewer values is one of steps: its holds are meant."""
@@ -16,19 +14,7 @@ PILED_UP = 3
 
 
 def neighbours_deviation(signal: Array) -> Array:
-    """Distance of each value from the cubic through its four neighbours.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        At least five values.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the signal's unit; 0 for the two values at either end, which lack neighbours. A lone value that is off by a
-        has deviations of a at its place and -2a/3 beside it; a step by a has -a/2 before and a/2 after it.
-    """
+    """Distance of each value from the cubic through its four neighbours. Shapes: `signal` (n,); returns (n,)."""
     deviation = np.zeros(signal.size)
     near, far = signal[1:-3] + signal[3:-1], signal[:-4] + signal[4:]
     deviation[2:-2] = signal[2:-2] - (4.0 * near - far) / 6.0
@@ -36,18 +22,7 @@ def neighbours_deviation(signal: Array) -> Array:
 
 
 def resolution(signal: Array) -> float:
-    """The step of which all differences are multiples.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Readings.
-
-    Returns
-    -------
-    float
-        In the signal's unit; 0 where there is none or readings seldom agree.
-    """
+    """The step of which all differences are multiples. Shapes: `signal` (n,)."""
     steps = np.diff(np.unique(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)]
     if steps.size < 2 or steps.size > signal.size / 2:
@@ -58,35 +33,13 @@ def resolution(signal: Array) -> float:
 
 
 def noise_of_bends(signal: Array) -> float:
-    """Standard deviation of white noise whose second differences are as large as the signal's.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Readings.
-
-    Returns
-    -------
-    float
-        In the signal's unit; robust against the few bends of the motion itself.
-    """
+    """Standard deviation of white noise whose second differences are as large as the signal's. Shapes: `signal` (n,)."""
     bend = np.diff(signal, n=2)
     return 1.4826 * float(np.median(np.abs(bend - np.median(bend)))) / np.sqrt(6.0)
 
 
 def at_limit(signal: Array) -> dict[str, list[NDArray[np.intp]]]:
-    """Readings that pile up at the largest or the smallest value, three and more in a row.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Readings.
-
-    Returns
-    -------
-    dict of str to list of ndarray of int
-        Positions of each row under "smallest" and "largest"; a limit that is not reached is left out.
-    """
+    """Readings that pile up at the largest or the smallest value, three and more in a row. Shapes: `signal` (n,)."""
     levels, counts = np.unique(signal, return_counts=True)
     if levels.size < FEWEST_LEVELS:
         return {}
@@ -99,17 +52,6 @@ def at_limit(signal: Array) -> dict[str, list[NDArray[np.intp]]]:
 
 
 def runs(flags: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Positions of each run of True.
-
-    Parameters
-    ----------
-    flags : ndarray of bool, shape (n,)
-        Any.
-
-    Returns
-    -------
-    list of ndarray of int
-        In order.
-    """
+    """Positions of each run of True. Shapes: `flags` (n,)."""
     where = np.flatnonzero(flags)
     return [run for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1) if run.size]

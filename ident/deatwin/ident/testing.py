@@ -17,8 +17,6 @@ import numpy as np
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["CHECKS", "ContractError", "check_identifier", "example_recordings"]
-
 # Predictions that should agree up to rounding, or up to where an iteration stops, may differ by this share of the
 # output; one lag taken from another recording moves them by a hundred times as much.
 _SAME = 1e-4

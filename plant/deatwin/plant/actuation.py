@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from deatwin.plant.model import Plant
 
-__all__ = ["ActuationCurve", "CurveEnd", "actuation_curve"]
 
 HALVINGS = 40
 SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}

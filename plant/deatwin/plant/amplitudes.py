@@ -4,58 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["UNITS", "amount", "amplitude_unit", "axis_label", "reported_size", "written_amplitude"]
-
 UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6), "1": ("", 1.0)}
 """Units in which amplitudes are reported, with their SI size; others are reported in SI, a pure number without one."""
 
 
 def amplitude_unit(output_unit: str) -> tuple[str, float]:
-    """Unit of amplitudes, and its SI size.
-
-    Parameters
-    ----------
-    output_unit : str
-        SI unit of the rig's output.
-
-    Returns
-    -------
-    tuple of str and float
-        As ``("um", 1e-6)`` for a displacement.
-    """
+    """Unit of amplitudes, and its SI size."""
     return UNITS.get(output_unit, (output_unit, 1.0))
 
 
 def written_amplitude(output_unit: str) -> tuple[str, float]:
-    """Unit of amplitudes as axes show it, and its SI size.
-
-    Parameters
-    ----------
-    output_unit : str
-        SI unit of the rig's output.
-
-    Returns
-    -------
-    tuple of str and float
-        As ``("µm", 1e-6)`` for a displacement.
-    """
+    """Unit of amplitudes as axes show it, and its SI size. Shapes: returns As ``("µm", 1e-6)`` for a displacement."""
     name, size = amplitude_unit(output_unit)
     return ("µm" if name == "um" else name), size
 
 
 def amount(number: str, unit: str) -> str:
     """A number with its unit; without one where it is pure or its unit is not known.
-
-    Parameters
-    ----------
-    number : str
-        As it is to be written.
-    unit : str
-        ``"1"`` and an empty text are none.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -66,35 +31,12 @@ def amount(number: str, unit: str) -> str:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """What an axis shows, with its unit in brackets if it has one.
-
-    Parameters
-    ----------
-    name : str
-        The quantity.
-    unit : str
-        ``"1"`` and an empty text are none.
-
-    Returns
-    -------
-    str
-    """
+    """What an axis shows, with its unit in brackets if it has one."""
     return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def reported_size(reported: str, output_unit: str) -> float:
     """Size of the unit in which a result states amplitudes, in that of the readings.
-
-    Parameters
-    ----------
-    reported : str
-        As `amplitude_unit` gave it.
-    output_unit : str
-        Of the recording; what is no metre is reported as it is read.
-
-    Returns
-    -------
-    float
 
     Examples
     --------

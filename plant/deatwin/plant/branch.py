@@ -15,8 +15,6 @@ import numpy as np
 from deatwin.plant.equations import Equations
 from deatwin.plant.rest import RestState, rest_state, resting
 
-__all__ = ["ACTED_ON", "Step", "branch_step", "followed", "snap_throughs"]
-
 FURTHEST = 0.25
 """From one point of a curve to the next no unknown moves further, in units of its scale: a film that snaps does."""
 RUNAWAY = 20.0
@@ -39,25 +37,7 @@ Step = Callable[[float, np.ndarray], np.ndarray | None]
 
 
 def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
-    """How to get from an equilibrium to one nearby under another command.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    rest : RestState
-        Where the branch begins.
-    start : float
-        The command there, in its unit.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-
-    Returns
-    -------
-    callable
-        Takes a command and the unknowns of an equilibrium, shape (n_x + n_z,), and returns the unknowns under that
-        command; None where there is no equilibrium nearby that is as stable.
-    """
+    """How to get from an equilibrium to one nearby under another command. Shapes: `values` (n_p,)."""
 
     def distance(one: np.ndarray, other: np.ndarray) -> float:
         return float(np.max(np.abs(one - other) / equations.scale, initial=0.0))
@@ -78,26 +58,7 @@ def branch_step(equations: Equations, rest: RestState, start: float, values: np.
 
 
 def followed(step: Step, at: float, here: np.ndarray, target: float, halvings: int) -> tuple[float, np.ndarray, bool]:
-    """Follow an equilibrium towards a command.
-
-    Parameters
-    ----------
-    step : callable
-        From `branch_step`.
-    at : float
-        Command of the equilibrium from which on, in its unit.
-    here : ndarray, shape (n_x + n_z,)
-        That equilibrium.
-    target : float
-        Command to reach.
-    halvings : int
-        How often the way is halved where no equilibrium is found.
-
-    Returns
-    -------
-    tuple of (float, ndarray, bool)
-        The command that was reached, the unknowns there, and whether it is the target.
-    """
+    """Follow an equilibrium towards a command. Shapes: `here` (n_x + n_z,)."""
     there = step(target, here)
     if there is not None:
         return target, there, True
@@ -111,31 +72,8 @@ def followed(step: Step, at: float, here: np.ndarray, target: float, halvings: i
 def snap_throughs(
     equations: Equations, rest: RestState, unknowns: np.ndarray, inputs: np.ndarray, start: float, values: np.ndarray
 ) -> tuple[int, ...]:
-    """Samples from which on the film of a simulation snaps from one equilibrium to another, or back.
-
-    It does where, on its way from one stable state to the next, it passes states whose tangent is not that of a stable
-    equilibrium. The sample is the one whose command took the equilibrium away, from which the film may be slow to
-    leave. Plants whose equilibrium can be followed over all the commands are not looked at: their film has no fold.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    rest : RestState
-        Where the simulation began.
-    unknowns : ndarray, shape (n_x + n_z, m)
-        States and coordinates at the end of each sample, SI.
-    inputs : ndarray, shape (n_u, m)
-        Of each sample.
-    start : float
-        The command at rest, in its unit.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-
-    Returns
-    -------
-    tuple of int
-        Rising.
+    """Samples from which on the film of a simulation snaps from one equilibrium to another, or back. Shapes:
+    `unknowns` (n_x + n_z, m); `inputs` (n_u, m); `values` (n_p,).
     """
     if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
         return ()
@@ -179,11 +117,7 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
-
-    `way` has the state at the start, which is stable, and that at the end of each sample. Stable is what would be so at
-    a command that the branch reaches: beyond its end the voltage itself stiffens or softens the film.
-    """
+    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it."""
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)

@@ -21,7 +21,6 @@ from deatwin.plant.rigfaults import number, size, unknown_symbols
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
 
-__all__ = ["Builder"]
 
 Symbol = Any  # casadi.SX
 

@@ -19,51 +19,24 @@ from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.stated import LARGEST
 from deatwin.plant.simulate import RunStatus
 
-__all__ = ["SCHEMA", "CalibratedPlant", "Prediction"]
-
 SCHEMA = "deatwin/plant/1"
 TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """Readings that a calibrated plant expects, with their predictive band.
+    """Readings that a calibrated plant expects, with their predictive band."""
 
-    Parameters
-    ----------
-    mean : tuple of ndarray, each of shape (n,)
-        Of each recording, SI.
-    deviation : tuple of ndarray, each of shape (n,)
-        Standard deviation of a reading: sensor noise, model error and parameters together, SI.
-    status : RunStatus
-        How the simulation ended; readings after a failure are NaN.
-    failed_at : float or None
-        Clock time of a failure, s.
-    failed_command : float or None
-        Command at that time, in its unit.
-    advice : str
-        What the status says; of a plant without a state of rest, which equation is at fault.
-    """
-
-    mean: tuple[np.ndarray, ...]
+    mean: tuple[np.ndarray, ...]  # shape (n,): Of each recording, SI
     deviation: tuple[np.ndarray, ...]
-    status: RunStatus
-    failed_at: float | None
-    failed_command: float | None
-    advice: str
+    status: RunStatus  # How the simulation ended; readings after a failure are NaN
+    failed_at: float | None  # Clock time of a failure, s
+    failed_command: float | None  # Command at that time, in its unit
+    advice: str  # What the status says; of a plant without a state of rest, which equation is at fault
 
     def to_xarray(self, experiment: Experiment) -> Any:
-        """Return the readings and their standard deviation as an `xarray.Dataset` over all samples.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            That was predicted; it has the clock and the units.
-
-        Returns
-        -------
-        xarray.Dataset
-            Along ``sample``, with the coordinates ``time`` in s and ``record``.
+        """Return the readings and their standard deviation as an `xarray.Dataset` over all samples. returns Along
+        ``sample``, with the coordinates ``time`` in s and ``record``.
         """
         unit = experiment.recordings[0].output_units[0]
         return dataset(

@@ -29,8 +29,6 @@ from deatwin.plant.datasheets import (
 )
 from deatwin.plant.errors import DataError
 
-__all__ = ["MeasuringChain"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuringChain:

@@ -19,18 +19,7 @@ _MOST_SAMPLES = (5.0, 95.0)
 
 
 def require_excitation(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of which every input is constant; one constant record among others is a rest.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        The recordings that are used together; the inputs may have any unit.
-
-    Raises
-    ------
-    DataError
-        If no input changes within any of them, or there are none.
-    """
+    """Refuse recordings of which every input is constant; one constant record among others is a rest."""
     if any(np.ptp(recording.inputs, axis=1).any() for recording in recordings if recording.n_samples):
         return
     files = ", ".join(label(recording) for recording in recordings) or "no recordings"
@@ -38,21 +27,7 @@ def require_excitation(recordings: Sequence[Recording]) -> None:
 
 
 def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> None:
-    """Refuse recordings that are too short for a model, all of them together.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    needed : int
-        The least number of samples.
-    what : str
-        What needs them, as the error text shall call it, for example ``"a NARX model with 4 lags"``.
-
-    Raises
-    ------
-    ModelError
-        If there are fewer.
-    """
+    """Refuse recordings that are too short for a model, all of them together. `needed` the least number of samples."""
     found = sum(recording.n_samples for recording in recordings)
     if found < needed:
         names = ", ".join(dict.fromkeys(label(recording) for recording in recordings))
@@ -60,23 +35,7 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Refuse commands far outside of the rig's range.
-
-    The range is that of the rig file, widened by half its width on either side; without one it is what an
-    amplifier of 30 kV would be commanded.
-
-    Parameters
-    ----------
-    recording : Recording
-        Its first input is the command in V.
-    drive : DriveSpec
-        The drive of the rig.
-
-    Raises
-    ------
-    DataError
-        If a command lies outside; the text says so where the numbers look like film volts.
-    """
+    """Refuse commands far outside of the rig's range. `recording` its first input is the command in V."""
     ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max
@@ -104,20 +63,7 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
 
 
 def check_motion(recording: Recording, film: FilmSpec) -> None:
-    """Refuse displacements that no film in this frame makes.
-
-    Parameters
-    ----------
-    recording : Recording
-        Its first output, if any, is the displacement in m.
-    film : FilmSpec
-        The film of the rig.
-
-    Raises
-    ------
-    DataError
-        If most of the readings spread over more than the frame is wide; the text says so where they look like µm.
-    """
+    """Refuse displacements that no film in this frame makes."""
     if recording.outputs.shape[0] == 0:
         return
     span = float(np.ptp(np.percentile(recording.outputs[0], _MOST_SAMPLES)))

@@ -13,7 +13,6 @@ from deatwin.plant.files.formats.optional import require
 if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
-__all__ = ["PARTS", "Variables", "clock", "columns", "dataset", "squared"]
 
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]
@@ -23,29 +22,7 @@ Variables = Mapping[str, tuple[Any, ...]]
 def dataset(
     variables: Variables, coords: Variables, attributes: Mapping[str, Any], document: Mapping[str, Any] | None = None
 ) -> Any:
-    """Make a dataset that a NetCDF file can hold.
-
-    Parameters
-    ----------
-    variables, coords : mapping of str to tuple
-        Dimensions, values, unit and meaning of each. A complex variable becomes two, ``real`` and ``imaginary`` after
-        its name, or these alone for a variable without a name.
-    attributes : mapping of str to str, number, sequence or None
-        Of the whole; None and empty sequences are left out, a truth value is written as 0 or 1.
-    document : mapping, optional
-        What `save` writes as JSON. It goes as text into the variable ``document``, so that nothing is lost: what the
-        result's ``from_dict`` or `load` reads.
-
-    Returns
-    -------
-    xarray.Dataset
-        With the unit of each variable in its attribute ``units``, and what it means in ``long_name``.
-
-    Raises
-    ------
-    DataError
-        If xarray is not installed.
-    """
+    """Make a dataset that a NetCDF file can hold."""
     xarray = require("xarray", "a dataset")
     held = {name: _variable(*entry) for key, given in variables.items() for name, entry in _parts(key, *given)}
     if document is not None:
@@ -57,23 +34,7 @@ def dataset(
 
 
 def columns(dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[str, str] | None = None) -> Variables:
-    """The columns of a table as variables along a dimension, each with the dimension's name before its own.
-
-    Parameters
-    ----------
-    dimension : str
-        Along which the rows stand.
-    rows : iterable of mapping
-        Flat; what a row does not have, or has as None, is NaN among numbers and empty among texts. Values that are
-        neither number nor text are left out.
-    units : mapping of str to str, optional
-        Of columns that have one.
-
-    Returns
-    -------
-    mapping of str to tuple
-        As `dataset` takes them; nothing where there are no rows.
-    """
+    """The columns of a table as variables along a dimension, each with the dimension's name before its own."""
     listed = list(rows)
     found: dict[str, tuple[Any, ...]] = {}
     for key in dict.fromkeys(key for row in listed for key in row):
@@ -89,20 +50,7 @@ def columns(dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[st
 
 
 def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
-    """Coordinates of all samples of several recordings, one after another.
-
-    Parameters
-    ----------
-    records : sequence of Recording
-        In their order.
-    dimension : str
-        Along which the samples stand.
-
-    Returns
-    -------
-    mapping of str to tuple
-        ``time`` on the running clock in s, and ``record``, the number of the recording from 0 on.
-    """
+    """Coordinates of all samples of several recordings, one after another. `dimension` along which the samples stand."""
     return {
         "time": (dimension, np.concatenate([record.timepts for record in records]), "s"),
         "record": (dimension, np.repeat(np.arange(len(records)), [record.n_samples for record in records])),
@@ -111,15 +59,6 @@ def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
 
 def squared(unit: str) -> str:
     """The unit of a variance.
-
-    Parameters
-    ----------
-    unit : str
-        Of the quantity; empty where it is not known.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -14,18 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.errors import DataError
 
-__all__ = [
-    "ANALOGUE_INPUT",
-    "HV_AMPLIFIER",
-    "LK_G152",
-    "NI_9264",
-    "Amplifier",
-    "Converter",
-    "Laser",
-    "Part",
-    "quantise",
-]
-
 
 def quantise(values: ArrayLike, step: float) -> NDArray[np.float64]:
     """Return values rounded to the nearest multiple of a step.

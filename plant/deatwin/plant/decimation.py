@@ -11,8 +11,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["decimate", "low_pass_gain", "removed_share"]
-
 Array = NDArray[np.float64]
 _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # of the filter, edges relative to the new Nyquist frequency
 
@@ -107,19 +105,8 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
 
 
 def low_pass_gain(factor: int, frequencies: Array) -> Array:
-    """Return the gain of the filter of `decimate`.
-
-    Parameters
-    ----------
-    factor : int
-        Number of old samples for a new one; 1 for no filter.
-    frequencies : (n,) array
-        In cycles per new sample, from 0 to 0.5.
-
-    Returns
-    -------
-    (n,) array
-        1 at zero frequency, a half at 0.5.
+    """Return the gain of the filter of `decimate`. `factor` number of old samples for a new one; `frequencies` in
+    cycles per new sample, from 0 to 0.5.
     """
     if factor == 1:
         return np.ones_like(frequencies)

@@ -26,18 +26,6 @@ import casadi as ca
 
 from deatwin.plant.laws.stress import true_stress
 
-__all__ = [
-    "VACUUM_PERMITTIVITY",
-    "capacitance",
-    "conduction_density",
-    "effective_permittivity",
-    "electric_energy",
-    "electrostriction_factors",
-    "electrostrictive_strain",
-    "maxwell_strain",
-    "maxwell_stress",
-]
-
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12

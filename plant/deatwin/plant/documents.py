@@ -15,8 +15,6 @@ from deatwin.plant.files import write_text_atomic
 from deatwin.plant.intake import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
 from deatwin.plant.schemacheck import shape_fault
 
-__all__ = ["read_document", "read_json", "write_document"]
-
 # A number that may be too large for a float: only then are numbers read the slow way.
 _PERHAPS_HUGE = re.compile(rb"[0-9.][eE]\+?[0-9]{3}|[0-9]{309}")
 
@@ -24,40 +22,13 @@ Content = TypeVar("Content")
 
 
 def write_document(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
-    """Write a document beside its target, then rename it.
-
-    Parameters
-    ----------
-    path : str or path
-        File to write; replaced as a whole.
-    document : mapping
-        Plain data; numbers must be finite.
-    """
+    """Write a document beside its target, then rename it."""
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomic(Path(path), text + "\n")
 
 
 def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Mapping[str, Any]], Content]) -> Content:
-    """Read a document and make of it what it describes.
-
-    Parameters
-    ----------
-    path : str or path
-        File to read.
-    schema : str
-        The schema that the document must name, for example ``"deatwin/narx/1"``.
-    build : callable
-        Takes the document.
-
-    Returns
-    -------
-    whatever `build` returns
-
-    Raises
-    ------
-    ModelError
-        If the file is missing, not JSON, of another schema, or malformed.
-    """
+    """Read a document and make of it what it describes."""
     document = read_json(path)
     found = document.get("schema") if isinstance(document, dict) else None
     if found is None:
@@ -84,23 +55,7 @@ _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """Read a JSON file of the user, of whatever content.
-
-    Parameters
-    ----------
-    path : str or path
-        File to read, in UTF-8.
-
-    Returns
-    -------
-    object
-        Its numbers are finite.
-
-    Raises
-    ------
-    ModelError
-        If the file is missing, no plain file, too large, or not JSON.
-    """
+    """Read a JSON file of the user, of whatever content."""
     try:
         content = read_regular(path, DOCUMENT_BYTES, lambda fault: ModelError(f"{path}: {fault}"))
     except FileNotFoundError:

@@ -29,20 +29,6 @@ class SimulationError(DeatwinError, RuntimeError):
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     """Return the end of an error text that offers the known name nearest to a misspelt one.
 
-    Parameters
-    ----------
-    name : str
-        The name that is not known.
-    known : iterable of str
-        The names that would be right.
-    likeness : float, default 0.6
-        How alike the two must be, from 0 to 1 (the ratio of `difflib.SequenceMatcher`).
-
-    Returns
-    -------
-    str
-        ``'; did you mean "x"?'``, or an empty text where nothing is near.
-
     Examples
     --------
     >>> nearest("prestrech", ["material", "prestretch"])

@@ -12,34 +12,18 @@ import numpy as np
 
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.errors import RigError
-from deatwin.plant.material import maxwell_branch
+from deatwin.plant.laws.energies import maxwell_branch
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["AnyFilm", "Film", "FilmPoint", "PointwiseFilm", "film_points", "point_capacitances", "relaxation_stiffness"]
 
 Symbol = Any
 Stretches = Sequence[tuple[Symbol, Symbol]]
 
 
 def relaxation_stiffness(relaxed: Callable[[Any], Stretches], volumes: Sequence[float], stretch: float) -> float:
-    r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy where it is relaxed.
-
-    Parameters
-    ----------
-    relaxed : callable
-        Stretches at all points for a viscous stretch.
-    volumes : sequence of float
-        Reference volume of each point, m³.
-    stretch : float
-        Where to evaluate.
-
-    Returns
-    -------
-    float
-        m³ (the energy is per unit of shear modulus). Central difference of second order.
-    """
+    r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy where it is relaxed."""
     step = 1e-4
     here = relaxed(stretch)
 
@@ -55,30 +39,13 @@ def relaxation_stiffness(relaxed: Callable[[Any], Stretches], volumes: Sequence[
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilmPoint:
-    """A quadrature point of the film.
+    """A quadrature point of the film."""
 
-    Parameters
-    ----------
-    volume : casadi.SX or float
-        Reference volume, m³.
-    stretches : pair of casadi.SX
-        Principal in-plane stretches, meridional and hoop where the film is round.
-    radius : casadi.SX or float, or None
-        Reference radius over that of the electrode, 0 to 1; None for film without an electrode.
-    mounted : casadi.SX or float
-        Radius at which the point lies in the flat film as mounted, m.
-    coverage : casadi.SX or float
-        Share of the film here that is under the electrode still, where it has one.
-    virtual : pair of casadi.SX, or None
-        What may be added to each stretch: constants that are zero, as `film_points` makes them. The derivative
-        of an energy by them is the stress here.
-    """
-
-    volume: Symbol
-    stretches: tuple[Symbol, Symbol]
+    volume: Symbol  # Reference volume, m³
+    stretches: tuple[Symbol, Symbol]  # Principal in-plane stretches, meridional and hoop where the film is round
     radius: Symbol | None = None
-    mounted: Symbol = 0.0
-    coverage: Symbol = 1.0
+    mounted: Symbol = 0.0  # Radius at which the point lies in the flat film as mounted, m
+    coverage: Symbol = 1.0  # Share of the film here that is under the electrode still, where it has one
     virtual: tuple[Symbol, Symbol] | None = None
 
     @property
@@ -88,19 +55,7 @@ class FilmPoint:
 
 
 def film_points(points: Sequence[FilmPoint], build: Builder) -> list[FilmPoint]:
-    """The same points, each with virtual stretches, so that the stress in it is known.
-
-    Parameters
-    ----------
-    points : sequence of FilmPoint
-        Of the film.
-    build : Builder
-        Takes the constants.
-
-    Returns
-    -------
-    list of FilmPoint
-    """
+    """The same points, each with virtual stretches, so that the stress in it is known."""
     zeros = build.constant("virtual_stretch", np.zeros(2 * len(points)))
     pairs = [(zeros[2 * k], zeros[2 * k + 1]) for k in range(len(points))]
     return [
@@ -110,22 +65,7 @@ def film_points(points: Sequence[FilmPoint], build: Builder) -> list[FilmPoint]:
 
 
 def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickness: Symbol) -> list[Symbol]:
-    r"""What each point adds to the capacitance, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`.
-
-    Parameters
-    ----------
-    points : sequence of FilmPoint
-        Of the film.
-    permittivity : symbol
-        Relative.
-    thickness : symbol
-        H of the unstretched film, m.
-
-    Returns
-    -------
-    list of symbol
-        F; 0 where there is no electrode.
-    """
+    r"""What each point adds to the capacitance, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`."""
     factor = permittivity * VACUUM_PERMITTIVITY / thickness**2
     return [
         factor * p.coverage * p.volume * (p.stretches[0] * p.stretches[1]) ** 2 if p.active else ca.SX(0)
@@ -135,27 +75,13 @@ def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickn
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AnyFilm(ABC):
-    """The film as effects at the place *film* see it, however its branches flow.
+    """The film as effects at the place *film* see it, however its branches flow."""
 
-    Parameters
-    ----------
-    points : sequence of FilmPoint
-        Where stretches are taken.
-    elastic : casadi.SX
-        Energy of the equilibrium network, J.
-    rest_stretch : float
-        Where to look for the relaxed state.
-    relaxing : casadi.SX
-        Energy of the branches, J.
-    capacitances : sequence of casadi.SX
-        What each point adds to the capacitance, F; 0 where there is no electrode.
-    """
-
-    points: Sequence[FilmPoint]
-    elastic: Symbol
-    rest_stretch: float
-    relaxing: Symbol = 0.0
-    capacitances: Sequence[Symbol] = ()
+    points: Sequence[FilmPoint]  # Where stretches are taken
+    elastic: Symbol  # Energy of the equilibrium network, J
+    rest_stretch: float  # Where to look for the relaxed state
+    relaxing: Symbol = 0.0  # Energy of the branches, J
+    capacitances: Sequence[Symbol] = ()  # What each point adds to the capacitance, F; 0 where there is no electrode
 
     @property
     def stored(self) -> Symbol:
@@ -172,66 +98,21 @@ class AnyFilm(ABC):
 
         .. math:: \frac{\partial E}{\partial q} - \frac{V^2}{2}\frac{\partial C}{\partial q}
 
-        Parameters
-        ----------
-        coordinate : casadi.SX, shape (n, 1)
-            q: one coordinate, or several in a column.
-        squared_voltage : casadi.SX
-            V², which may itself depend on q: it is not differentiated.
-
-        Returns
-        -------
-        casadi.SX, shape (n, 1)
-            J per unit of q.
+        Shapes: `coordinate` (n, 1); returns (n, 1).
         """
         electric = squared_voltage / 2 * ca.gradient(self.capacitance, coordinate) if self.capacitances else 0
         return ca.gradient(self.stored, coordinate) - electric
 
     def with_elastic(self, factor: Symbol) -> Self:
-        """The same film with a softer or stiffer equilibrium network.
-
-        Parameters
-        ----------
-        factor : symbol
-            On its energy; it may depend on time and on coordinates of its own, not on the film's.
-
-        Returns
-        -------
-        same kind of film
-        """
+        """The same film with a softer or stiffer equilibrium network."""
         return replace(self, elastic=factor * self.elastic)
 
     def with_energy(self, density: Callable[[Any, Any], Symbol]) -> Self:
-        """The same film with a further hyperelastic energy.
-
-        Parameters
-        ----------
-        density : callable
-            ``density(stretch_1, stretch_2)``, J/m³.
-
-        Returns
-        -------
-        same kind of film
-        """
+        """The same film with a further hyperelastic energy."""
         return replace(self, elastic=self.elastic + sum(p.volume * density(*p.stretches) for p in self.points))
 
     def with_permittivity(self, factor: Callable[[FilmPoint], Symbol]) -> Self:
-        """The same film with a permittivity that differs from point to point.
-
-        Parameters
-        ----------
-        factor : callable
-            ``factor(point)`` on the permittivity of a point under the electrode.
-
-        Returns
-        -------
-        same kind of film
-
-        Raises
-        ------
-        RigError
-            If there is no electrode anywhere.
-        """
+        """The same film with a permittivity that differs from point to point."""
         if not self.capacitances:
             raise RigError("this rig's film has no electrode, so its permittivity does nothing")
         pairs = zip(self.points, self.capacitances, strict=True)
@@ -239,43 +120,16 @@ class AnyFilm(ABC):
 
     @abstractmethod
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
-        """Add a Maxwell branch.
-
-        Parameters
-        ----------
-        name : str
-            Of the branch.
-        modulus, time : casadi.SX
-            Shear modulus in Pa, relaxation time in s.
-        build : Builder
-            Takes the states.
-
-        Returns
-        -------
-        same kind of film
-            With the branch's energy added.
-        """
+        """Add a Maxwell branch. `modulus, time` shear modulus in Pa, relaxation time in s."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Film(AnyFilm):
-    """A film of a few coordinates, whose branches each have one viscous stretch for the whole film.
+    """A film of a few coordinates, whose branches each have one viscous stretch for the whole film."""
 
-    Parameters
-    ----------
-    points, elastic, rest_stretch, relaxing, capacitances
-        As for every `AnyFilm`.
-    stretch : casadi.SX
-        The coordinate that a branch copies.
-    relaxed : callable
-        ``relaxed(xi)``: stretches at each point of a film that is relaxed at the viscous stretch `xi`.
-    stiffness : float
-        `relaxation_stiffness` at rest, m³.
-    """
-
-    stretch: Symbol
+    stretch: Symbol  # The coordinate that a branch copies
     relaxed: Callable[[Any], Stretches]
-    stiffness: float
+    stiffness: float  # `relaxation_stiffness` at rest, m³
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
         r"""Add a Maxwell branch, lumped to one viscous stretch :math:`\xi`.
@@ -283,21 +137,7 @@ class Film(AnyFilm):
         .. math:: E = \mu\, e(q, \xi), \qquad
                   \tau\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
 
-        The dissipation :math:`\mu(\partial e/\partial\ln\xi)^2/(\kappa\tau)` is never negative.
-
-        Parameters
-        ----------
-        name : str
-            Of the branch.
-        modulus, time : casadi.SX
-            :math:`\mu` in Pa, :math:`\tau` in s.
-        build : Builder
-            Takes the state.
-
-        Returns
-        -------
-        Film
-            With the branch's energy added.
+        `modulus, time` :math:`\mu` in Pa, :math:`\tau` in s.
         """
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.rest_stretch)
@@ -309,13 +149,7 @@ class Film(AnyFilm):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointwiseFilm(AnyFilm):
-    """A film whose branches flow at each point by themselves.
-
-    Parameters
-    ----------
-    points, elastic, rest_stretch, relaxing, capacitances
-        As for every `AnyFilm`.
-    """
+    """A film whose branches flow at each point by themselves."""
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
         r"""Add a Maxwell branch with two viscous stretches :math:`\xi_1, \xi_2` at each point.
@@ -324,26 +158,9 @@ class PointwiseFilm(AnyFilm):
                   \sigma_i = \mu\,\bigl[(\lambda_i^e)^2 - (\lambda_1^e\lambda_2^e)^{-2}\bigr], \qquad
                   \lambda_i^e = \lambda_i/\xi_i
 
-        and the same with 1 and 2 exchanged: an incompressible viscous flow under the true stress of the spring,
-        so the dissipation :math:`(\sigma_1^2 - \sigma_1\sigma_2 + \sigma_2^2)/(3\mu\tau)` is never negative.
+        Source: Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
 
-        Parameters
-        ----------
-        name : str
-            Of the branch.
-        modulus, time : casadi.SX
-            :math:`\mu` in Pa, :math:`\tau` in s, the viscosity over the modulus.
-        build : Builder
-            Takes the states.
-
-        Returns
-        -------
-        PointwiseFilm
-            With the branch's energy added.
-
-        References
-        ----------
-        Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
+        `modulus, time` :math:`\mu` in Pa, :math:`\tau` in s, the viscosity over the modulus.
         """
         energy = ca.SX(0)
         for number, point in enumerate(self.points):

@@ -29,8 +29,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.thesis import thesis_plant
 
-__all__ = ["DURATION", "HISTORIES", "TOLERANCES", "Actuator", "History", "Tolerance", "fleet", "specification"]
-
 DURATION = 1100.0
 """Length of each of the thesis' recordings, s."""
 

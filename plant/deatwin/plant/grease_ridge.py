@@ -15,8 +15,6 @@ from deatwin.plant.parameters import Parameter, Scale
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["GreaseRidge"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class GreaseRidge(Effect):
@@ -26,31 +24,12 @@ class GreaseRidge(Effect):
               B\Bigl(\frac{t - t_1}{T}, \frac{t_2 - t}{T}\Bigr), \qquad B(a, b) = S(a)\,S(b), \qquad
               S(x) = \frac{1}{1 + e^{-x}}
 
-    with the displacement y, p = 50 µm from lump to lump, d = 2 µm, and T = 0.5 s. No state. It is the Prandtl-Tomlinson
-    law of friction, a body on a spring in a periodic potential: where :math:`2\pi F_g/p` is more than the film's
-    stiffness k (here 20 N/m at 0.45 mm) the ball snaps from one lump to the next, whatever the speed, and what the
-    spring gives free is lost in the damping. Typical: 1 to 5 % of the weight of the ball, as all friction there;
-    distance of the lumps assumed. Signature: a ripple of :math:`F_g/k` with frequencies that the drive does not
-    have, at those deflections and times only. Off at :math:`F_g = 0`.
-
-    Parameters
-    ----------
-    force : float
-        :math:`F_g` in N.
-    lower, upper : float
-        :math:`y_1` and :math:`y_2`, displacement from rest, m.
-    built, worn : float
-        :math:`t_1`, when the strokes have pushed the ridge together, and :math:`t_2`, when they have worn it down, on
-        the clock, s.
-
-    References
-    ----------
-    Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited", arXiv:1708.03414
-    (the law).
+    Source: Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited",
+    arXiv:1708.03414 (the law).
     """
 
-    force: float = 1e-3
-    lower: float = 0.4e-3
+    force: float = 1e-3  # :math:`F_g` in N
+    lower: float = 0.4e-3  # :math:`y_1` and :math:`y_2`, displacement from rest, m
     upper: float = 0.5e-3
     built: float = 10.0
     worn: float = 30.0

@@ -9,21 +9,6 @@ import os
 import stat
 from collections.abc import Callable
 
-__all__ = [
-    "COLUMNS",
-    "DOCUMENT_BYTES",
-    "DOCUMENT_VALUES",
-    "RECORDING_BYTES",
-    "RIG_BYTES",
-    "ROWS",
-    "TEXT_BYTES",
-    "clipped",
-    "in_words",
-    "kind_of_file",
-    "read_regular",
-    "reason",
-]
-
 RECORDING_BYTES = 2_000_000_000
 """Of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
 TEXT_BYTES = 1_000_000_000
@@ -49,26 +34,7 @@ _KINDS = {
 
 
 def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str], Exception]) -> bytes:
-    """Return the bytes of a plain file that is not too large.
-
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    limit : int
-        Most bytes that it may have.
-    refuse : callable
-        Takes what is wrong, without the file's name, and returns the error to raise.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    OSError
-        As `open` and `read` raise it, IsADirectoryError for a folder.
-    """
+    """Return the bytes of a plain file that is not too large."""
     try:
         # A pipe without a writer would wait for one; the flag is not known everywhere, and not needed there.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
@@ -91,18 +57,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
 
 
 def kind_of_file(path: str | os.PathLike[str]) -> str:
-    """Return what stands at a path where no plain file does, as ``"a pipe"``.
-
-    Parameters
-    ----------
-    path : str or path
-        Of what is there, or not.
-
-    Returns
-    -------
-    str
-        Empty for a plain file, and where there is nothing.
-    """
+    """Return what stands at a path where no plain file does, as ``"a pipe"``."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -112,15 +67,6 @@ def kind_of_file(path: str | os.PathLike[str]) -> str:
 
 def in_words(count: float) -> str:
     """Return a number of bytes with a unit.
-
-    Parameters
-    ----------
-    count : float
-        Bytes.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -136,21 +82,10 @@ def in_words(count: float) -> str:
 def clipped(text: object, length: int = 80) -> str:
     """Return what a file holds as an error text may show it: printable, and not all of a long one.
 
-    Parameters
-    ----------
-    text : object
-        Usually a text.
-    length : int, default 80
-        Most characters shown.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
-    >>> clipped("one"), clipped("x" * 100, 5), clipped("a\\x1b[31m")
-    ('one', 'xxxxx…', 'a\\\\x1b[31m')
+    >>> clipped("one"), clipped("x" * 100, 5), clipped("a\x1b[31m")
+    ('one', 'xxxxx…', 'a\\x1b[31m')
     """
     whole = str(text)
     shown = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in whole[:length])
@@ -159,15 +94,6 @@ def clipped(text: object, length: int = 80) -> str:
 
 def reason(error: Exception) -> str:
     """Return why a library could not read a file, for an error text.
-
-    Parameters
-    ----------
-    error : Exception
-        What it raised.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -7,8 +7,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["obey", "obeying"]
-
 ENDING = (signal.SIGINT, signal.SIGTERM)
 """Of a terminal, and of a batch system that is about to kill."""
 MISTAKEN = (SystemError, NotImplementedError)
@@ -16,13 +14,7 @@ MISTAKEN = (SystemError, NotImplementedError)
 
 
 def obey() -> None:
-    """Raise the interrupt that was asked for and has not ended the work.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the program's handler of one of these signals has an event `asked`, and that is set.
-    """
+    """Raise the interrupt that was asked for and has not ended the work."""
     for number in ENDING:
         asked = getattr(signal.getsignal(number), "asked", None)
         if asked is not None and asked.is_set():
@@ -31,13 +23,7 @@ def obey() -> None:
 
 @contextmanager
 def obeying() -> Iterator[None]:
-    """Let what CasADi makes of an interrupt be that interrupt.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        As `obey` does, in place of an error of that kind.
-    """
+    """Let what CasADi makes of an interrupt be that interrupt."""
     try:
         yield
     except MISTAKEN:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from deatwin.plant.film import AnyFilm, FilmPoint
     from deatwin.plant.timeline import Timeline
 
-__all__ = ["BREAKDOWN", "Event", "breakdown_share", "film_events", "watch_limits"]
 
 Symbol = Any
 BREAKDOWN = "breakdown_share"
@@ -65,20 +64,7 @@ class Event:
 
 
 def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
-    """Watch how near the film is to losing tension and to breakdown, and where.
-
-    Parameters
-    ----------
-    film : AnyFilm
-        As the effects left it; its points have virtual stretches.
-    squared_voltage : casadi.SX
-        That makes the Maxwell stress, V².
-    build : Builder
-        Has the signal ``film_voltage`` and the parameter ``thickness``. It gets ``tension``, the smallest true
-        stress in Pa, and ``breakdown_share``, the largest share of the field at which the film breaks down; for
-        both, under the name with ``_radius`` and ``_active``, where the point lies in the film as mounted in m,
-        and 1 where it has an electrode.
-    """
+    """Watch how near the film is to losing tension and to breakdown, and where."""
     _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     active = [p for p in film.points if p.active]
@@ -94,22 +80,7 @@ def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
 
 
 def breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
-    """The field at a point over that at which the film breaks down there.
-
-    Parameters
-    ----------
-    point : FilmPoint
-        With its stretches.
-    voltage : casadi.SX
-        On the film, V, not negative.
-    thickness : casadi.SX
-        Of the unstretched film, m.
-
-    Returns
-    -------
-    casadi.SX
-        Dimensionless.
-    """
+    """The field at a point over that at which the film breaks down there. `voltage` on the film, V, not negative."""
     present = thickness / (point.stretches[0] * point.stretches[1])
     return voltage / present / HUANG_2012.at(present, *point.stretches)
 
@@ -129,24 +100,7 @@ def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint
 def film_events(
     signals: Mapping[str, np.ndarray], status: RunStatus, timeline: Timeline, snaps: Sequence[int] = ()
 ) -> tuple[Event, ...]:
-    """What happened to the film along a simulation.
-
-    Parameters
-    ----------
-    signals : mapping of str to ndarray, each of shape (n,)
-        The watched signals at the end of each sample that was simulated, SI.
-    status : RunStatus
-        How the simulation ended.
-    timeline : Timeline
-        Its commands.
-    snaps : sequence of int
-        Samples in which the film snaps to another equilibrium.
-
-    Returns
-    -------
-    tuple of Event
-        In the order of time; a simulation that stopped ends with why it did.
-    """
+    """What happened to the film along a simulation. Shapes: `signals` (n,)."""
     count = min((values.size for values in signals.values()), default=0)
     found = []
     for name, what, sign, limit in EVENTS:

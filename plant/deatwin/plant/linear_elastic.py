@@ -21,8 +21,6 @@ from typing import Any, Self
 from deatwin.plant.dielectric import maxwell_strain
 from deatwin.plant.material import Material
 
-__all__ = ["LinearElastic"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LinearElastic:

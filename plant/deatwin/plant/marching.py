@@ -10,28 +10,12 @@ import numpy as np
 from deatwin.plant.integrator.march import March
 from deatwin.plant.sample import SHORTER_STEPS, solved
 
-__all__ = ["CHUNK", "marched", "repeated"]
-
 CHUNK = 200
 """Samples in one call of compiled code."""
 
 
 def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
-    """A step repeated over a piece, as `marched` takes it.
-
-    Parameters
-    ----------
-    step : casadi.Function
-        Of `StepFunctions`.
-    name : str
-        Of the new function, a C identifier.
-    n_states : int
-        So many of the first arguments and results are handed on from sample to sample.
-
-    Returns
-    -------
-    casadi.Function
-    """
+    """A step repeated over a piece, as `marched` takes it."""
     states = list(range(n_states))
     return step.mapaccum(name, CHUNK, states, states)
 
@@ -39,27 +23,7 @@ def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
 def marched(
     march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float
 ) -> Iterator[list[np.ndarray]]:
-    """Results of a march, for some samples at a time; ends early where one is not solved.
-
-    Parameters
-    ----------
-    march : March
-        Of a function that `repeated` made. States, parameters and constants stand in its arguments; the states of the
-        last sample that was handed out stand there afterwards.
-    n_states : int
-        The first arguments and results are its states.
-    inputs : ndarray, shape (n_u, n)
-        Of each sample.
-    start : float
-        Clock time of the first, s.
-    sample_time : float
-        s.
-
-    Yields
-    ------
-    list of ndarray
-        Results without the error: the states at the end of each sample, then all else.
-    """
+    """Results of a march, for some samples at a time; ends early where one is not solved. Shapes: `inputs` (n_u, n)."""
     u, t, h = march.arguments[-5:-2]
     begin, n = 0, inputs.shape[1]
     while begin < n:

@@ -8,11 +8,9 @@ from types import MappingProxyType
 from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.laws.energies import arruda_boyce, first_invariant, gent, maxwell_branch, neo_hookean
+from deatwin.plant.laws.energies import arruda_boyce, gent
 from deatwin.plant.laws.stress import shear_modulus
 from deatwin.plant.parameters import Parameter, Scale
-
-__all__ = ["MATERIALS", "Branch", "Material", "first_invariant", "gent", "material", "maxwell_branch", "neo_hookean"]
 
 Symbol = Any
 

@@ -29,8 +29,6 @@ from deatwin.plant.timeline import Timeline
 if TYPE_CHECKING:
     from deatwin.plant.model_error import Discrepancy
 
-__all__ = ["Plant", "Simulation"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plant:

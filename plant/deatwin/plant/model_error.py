@@ -29,7 +29,6 @@ from deatwin.plant.simulate import RunStatus
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
-__all__ = ["SCHEMA", "Discrepancy", "Refinable", "discrepancy"]
 
 SCHEMA = "deatwin/model-error/2"
 BINS = 12
@@ -160,26 +159,7 @@ class Discrepancy:
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
-    """What a plant cannot follow of its finer twin on the commands of an experiment, kept on disk.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its free parameters say where the refit starts.
-    experiment : Experiment
-        Only the commands are used.
-
-    Returns
-    -------
-    Discrepancy
-        Of a rig that has no finer equations, what the rig states, the same for all commands.
-
-    Raises
-    ------
-    SimulationError
-        If one of the plants does not reach the end, for example for pull-in, or the finer film loses tension: a
-        membrane that would wrinkle has no sound equations. With time, command and place.
-    """
+    """What a plant cannot follow of its finer twin on the commands of an experiment, kept on disk."""
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
         return _stated(plant.rig, commands)

@@ -10,8 +10,6 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
-__all__ = ["Parameter", "ParameterSet", "Scale"]
-
 
 class Scale(Enum):
     """The coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""

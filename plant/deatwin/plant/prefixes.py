@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import re
 
-__all__ = ["prefixed", "resolving"]
-
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 LEAST_DIGITS, MOST_DIGITS = 3, 9
 PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
@@ -14,18 +12,6 @@ PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
     """The unit in which a value has one to three digits before the point, and its size.
-
-    Parameters
-    ----------
-    value : float
-        SI.
-    unit : str
-        SI unit; ``"1"`` is a pure number. The prefix goes to the first unit of a product or quotient.
-
-    Returns
-    -------
-    tuple of float and str
-        SI size of the unit with its prefix, and that unit, empty for a pure number.
 
     Examples
     --------
@@ -43,16 +29,6 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 
 def resolving(low: float, high: float) -> int:
     """Significant digits that tell the ends of an interval apart: three, or to the first digit of its width.
-
-    Parameters
-    ----------
-    low, high : float
-        Ends, in any one unit.
-
-    Returns
-    -------
-    int
-        From 3 to 9; 3 where the interval is empty or not finite.
 
     Examples
     --------

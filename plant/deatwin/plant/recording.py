@@ -280,16 +280,7 @@ class Experiment:
 
 
 def label(recording: Recording) -> str:
-    """Return how an error text calls a recording: its file, or its times.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    str
-    """
+    """Return how an error text calls a recording: its file, or its times."""
     return recording.provenance.get("file") or f"recording of {recording.start:g} to {recording.end:g} s"
 
 

@@ -27,8 +27,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["Resampling", "plan_resampling", "resample", "resampling_options"]
-
 Floats = NDArray[np.float64]
 _GAP = 5.0  # usual steps; why is said above
 _FOLDED = 1.1
@@ -42,27 +40,13 @@ _SAME = 1e-9  # of a step, for times that differ by rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resampling:
-    """How samples come onto an even clock.
-
-    Parameters
-    ----------
-    sample_time : float
-        Of the new clock, s.
-    factor : int
-        The samples are brought onto a clock so many times finer, and then decimated.
-    clocks : tuple of (k,) array
-        The finer clock of each piece between gaps, s.
-    rows : tuple of (int, int)
-        First row of each piece, and the one after its last.
-    timepts : (n,) array
-        Times of the rows, s.
-    """
+    """How samples come onto an even clock."""
 
     sample_time: float
-    factor: int
-    clocks: tuple[Floats, ...]
-    rows: tuple[tuple[int, int], ...]
-    timepts: Floats
+    factor: int  # The samples are brought onto a clock so many times finer, and then decimated
+    clocks: tuple[Floats, ...]  # The finer clock of each piece between gaps, s
+    rows: tuple[tuple[int, int], ...]  # First row of each piece, and the one after its last
+    timepts: Floats  # Times of the rows, s
 
     @property
     def steps(self) -> Floats:
@@ -93,35 +77,13 @@ class Resampling:
         )
 
     def readings(self, piece: int, values: Floats) -> Floats:
-        """Return a reading on the finer clock of a piece.
-
-        Parameters
-        ----------
-        piece : int
-            Its number, counted from 0.
-        values : (n,) array
-            At all rows.
-
-        Returns
-        -------
-        (k,) array
-        """
+        """Return a reading on the finer clock of a piece."""
         first, last = self.rows[piece]
         return np.interp(self.clocks[piece], self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
-        """Return a command on the finer clock of a piece: a staircase by its levels, any other by the mean of its hold.
-
-        Parameters
-        ----------
-        piece : int
-            Its number, counted from 0.
-        values : (n,) array
-            At all rows.
-
-        Returns
-        -------
-        (k,) array
+        """Return a command on the finer clock of a piece: a staircase by its levels, any other by the mean of its
+        hold.
         """
         first, last = self.rows[piece]
         times, levels, clock = self.timepts[first:last], values[first:last], self.clocks[piece]
@@ -151,29 +113,7 @@ class Resampling:
 def plan_resampling(
     timepts: Floats, sample_time: float, where: Callable[[int], str], *, allow_gaps: bool = False
 ) -> Resampling:
-    """Return how rows at these times come onto an even clock.
-
-    Parameters
-    ----------
-    timepts : (n,) array
-        Times of the rows, s.
-    sample_time : float
-        Of the new clock, s.
-    where : callable
-        Takes a row number and returns how an error text names its place.
-    allow_gaps : bool, default False
-        Split at gaps. Else a gap is an error.
-
-    Returns
-    -------
-    Resampling
-
-    Raises
-    ------
-    DataError
-        If the sample time is not positive, there are fewer than two rows, times do not increase, there is a gap, or no
-        two new rows fit between the first and the last.
-    """
+    """Return how rows at these times come onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
         raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
     if len(timepts) < 2:
@@ -214,18 +154,6 @@ def plan_resampling(
 
 def resampling_options(timepts: Floats, usual: float | None = None) -> str:
     """Return the options of a command that bring rows at uneven times onto an even clock.
-
-    Parameters
-    ----------
-    timepts : (n,) array
-        Times of the rows, s.
-    usual : float, optional
-        The step of the clock that was meant, s; the median step when not given.
-
-    Returns
-    -------
-    str
-        With a sample time of as few digits as the usual step is told by; empty where no option helps.
 
     Examples
     --------

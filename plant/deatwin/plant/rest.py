@@ -15,8 +15,6 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 
-__all__ = ["NO_REST", "TENSION", "RestState", "has_equilibrium", "rest_state", "resting", "undefined_ahead"]
-
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
 UPDATES = 60
@@ -36,51 +34,22 @@ equilibrium that was found leaves about `SETTLED`, one that does not exist leave
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestState:
-    """Equilibrium under a constant command.
+    """Equilibrium under a constant command."""
 
-    Parameters
-    ----------
-    found : bool
-        Whether an equilibrium was found.
-    x, z, d : ndarray
-        States, coordinates and held quantities, SI.
-    x_p, z_p, d_p : ndarray, shape (n, n_p)
-        Their derivatives by the free parameters.
-    fault : str
-        One line that says why no equilibrium was found; empty where one was.
-    """
-
-    found: bool
-    x: np.ndarray
+    found: bool  # Whether an equilibrium was found
+    x: np.ndarray  # States, coordinates and held quantities, SI
     z: np.ndarray
     d: np.ndarray
-    x_p: np.ndarray
+    x_p: np.ndarray  # shape (n, n_p): Their derivatives by the free parameters
     z_p: np.ndarray
     d_p: np.ndarray
-    fault: str = ""
+    fault: str = ""  # One line that says why no equilibrium was found; empty where one was
 
 
 def rest_state(
     equations: Equations, command: float, values: np.ndarray, *, guess: np.ndarray | None = None
 ) -> RestState:
-    """Find the state of rest by a damped Newton method.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    command : float
-        The command at rest, in its unit.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-    guess : ndarray, shape (n_x + n_z,), optional
-        Where to start; the rig's own guess by default.
-
-    Returns
-    -------
-    RestState
-        With `found` false, and the last iterate, where there is no equilibrium in reach.
-    """
+    """Find the state of rest by a damped Newton method. Shapes: `values` (n_p,); `guess` (n_x + n_z,)."""
     functions, kept = _functions(equations), resting(equations)
     constants, inputs = equations.constants, equations.held_inputs(command)
     w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
@@ -131,25 +100,8 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
 def undefined_ahead(
     equations: Equations, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
 ) -> str:
-    """Say which equation has no value where a run was about to go; empty where all have one.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    rest : RestState
-        From which the run began.
-    path : ndarray, shape (n_x + n_z, n)
-        States and coordinates at the end of samples that could be solved, the last one last, SI.
-    inputs : ndarray
-        Of the sample that could not.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-
-    Returns
-    -------
-    str
-        One line.
+    """Say which equation has no value where a run was about to go; empty where all have one. `path` (n_x + n_z, n);
+    `inputs` of the sample that could not; `values` (n_p,).
     """
     path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
     ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
@@ -209,21 +161,7 @@ def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
     """Whether the plant, brought slowly from rest to a command, has an equilibrium there, with its film in tension.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    rest : RestState
-        At the rest command.
-    rest_command, command : float
-        From and to, in the command's unit.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-
-    Returns
-    -------
-    bool
+    Shapes: `values` (n_p,).
     """
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
     while share < 1.0 - 1e-12:
@@ -251,20 +189,7 @@ def _in_tension(equations: Equations, state: RestState, command: float, values: 
 
 @lru_cache(maxsize=64)
 def resting(equations: Equations) -> np.ndarray:
-    """Which unknowns have a place to rest.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-
-    Returns
-    -------
-    ndarray of int
-        Of the unknowns (states, then coordinates), and of the equations of rest alike: all but the free integrators
-        and their rates. What only a free integrator depended on is one as well: a mass with neither spring nor damper
-        has no speed of rest either.
-    """
+    """Which unknowns have a place to rest."""
     entries, n_x = _functions(equations).pattern, len(equations.states)
     kept = np.arange(equations.scale.size)
     while free := [k for k in kept if k < n_x and not entries[kept, k].any()]:

@@ -14,33 +14,13 @@ import numpy as np
 from deatwin.plant.errors import RigError
 from deatwin.plant.intake import clipped
 
-__all__ = ["in_users_code", "number", "size", "unknown_symbols"]
-
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
 WHERE_IN_CASADI = re.compile(r"^\S*\.(?:cpp|hpp|i):\d+:\s*")
 
 
 def number(value: Any, what: str) -> Symbol:
-    """An expression of one number.
-
-    Parameters
-    ----------
-    value : symbol or float
-        As a rig gave it.
-    what : str
-        What it is, for the error text.
-
-    Returns
-    -------
-    casadi.SX
-        Of one row and one column.
-
-    Raises
-    ------
-    RigError
-        If it is something else.
-    """
+    """An expression of one number."""
     if not isinstance(value, NUMBERS):
         kind = "casadi.MX; rigs are written in casadi.SX" if isinstance(value, ca.MX) else type(value).__name__
         raise RigError(f"{what} is of the type {kind}; it must be an expression of what the builder gave, or a number")
@@ -54,44 +34,14 @@ def number(value: Any, what: str) -> Symbol:
 
 
 def size(value: Any, what: str) -> float:
-    """A typical size.
-
-    Parameters
-    ----------
-    value : float
-        As a rig gave it.
-    what : str
-        What it is, for the error text.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    RigError
-        If it is not a finite number above zero.
-    """
+    """A typical size."""
     if not isinstance(value, (int, float, np.number)) or not 0.0 < value < np.inf:
         raise RigError(f"{what} is {clipped(value)}; it must be a finite number above 0")
     return float(value)
 
 
 def unknown_symbols(arguments: Iterable[Symbol], equations: Mapping[str, Symbol]) -> str:
-    """Which equation has a symbol that it may not depend on.
-
-    Parameters
-    ----------
-    arguments : iterable of casadi.SX
-        On which all of them may depend.
-    equations : mapping of str to casadi.SX
-        Each by what an error text calls it.
-
-    Returns
-    -------
-    str
-        Empty where there is none.
-    """
+    """Which equation has a symbol that it may not depend on."""
     given = list(arguments)
     if not equations or not _free(given, ca.vertcat(*equations.values())):
         return ""
@@ -106,20 +56,7 @@ def _free(arguments: list[Symbol], value: Symbol) -> list[Symbol]:
 
 
 def in_users_code(error: Exception, what: str) -> RigError:
-    """The error of a rig or effect whose own code raised one.
-
-    Parameters
-    ----------
-    error : Exception
-        What was raised.
-    what : str
-        What raised it.
-
-    Returns
-    -------
-    RigError
-        One line, with the file and the line of the code that is not CasADi's.
-    """
+    """The error of a rig or effect whose own code raised one."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).parent.name != "casadi"]
     lines = [WHERE_IN_CASADI.sub("", line.strip()) for line in str(error).splitlines() if line.strip()]
     text = clipped(lines[0] if isinstance(error, NotImplementedError) else lines[-1], 200) if lines else ""

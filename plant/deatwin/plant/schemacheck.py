@@ -18,8 +18,6 @@ from typing import Any
 
 from deatwin.plant.intake import clipped
 
-__all__ = ["shape_fault", "shipped_schema"]
-
 _TYPES: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),
     "array": (list,),
@@ -48,18 +46,7 @@ _BOUNDS = (
 
 @cache
 def shipped_schema(name: str) -> dict[str, Any] | None:
-    """Return the JSON Schema of a kind of document that a package of deatwin ships.
-
-    Parameters
-    ----------
-    name : str
-        As documents name it, for example ``"deatwin/narx/1"``.
-
-    Returns
-    -------
-    dict or None
-        None where none is shipped.
-    """
+    """Return the JSON Schema of a kind of document that a package of deatwin ships."""
     import deatwin
 
     kind = name.split("/")[1]
@@ -72,21 +59,7 @@ def shipped_schema(name: str) -> dict[str, Any] | None:
 
 
 def shape_fault(document: Mapping[str, Any], name: str) -> str:
-    """Return what is wrong with the values of a document.
-
-    Parameters
-    ----------
-    document : mapping
-        As JSON was read.
-    name : str
-        Its schema.
-
-    Returns
-    -------
-    str
-        The first fault, with the place of the value and what is allowed; empty where there is none, or where no
-        schema of this name is shipped.
-    """
+    """Return what is wrong with the values of a document."""
     schema = shipped_schema(name)
     return "" if schema is None else next(_faults(document, schema, schema, ""), "")
 

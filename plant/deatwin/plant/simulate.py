@@ -21,8 +21,6 @@ from deatwin.plant.marching import CHUNK, marched, repeated
 from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 
-__all__ = ["Run", "RunStatus", "Simulator", "Stepper"]
-
 Progress = Callable[[float], None]
 NO_READING = "the reading has no finite value at rest: a quotient by zero, or a logarithm or a root there"
 NO_EQUILIBRIUM = (
@@ -51,43 +49,19 @@ class RunStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """What a simulation gave.
+    """What a simulation gave."""
 
-    Parameters
-    ----------
-    status : RunStatus
-        How it ended.
-    outputs : ndarray, shape (1 + m,)
-        Reading at rest, then at the end of each sample that is valid, SI.
-    sensitivities : ndarray, shape (1 + m, n_p), or None
-        Derivative of `outputs` by the free parameters.
-    watched : ndarray, shape (n_signals, m), or None
-        The plant's named signals at the end of each sample (plain runs).
-    failed_at : int or None
-        Sample in which the simulation failed.
-    advice : str
-        What the status says; of a plant without a state of rest, which equation is at fault.
-    snaps : tuple of int
-        Samples in which the film snaps to another equilibrium (plain runs).
-    """
-
-    status: RunStatus
-    outputs: np.ndarray
-    sensitivities: np.ndarray | None
+    status: RunStatus  # How it ended
+    outputs: np.ndarray  # shape (1 + m,): Reading at rest, then at the end of each sample that is valid, SI
+    sensitivities: np.ndarray | None  # shape (1 + m, n_p): Derivative of `outputs` by the free parameters
     watched: np.ndarray | None
-    failed_at: int | None
-    advice: str
-    snaps: tuple[int, ...] = ()
+    failed_at: int | None  # Sample in which the simulation failed
+    advice: str  # What the status says; of a plant without a state of rest, which equation is at fault
+    snaps: tuple[int, ...] = ()  # Samples in which the film snaps to another equilibrium (plain runs)
 
 
 class Simulator:
-    """A plant's equations, made ready to run.
-
-    Parameters
-    ----------
-    equations : Equations
-        The DAE.
-    """
+    """A plant's equations, made ready to run."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -116,30 +90,7 @@ class Simulator:
         channels: Mapping[str, np.ndarray] | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Simulate from rest.
-
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            Each held for one sample.
-        start : float
-            Clock time of the first, s.
-        sample_time : float
-            s.
-        rest_command : float
-            Command at rest.
-        values : ndarray, shape (n_p,)
-            Free parameters, SI.
-        channels : mapping of str to ndarray, each of shape (n,), optional
-            Further inputs that were measured, SI.
-        progress : callable, optional
-            Called with the share that is done.
-
-        Returns
-        -------
-        Run
-            Without sensitivities.
-        """
+        """Simulate from rest. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
@@ -179,18 +130,7 @@ class Simulator:
         values: np.ndarray,
         channels: Mapping[str, np.ndarray] | None = None,
     ) -> Run:
-        """Simulate from rest together with the derivatives by all free parameters.
-
-        Parameters
-        ----------
-        commands, start, sample_time, rest_command, values, channels
-            As for `run`.
-
-        Returns
-        -------
-        Run
-            Without watched signals.
-        """
+        """Simulate from rest together with the derivatives by all free parameters."""
         rest = rest_state(self.equations, rest_command, values)
         if not rest.found:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
@@ -221,24 +161,7 @@ class Simulator:
         return _run(status, outputs, np.vstack(slopes), None, fault)
 
     def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
-        """A plant at rest that takes one command at a time, for a controller in the loop.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_p,)
-            Free parameters, SI.
-        rest_command : float
-            Command at rest.
-        start : float
-            Clock time of the first command, s.
-        sample_time : float
-            s.
-
-        Returns
-        -------
-        Stepper
-            With the status `RunStatus.NO_REST` where no state of rest was found.
-        """
+        """A plant at rest that takes one command at a time, for a controller in the loop. Shapes: `values` (n_p,)."""
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)
         return Stepper(
@@ -253,19 +176,7 @@ class Simulator:
         )
 
     def sample(self, values: np.ndarray, sample_time: float) -> Sample:
-        """One sample of the plant from any state.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_p,)
-            Free parameters, SI.
-        sample_time : float
-            s.
-
-        Returns
-        -------
-        Sample
-        """
+        """One sample of the plant from any state. Shapes: `values` (n_p,)."""
         return Sample(step=self._step, sample_time=sample_time, values=values, constants=self.equations.constants)
 
     @cached_property
@@ -318,26 +229,8 @@ def _run(
 
 
 class Stepper:
-    """A plant that is simulated sample by sample; `Simulator.stepper` makes it.
-
-    Parameters
-    ----------
-    sample : Sample
-        One sample.
-    rest : RestState
-        Where it begins.
-    reading : float
-        At rest, SI.
-    start : float
-        Clock time of the first command, s.
-    inputs : ndarray, shape (n_u,)
-        At rest.
-    history : int
-        How many past commands follow the command among the inputs.
-    clock : int or None
-        Where among the inputs the clock time at which a sample begins is.
-    why : callable
-        Says why a command could not be followed.
+    """A plant that is simulated sample by sample; `Simulator.stepper` makes it. `sample` one sample; `inputs` (n_u,);
+    `clock` where among the inputs the clock time at which a sample begins is.
     """
 
     def __init__(
@@ -372,30 +265,13 @@ class Stepper:
 
     @property
     def reading(self) -> float:
-        """The present noise-free reading, SI; after a failure the last valid one.
-
-        Raises
-        ------
-        SimulationError
-            If there was not even a state of rest.
-        """
+        """The present noise-free reading, SI; after a failure the last valid one."""
         if self._status is RunStatus.NO_REST:
             raise SimulationError(self._status.value)
         return self._reading
 
     def advance(self, command: float) -> RunStatus:
-        """Hold a command for one sample.
-
-        Parameters
-        ----------
-        command : float
-            In its unit.
-
-        Returns
-        -------
-        RunStatus
-            A plant that has failed stays as it was before that sample.
-        """
+        """Hold a command for one sample. returns A plant that has failed stays as it was before that sample."""
         if self._status.ok:
             inputs = self._inputs.copy()
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]

@@ -17,8 +17,6 @@ from deatwin.plant.timeline import Timeline
 if TYPE_CHECKING:
     from deatwin.plant.recording import Experiment
 
-__all__ = ["Simulation"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simulation:

@@ -32,7 +32,6 @@ from deatwin.plant.rest import TENSION, rest_state, resting
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
-__all__ = ["SmallSignal", "held_rest", "rest_under", "small_signals"]
 
 FURTHEST = 0.25
 """From one command to the next no unknown moves further, in units of its scale: a film that snaps does."""
@@ -48,34 +47,16 @@ rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallSignal:
-    """Deviations from rest, sample by sample.
+    r"""Deviations from rest, sample by sample.
 
-    .. math:: x_{k+1} = A x_k + \\sum_l B_l u_{k-l}, \\qquad y_k = C x_k + \\sum_l D_l u_{k-l}
-
-    with the reading :math:`y_k` at the end of the hold of the command :math:`u_k`.
-
-    Parameters
-    ----------
-    a : ndarray, shape (n_x, n_x)
-        Of the states, each in units of its typical size.
-    b : ndarray, shape (n_x, 1 + history)
-        A column for each command from this sample's on backwards, by unit of the command.
-    c : ndarray, shape (n_x,)
-        SI by typical size.
-    d : ndarray, shape (1 + history,)
-        SI by unit of the command.
-    reading : float
-        At rest, SI.
-    static_gain : float
-        Slope of the reading at rest by the command, SI by unit of the command, from the equations of rest and not from
-        the matrices: an independent check of them. NaN where the command has no rest to move, as of an integrator.
+    .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
     """
 
-    a: np.ndarray
+    a: np.ndarray  # shape (n_x, n_x): Of the states, each in units of its typical size
     b: np.ndarray
-    c: np.ndarray
-    d: np.ndarray
-    reading: float
+    c: np.ndarray  # shape (n_x,): SI by typical size
+    d: np.ndarray  # shape (1 + history,): SI by unit of the command
+    reading: float  # At rest, SI
     static_gain: float
 
     def __post_init__(self) -> None:
@@ -86,32 +67,8 @@ class SmallSignal:
 def small_signals(
     plant: Plant, commands: Sequence[float] | np.ndarray, *, values: np.ndarray | None = None, time: float = 0.0
 ) -> tuple[SmallSignal | None, ...]:
-    """Linearise one sample of a plant about its states of rest at constant commands.
-
-    The rest is followed from that at which experiments start, and what is held there (the zero of the reading, the
-    capacitance at rest) is held.
-
-    Parameters
-    ----------
-    plant : Plant
-        With its sample time.
-    commands : array_like, shape (n,)
-        In their unit, in any order.
-    values : ndarray, shape (n_p,), optional
-        Free parameters, SI; the plant's own by default.
-    time : float
-        Clock time of what drifts by the clock, s; it stands still.
-
-    Returns
-    -------
-    tuple of (SmallSignal or None), length n
-        None where there is no state of rest, as beyond pull-in, the film would be slack, or the equations have no
-        derivative.
-
-    Raises
-    ------
-    DataError
-        If a command or the time is not finite.
+    """Linearise one sample of a plant about its states of rest at constant commands. `plant` with its sample time;
+    `commands` (n,); `values` (n_p,).
     """
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):
@@ -142,21 +99,8 @@ def small_signals(
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Find the state in which a plant rests once it was brought from its start to a constant command.
-
-    Parameters
-    ----------
-    plant : Plant
-        With its own values.
-    command : float
-        In its unit.
-    time : float
-        As for `small_signals`.
-
-    Returns
-    -------
-    tuple of ndarray, of shapes (n_x,), (n_z,) and (n_d,), or None
-        States, coordinates and what is held since the start, SI; None where there is no state of rest.
+    """Find the state in which a plant rests once it was brought from its start to a constant command. Shapes: returns
+    (n_x,).
     """
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
@@ -174,28 +118,8 @@ def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.n
 def held_rest(
     equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray
 ) -> np.ndarray:
-    """Move an equilibrium to where it is with what was held since the start, such as the zero of the sensor.
-
-    A state of rest of its own has its own zero: what follows the reading, as a lag of the sensor does, then stands at
-    zero under any command.
-
-    Parameters
-    ----------
-    equations : Equations
-        The plant's DAE.
-    here : ndarray, shape (n_x + n_z,)
-        States and coordinates of a state of rest under the command, SI.
-    held : ndarray, shape (n_d,)
-        What is held, SI.
-    command : float
-        In its unit.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-
-    Returns
-    -------
-    ndarray, shape (n_x + n_z,)
-        The given one where nothing is held, or there is no equilibrium with it in reach.
+    """Move an equilibrium to where it is with what was held since the start, such as the zero of the sensor. Shapes:
+    `here` (n_x + n_z,); `held` (n_d,); `values` (n_p,); returns (n_x + n_z,).
     """
     if not held.size:
         return here
@@ -294,10 +218,7 @@ def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) ->
 
 
 def _inputs(equations: Equations, inputs: np.ndarray, begin: float, middle: float) -> np.ndarray:
-    """Inputs of a sample that begins at a time, s, and of a step in it with its middle at another.
-
-    The clock may stand still and the sample's phase run on.
-    """
+    """Inputs of a sample that begins at a time, s, and of a step in it with its middle at another."""
     moved = equations.with_middle(inputs, middle)
     if equations.sample_start is not None:
         moved[equations.sample_start] = begin
@@ -359,10 +280,8 @@ def _static_gain(equations: Equations, point: Point, time: float, sample_time: f
 
 
 def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:
-    """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the scale.
-
-    The step is that of a sample which begins at 0 s. The clock stands still at a `time`, and the sample's beginning
-    moves away from it: all that differs between stages.
+    """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the
+    scale.
     """
     here, held, inputs, values = point
     functions, constants, n_x = _functions(equations), equations.constants, len(equations.states)

@@ -13,8 +13,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.rigfile import read_rig
 
-__all__ = ["load_plant"]
-
 _RAISED = (Exception, SystemExit)
 """Whatever a user's own code may raise; a script without a guard calls `sys.exit`."""
 

@@ -7,8 +7,6 @@ from deatwin.plant.effects.permittivity_drift import PermittivityDrift
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
 
-__all__ = ["thesis_plant"]
-
 
 def thesis_plant() -> Plant:
     """The thesis' actuator: prestrained diaphragm, Maxwell stress, permittivity drift and hysteresis.

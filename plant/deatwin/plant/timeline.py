@@ -12,33 +12,17 @@ from deatwin.plant.intake import ROWS
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
 
-__all__ = ["Timeline"]
-
 OFF_CLOCK = 0.01
 """Share of a sample by which a record may miss the clock of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timeline:
-    """Commands held for one sample each.
+    """Commands held for one sample each."""
 
-    Parameters
-    ----------
-    commands : ndarray, shape (n,)
-        From the start procedure through all recordings, in the command's unit.
-    start : float
-        Clock time at which the first command is applied, s.
-    sample_time : float
-        s.
-    channels : mapping of str to ndarray, each of shape (n,)
-        Further inputs that were measured, SI; where a recording lacks one, its last value is kept.
-    readings : tuple of ndarray of int
-        For each recording, the sample at whose end each of its rows was read; -1 is the state before the first.
-    """
-
-    commands: np.ndarray
-    start: float
-    sample_time: float
+    commands: np.ndarray  # shape (n,): From the start procedure through all recordings, in the command's unit
+    start: float  # Clock time at which the first command is applied, s
+    sample_time: float  # s
     readings: tuple[np.ndarray, ...]
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -46,29 +30,7 @@ class Timeline:
     def of(
         cls, experiment: Experiment, procedure: StartProcedure, sample_time: float, reading: ReadingTime
     ) -> Timeline:
-        """Lay out an experiment.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Recordings on one clock.
-        procedure : StartProcedure
-            How it began.
-        sample_time : float
-            Of the plant, s.
-        reading : ReadingTime
-            When in its row a reading is taken.
-
-        Returns
-        -------
-        Timeline
-
-        Raises
-        ------
-        DataError
-            If the recordings have another sample time than the plant, do not share a clock, or are so far apart, or
-            begin so late, that nobody can wait for what lies between.
-        """
+        """Lay out an experiment."""
         if abs(experiment.sample_time / sample_time - 1) > 1e-3:
             raise DataError(
                 f"the recording is sampled every {experiment.sample_time:g} s but the rig file says "

@@ -28,8 +28,6 @@ from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report import Origin
 from deatwin.studies.voice import Progress
 
-__all__ = ["CheckTask", "load_rivals", "rival_files"]
-
 CALIBRATED = "the calibrated plant"
 """Name of the plant of a diagnosis that named no cause."""
 POINTS = 9
@@ -38,45 +36,19 @@ POINTS = 9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckTask:
-    """Everything that a check starts from.
+    """Everything that a check starts from."""
 
-    Parameters
-    ----------
-    model : NarxModel
-        Identified.
-    plant : CalibratedPlant
-        The physics.
-    files : sequence of path
-        What model, plants and recording were read from.
-    command : sequence of str
-        For ``run.json``.
-    design : DesignName
-        How the controller is designed.
-    closed_loop_time : float or None
-        s; by default as lambda tuning chooses it.
-    operating_input : float or None
-        In the input's unit; inside the operating range, and by default its middle, or the centre of the training data.
-    operating_range : (float, float) or None
-        Over which margins are judged, in the input's unit.
-    recording : Recording or None
-        From which the model was identified, or better another.
-    rivals : mapping of str to CalibratedPlant
-        Further plants that the actuator may be.
-    jobs, seed : int
-        Worker processes (for the record: a check is one piece of work), and seed of everything random.
-    """
-
-    model: NarxModel
-    plant: CalibratedPlant
-    files: Sequence[str | Path]
+    model: NarxModel  # Identified
+    plant: CalibratedPlant  # The physics
+    files: Sequence[str | Path]  # What model, plants and recording were read from
     command: Sequence[str]
-    design: DesignName
-    closed_loop_time: float | None
+    design: DesignName  # How the controller is designed
+    closed_loop_time: float | None  # s; by default as lambda tuning chooses it
     operating_input: float | None
-    operating_range: tuple[float, float] | None
-    recording: Recording | None
-    rivals: Mapping[str, CalibratedPlant]
-    jobs: int
+    operating_range: tuple[float, float] | None  # Over which margins are judged, in the input's unit
+    recording: Recording | None  # From which the model was identified, or better another
+    rivals: Mapping[str, CalibratedPlant]  # Further plants that the actuator may be
+    jobs: int  # Worker processes (for the record: a check is one piece of work), and seed of everything random
     seed: int
 
     def __post_init__(self) -> None:
@@ -100,24 +72,7 @@ class CheckTask:
                 )
 
     def run(self, folder: ResultFolder, progress: Progress) -> Check:
-        """Design, judge, and write check, report, figures' data and the record of the run.
-
-        Parameters
-        ----------
-        folder : ResultFolder
-            Where to; nothing is written before the check is done.
-        progress : callable
-            Takes the share that is done and what is being done.
-
-        Returns
-        -------
-        Check
-
-        Raises
-        ------
-        DeatwinError
-            If what was given does not fit together.
-        """
+        """Design, judge, and write check, report, figures' data and the record of the run."""
         inputs, specification = hashes(self.files), Specification()
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
         rig = self.plant.plant.rig
@@ -168,26 +123,7 @@ class CheckTask:
 
 
 def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
-    """Where the other plants are kept that the actuator may be, by the names under which they are judged.
-
-    Parameters
-    ----------
-    plant : str
-        Source of the plant to control, which is no other plant.
-    diagnosis : path or None
-        Folder that `deatwin diagnose` wrote: its plant and what it could not rule out have the names of their effects.
-    sources : sequence of str
-        Rig files, ``model.json`` or ``module:function``: their names are what was given.
-
-    Returns
-    -------
-    dict of str to str
-
-    Raises
-    ------
-    DataError, ModelError
-        If the folder holds no diagnosis, or none that can be read.
-    """
+    """Where the other plants are kept that the actuator may be, by the names under which they are judged."""
     found = {} if diagnosis is None else _diagnosed(diagnosis)
     given = {**found, **{source: source for source in sources}}
     return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}
@@ -204,20 +140,5 @@ def _diagnosed(folder: Path) -> dict[str, str]:
 
 
 def load_rivals(files: Mapping[str, str]) -> dict[str, CalibratedPlant]:
-    """Load the plants that `rival_files` found.
-
-    Parameters
-    ----------
-    files : mapping of str to str
-        Their sources by name.
-
-    Returns
-    -------
-    dict of str to CalibratedPlant
-
-    Raises
-    ------
-    DeatwinError
-        If a source does not give a plant.
-    """
+    """Load the plants that `rival_files` found."""
     return {name: load_plant(source) for name, source in files.items()}

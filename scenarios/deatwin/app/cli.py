@@ -23,8 +23,6 @@ from deatwin.app.usage import Command, Group, unwrapped
 from deatwin.studies.interrupts import ORDINARY, heard
 from deatwin.studies.voice import complain
 
-__all__ = ["app", "main"]
-
 DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
 
@@ -32,22 +30,7 @@ class Commands(Group):
     """The commands; one that is interrupted says so, and what it kept where it knows."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that is named.
-
-        Parameters
-        ----------
-        ctx : typer.Context
-            With the arguments.
-
-        Returns
-        -------
-        None
-
-        Raises
-        ------
-        typer.Exit
-            With the status 130 after Ctrl-C or SIGTERM.
-        """
+        """Run the command that is named."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:
@@ -85,18 +68,7 @@ def _program(version: Version = False) -> None:  # what stands before a command;
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Without the program's name; by default those of this process.
-
-    Returns
-    -------
-    int
-        Exit status: 0 done, 1 an error in what was given, 2 wrong usage, 130 interrupted.
-    """
+    """Run a command."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with heard(*ORDINARY):

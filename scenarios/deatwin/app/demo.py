@@ -25,8 +25,6 @@ from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.voice import Progress
 
-__all__ = ["RIG", "conceal", "run"]
-
 RIG = """\
 # What the experimenter knows of this rig.
 [film]
@@ -59,30 +57,7 @@ SHARES = {"shear_modulus": 0.06, "permittivity": 0.04, "branch_modulus": 0.1, "b
 def run(
     folder: ResultFolder, effect: str, *, command: Sequence[str], jobs: int, seed: int, progress: Progress
 ) -> Diagnosis:
-    """Conceal an effect, diagnose, and tell the truth afterwards.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Gets the rig file, the recordings, all results, and last the truth.
-    effect : str
-        Name of a catalogue effect; concealed at twice its typical strength where the film bears that.
-    command : sequence of str
-        For ``run.json``.
-    jobs, seed : int
-        As on the command line.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Diagnosis
-
-    Raises
-    ------
-    RigError
-        If there is no such effect.
-    """
+    """Conceal an effect, diagnose, and tell the truth afterwards."""
     typical = effect_named(effect)
     folder.text("rig.toml", RIG)
     given = GivenPlant.load(str(folder.path / "rig.toml"))
@@ -120,24 +95,7 @@ def _strong(effect: Effect, factor: float) -> Effect:
 
 
 def conceal(nominal: Plant, effect: Effect, rng: np.random.Generator) -> tuple[Plant, Experiment]:
-    """Make the recordings of a film that is not quite the nominal one and has an effect more.
-
-    Parameters
-    ----------
-    nominal : Plant
-        As the rig file describes it.
-    effect : Effect
-        What is concealed.
-    rng : numpy.random.Generator
-        Source of the film's values, the excitation and the sensor's noise.
-
-    Returns
-    -------
-    truth : Plant
-        That made the recordings.
-    experiment : Experiment
-        Noise, then random holds, on one clock; times, commands and readings rounded as a logger rounds them.
-    """
+    """Make the recordings of a film that is not quite the nominal one and has an effect more."""
     values = {name: nominal.parameters[name].value * (1 + share * rng.uniform(-1, 1)) for name, share in SHARES.items()}
     truth = nominal.with_values(values).with_effects(effect)
     step = nominal.rig.sample_time

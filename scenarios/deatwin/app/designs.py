@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel
     from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["DesignName", "Wanted", "design_named"]
 
 SCHEDULE_POINTS = 5
 SCHEDULE_SHARE = 0.6
@@ -42,77 +41,27 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """What a design is asked for, beyond the linear model and the limits that `deatwin.control.check` gives it.
+    """What a design is asked for, beyond the linear model and the limits that `deatwin.control.check` gives it."""
 
-    Parameters
-    ----------
-    model : NarxModel
-        Identified.
-    reading : ReadingTime
-        When in its row a reading is taken.
-    closed_loop_time : float or None
-        s; by default as lambda tuning chooses it.
-    band_Hz : float or None
-        Band that the recording excited, Hz.
-    operating_range : (float, float) or None
-        Inputs over which the controller works, in the input's unit; by default what the training data hold.
-    """
-
-    model: NarxModel
-    reading: ReadingTime
-    closed_loop_time: float | None
-    band_Hz: float | None
+    model: NarxModel  # Identified
+    reading: ReadingTime  # When in its row a reading is taken
+    closed_loop_time: float | None  # s; by default as lambda tuning chooses it
+    band_Hz: float | None  # Band that the recording excited, Hz
     operating_range: tuple[float, float] | None
 
     def time(self, linear: LinearModel) -> float:
-        """Time constant of the closed loop, s.
-
-        Parameters
-        ----------
-        linear : LinearModel
-            As the controller sees it.
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        ControlError
-            If the one that was asked for is shorter than a sample.
-        """
+        """Time constant of the closed loop, s."""
         from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
 
         asked = require_time(self.closed_loop_time, linear.sample_time)
         return default_closed_loop_time(linear, self.band_Hz) if asked is None else asked
 
     def bandwidth_Hz(self, linear: LinearModel) -> float:
-        """Frequency that belongs to `time`, Hz.
-
-        Parameters
-        ----------
-        linear : LinearModel
-            As the controller sees it.
-
-        Returns
-        -------
-        float
-        """
+        """Frequency that belongs to `time`, Hz."""
         return 1.0 / (2 * pi * self.time(linear))
 
     def known_range(self, limits: Limits) -> Limits:
-        """Inputs that are asked for, or else those of the training data inside the limits.
-
-        Parameters
-        ----------
-        limits : (float, float)
-            Of the command, in its unit.
-
-        Returns
-        -------
-        (float, float)
-            In the input's unit.
-        """
+        """Inputs that are asked for, or else those of the training data inside the limits."""
         if self.operating_range is not None:
             return self.operating_range
         trained = self.model.operating
@@ -122,20 +71,7 @@ class Wanted:
 
 
 def design_named(name: DesignName, wanted: Wanted) -> Callable[..., Controller]:
-    """A design as `deatwin.control.check` takes it.
-
-    Parameters
-    ----------
-    name : DesignName
-        Which.
-    wanted : Wanted
-        With what.
-
-    Returns
-    -------
-    callable
-        Takes the linear model as the controller sees it, and ``command_limits``.
-    """
+    """A design as `deatwin.control.check` takes it."""
     return partial(_DESIGNS[name], wanted)
 
 

@@ -21,8 +21,6 @@ from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
 from deatwin.studies.report.svg import COLOURS, draw, inline, standalone
 
-__all__ = ["write_responses"]
-
 Array = NDArray[np.float64]
 
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
@@ -30,17 +28,7 @@ IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation
 
 
 def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
-    """Write tables, figures and the report.
-
-    Parameters
-    ----------
-    found : Responses
-        All of it.
-    folder : ResultFolder
-        Where to.
-    record : RunRecord, optional
-        The run, for the end of the page.
-    """
+    """Write tables, figures and the report."""
     folder.csv(_table("frequency"), _with_unit(first_columns(found.first, found.level), found.first.unit))
     for response in found.gfrfs[1:]:
         folder.csv(_table(f"gfrf{response.order}"), _map_columns(response, found.level))

@@ -23,8 +23,6 @@ from deatwin.ident.narx import NarxModel, Reliance
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Responses", "columns_of", "first_columns", "respond", "symbol_of", "written"]
-
 Array = NDArray[np.float64]
 
 POINTS, DECADES = 200, 3
@@ -44,39 +42,17 @@ TOO_LARGE = (NofrfStatus.TRUNCATED, NofrfStatus.DIVERGED)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:
-    """The frequency responses of a model.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output.
-    level : float
-        Probability of the bands that are written.
-    band_Hz : tuple of float
-        Of the input, lowest and highest frequency.
-    excited_Hz : float or None
-        Below it the training input has 99 % of its power, if the model tells.
-    gfrfs : tuple of FrequencyResponse
-        H_1 over frequency; H_2, H_3, ... over two frequencies, the others held in the middle of the band.
-    ranges_Hz : tuple of ndarray, shape (k, 2)
-        For each order, where its output can have energy.
-    signal : TestSignal or None
-        Of the NOFRFs.
-    nofrfs : Nofrf or None
-        None for order 1, where G_1 is H_1, and where there are none.
-    missing : str
-        Why there are none, although they were asked for.
-    """
+    """The frequency responses of a model."""
 
     model: NarxModel
-    level: float
+    level: float  # Probability of the bands that are written
     band_Hz: tuple[float, float]
-    excited_Hz: float | None
+    excited_Hz: float | None  # Below it the training input has 99 % of its power, if the model tells
     gfrfs: tuple[FrequencyResponse, ...]
-    ranges_Hz: tuple[Array, ...]
+    ranges_Hz: tuple[Array, ...]  # shape (k, 2): For each order, where its output can have energy
     signal: TestSignal | None
-    nofrfs: Nofrf | None
-    missing: str
+    nofrfs: Nofrf | None  # None for order 1, where G_1 is H_1, and where there are none
+    missing: str  # Why there are none, although they were asked for
 
     @property
     def first(self) -> FrequencyResponse:
@@ -199,34 +175,7 @@ def respond(
     level: float = DRAWN,
     amplitude: float | None = None,
 ) -> Responses:
-    """Compute the frequency responses of a model up to an order.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output.
-    order : int
-        From 1 to 8.
-    operating_input : float, optional
-        In the input's unit; the centre of the training data by default.
-    band_Hz : tuple of float, optional
-        Of the input; by default from 0 to what the training data excited, as the model's provenance tells, or else to
-        a quarter of half the sampling rate.
-    level : float
-        Probability of the bands.
-    amplitude : float, optional
-        Largest deviation of the test signal, in the input's unit; by default what stays in the training range, or
-        less, where orders beyond those fitted would act.
-
-    Returns
-    -------
-    Responses
-
-    Raises
-    ------
-    ModelError
-        If something that was given cannot be, or the model has no equilibrium.
-    """
+    """Compute the frequency responses of a model up to an order."""
     highest = np.pi / model.sample_time
     excited = _excited(model)
     band = _band(model, band_Hz, excited)
@@ -252,19 +201,7 @@ def respond(
 
 
 def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
-    """The table of H_1.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Over frequency.
-    level : float
-        Of the band.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-    """
+    """The table of H_1. Shapes: returns (n,)."""
     columns = columns_of(response, level)
     law = columns.pop("linear_law")
     return {
@@ -277,20 +214,7 @@ def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]
 
 
 def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
-    """Values, gain and band of a response, for a table.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of n values.
-    level : float
-        Of the band.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        ``linear_law`` is 1 where the band is to be relied upon.
-    """
+    """Values, gain and band of a response, for a table. Shapes: returns (n,)."""
     band = response.band(level)
     return {
         "real": response.values.real,
@@ -386,24 +310,12 @@ def _truncated(found: Nofrf) -> Iterator[str]:
 
 
 def symbol_of(response: FrequencyResponse) -> str:
-    """Symbol and order of a response in plain text.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of order 0 to 8.
-    """
+    """Symbol and order of a response in plain text."""
     return f"{response.symbol}{'₀₁₂₃₄₅₆₇₈'[response.order]}"
 
 
 def written(bands: Array) -> str:
-    """Bands as a person writes them.
-
-    Parameters
-    ----------
-    bands : ndarray, shape (k, 2)
-        From low to high.
-    """
+    """Bands as a person writes them. Shapes: `bands` (k, 2)."""
     return ", ".join(f"{low:.3g} to {high:.3g}" for low, high in bands)
 
 

@@ -17,39 +17,19 @@ from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.sources import load_plant
 
-__all__ = ["GivenPlant", "clock_notes", "reading_column"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GivenPlant:
-    """A plant as the command line named it.
+    """A plant as the command line named it."""
 
-    Parameters
-    ----------
-    source : str
-        Rig file, ``model.json`` or ``module:function``.
-    model : CalibratedPlant
-        What it is.
-    described : RigFile or None
-        The rig file, whose command range is checked.
-    input_column, output_column : str or None
-        Columns asked for; by default those with the names of the plant's own signals.
-    dt : float or None
-        Sample time of files that hold no times, s.
-    time_column : str or None
-        Column of the times that was asked for.
-    resample : float or None
-        Sample time onto which recordings are brought, s.
-    """
-
-    source: str
-    model: CalibratedPlant
-    described: RigFile | None
-    input_column: str | None
+    source: str  # Rig file, ``model.json`` or ``module:function``
+    model: CalibratedPlant  # What it is
+    described: RigFile | None  # The rig file, whose command range is checked
+    input_column: str | None  # Columns asked for; by default those with the names of the plant's own signals
     output_column: str | None
-    dt: float | None = None
-    time_column: str | None = None
-    resample: float | None = None
+    dt: float | None = None  # Sample time of files that hold no times, s
+    time_column: str | None = None  # Column of the times that was asked for
+    resample: float | None = None  # Sample time onto which recordings are brought, s
 
     @classmethod
     def load(
@@ -62,24 +42,7 @@ class GivenPlant:
         time_column: str | None = None,
         resample: float | None = None,
     ) -> GivenPlant:
-        """Load the plant.
-
-        Parameters
-        ----------
-        source : str
-            As in the class.
-        input_column, output_column, dt, time_column, resample : optional
-            As in the class.
-
-        Returns
-        -------
-        GivenPlant
-
-        Raises
-        ------
-        RigError, ModelError
-            If the source does not give a plant.
-        """
+        """Load the plant."""
         model = load_plant(source)
         rig = model.plant.rig
         return cls(
@@ -94,24 +57,7 @@ class GivenPlant:
         )
 
     def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
-        """Read recordings of one experiment.
-
-        Parameters
-        ----------
-        files : iterable of path
-            On one clock.
-        allow_gaps : bool
-            Split records at gaps; else a gap is an error.
-
-        Returns
-        -------
-        Experiment
-
-        Raises
-        ------
-        DataError
-            If they cannot be read, or are in other units than the rig takes.
-        """
+        """Read recordings of one experiment."""
         rig = self.model.plant.rig
         read = read_experiment(
             files,
@@ -145,17 +91,7 @@ class GivenPlant:
         )
 
     def commands(self, file: str | Path) -> Recording:
-        """Read the commands of a file; readings in it are not looked at.
-
-        Parameters
-        ----------
-        file : path
-            Any format that recordings come in.
-
-        Returns
-        -------
-        Recording
-        """
+        """Read the commands of a file; readings in it are not looked at."""
         rig = self.model.plant.rig
         return read_commands(
             file,
@@ -170,18 +106,7 @@ class GivenPlant:
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:
-    """Column header for a rig's readings, and how many of its units one of the rig's is.
-
-    Parameters
-    ----------
-    rig : Rig
-        Any.
-
-    Returns
-    -------
-    tuple of str and float
-        For example ``("displacement_mm", 1000.0)``.
-    """
+    """Column header for a rig's readings, and how many of its units one of the rig's is."""
     name, unit = rig.output_name, rig.output_unit
     if usual_unit(name) != unit:  # of another kind, or in the rig's own unit
         return (name if unit in ("", "1") else f"{name}_{unit}"), 1.0
@@ -195,18 +120,7 @@ def _own_column(name: str, unit: str) -> str | None:
 
 
 def clock_notes(records: Iterable[Recording]) -> list[str]:
-    """What was done to the clocks of recordings, a sentence each.
-
-    Parameters
-    ----------
-    records : iterable of Recording
-        As they were read.
-
-    Returns
-    -------
-    list of str
-        Empty where the files' own clocks are kept.
-    """
+    """What was done to the clocks of recordings, a sentence each."""
     return [
         f"{label(record)}: {said}"
         for record in records

@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from deatwin.ident.narx.preprocess import DeadTime
     from deatwin.plant.recording import Recording
 
-__all__ = ["FIRST", "LAST", "InputLags", "choose_input_lags"]
 
 FIRST, LAST = 0, 2
 """The first and last input lag without a dead time."""
@@ -18,21 +17,11 @@ FIRST, LAST = 0, 2
 
 @dataclass(frozen=True, kw_only=True)
 class InputLags:
-    """Input lags, and why these.
+    """Input lags, and why these."""
 
-    Parameters
-    ----------
-    lags : tuple of int
-        In samples, ascending.
-    dead_times : tuple of DeadTime
-        Of each input.
-    sentences : tuple of str
-        What the user should know.
-    """
-
-    lags: tuple[int, ...]
+    lags: tuple[int, ...]  # In samples, ascending
     dead_times: tuple[DeadTime, ...]
-    sentences: tuple[str, ...]
+    sentences: tuple[str, ...]  # What the user should know
 
     @property
     def document(self) -> list[dict[str, Any]]:
@@ -51,15 +40,7 @@ class InputLags:
 
 
 def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: int | None) -> InputLags:
-    """Return the input lags that compete: those that were asked for, else three from each dead time on.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        The fitted parts.
-    first, last : int or None
-        As the user asked for; None where nothing was asked.
-    """
+    """Return the input lags that compete: those that were asked for, else three from each dead time on."""
     from deatwin.ident.narx.preprocess import estimate_dead_time, lags_after
 
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel, NarxResponse, Validation
     from deatwin.plant.recording import Recording
 
-__all__ = ["Identified", "write_identified"]
 
 Array = NDArray[np.float64]
 INK, MEASURED, BEFORE, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "before", "after"))
@@ -36,36 +35,16 @@ ROW = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
-    """A model and what it was judged on.
-
-    Parameters
-    ----------
-    model : NarxModel
-        As it is saved.
-    method : str
-        How its terms were chosen.
-    unseen : sequence of Recording
-        The part of each recording that was not fitted.
-    validation : Validation or None
-        On these parts; None where they are too short for it.
-    why_not : str
-        Then the reason.
-    complete : bool
-        Whether the search for terms went to its end.
-    notes : tuple of str
-        What is to be known about the fit.
-    clocks : sequence of str
-        What was done to the sampling of the recordings.
-    """
+    """A model and what it was judged on."""
 
     model: NarxModel
-    method: str
-    unseen: Sequence[Recording]
+    method: str  # How its terms were chosen
+    unseen: Sequence[Recording]  # The part of each recording that was not fitted
     validation: Validation | None
-    why_not: str = ""
-    complete: bool = True
-    notes: tuple[str, ...] = ()
-    clocks: Sequence[str] = ()
+    why_not: str = ""  # Then the reason
+    complete: bool = True  # Whether the search for terms went to its end
+    notes: tuple[str, ...] = ()  # What is to be known about the fit
+    clocks: Sequence[str] = ()  # What was done to the sampling of the recordings
 
     @property
     def scale(self) -> float:
@@ -96,42 +75,16 @@ class Identified:
         return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
 
     def run(self, part: Recording) -> NarxResponse:
-        """What it is judged by, over a recording.
-
-        Parameters
-        ----------
-        part : Recording
-            Not fitted.
-        """
+        """What it is judged by, over a recording."""
         return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
 
     def amount(self, value: float) -> str:
-        """A size of an output, with its unit.
-
-        Parameters
-        ----------
-        value : float
-            SI.
-
-        Returns
-        -------
-        str
-        """
+        """A size of an output, with its unit."""
         return f"{value / self.scale:.3g} {self.unit}".rstrip()
 
 
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
-    """Write figures' data and the report.
-
-    Parameters
-    ----------
-    found : Identified
-        The model.
-    folder : ResultFolder
-        Where to.
-    record : RunRecord
-        The run, for the end of the page.
-    """
+    """Write figures' data and the report."""
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, folder, number, part, run) for number, (part, run) in _first(found, runs)]
     drawings.append(_terms(found, folder))

@@ -9,25 +9,6 @@ from typing import Annotated
 
 import typer
 
-__all__ = [
-    "AllowGaps",
-    "Experiments",
-    "InputColumn",
-    "Jobs",
-    "Json",
-    "OutFolder",
-    "OutputColumn",
-    "Quiet",
-    "Resample",
-    "RigSource",
-    "SampleTime",
-    "Seed",
-    "TimeColumn",
-    "complete_effects",
-    "fold_experiments",
-    "unfold_experiment",
-]
-
 RigSource = Annotated[
     str,
     typer.Argument(
@@ -98,15 +79,6 @@ _BETWEEN = "\x1f"  # the unit separator: no file name holds it
 def complete_effects(incomplete: str) -> list[str]:
     """Effects of the catalogue for the shell's completion, without loading them.
 
-    Parameters
-    ----------
-    incomplete : str
-        What is typed so far.
-
-    Returns
-    -------
-    list of str
-
     Examples
     --------
     >>> complete_effects("electrode_")
@@ -118,18 +90,6 @@ def complete_effects(incomplete: str) -> list[str]:
 
 def fold_experiments(arguments: list[str]) -> list[str]:
     """Gather the files behind each ``--experiment`` into its one value.
-
-    Option parsers take a fixed number of values for an option. The files of an experiment reach up to the
-    next option, so they are joined here, and taken apart by `unfold_experiment`.
-
-    Parameters
-    ----------
-    arguments : list of str
-        As the shell gives them, without the program's name.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------
@@ -159,15 +119,5 @@ def _closed(files: list[str] | None) -> list[str]:
 
 
 def unfold_experiment(value: str) -> list[str]:
-    """The files of one ``--experiment``.
-
-    Parameters
-    ----------
-    value : str
-        As `fold_experiments` made it.
-
-    Returns
-    -------
-    list of str
-    """
+    """The files of one ``--experiment``."""
     return value.split(_BETWEEN)

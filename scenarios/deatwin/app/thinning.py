@@ -10,8 +10,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["Thinned", "thinned"]
-
 LEAST = 100
 """Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
 held-out part that could judge it."""
@@ -21,42 +19,15 @@ _ENDS = 20
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Thinned:
-    """Recordings for identification.
+    """Recordings for identification."""
 
-    Parameters
-    ----------
-    records : list of Recording
-        Decimated, or as they came.
-    notes : list of str
-        What was done, or would do.
-    """
-
-    records: list[Recording]
-    notes: list[str]
+    records: list[Recording]  # Decimated, or as they came
+    notes: list[str]  # What was done, or would do
 
 
 def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:
-    """Decimate recordings as it was asked for; where it was not, say so if they are sampled too fast.
-
-    Parameters
-    ----------
-    records : list of Recording
-        Of one sample time.
-    wanted : str or None
-        ``auto``, or the factor.
-    reading : ReadingTime
-        When, within its row, a reading is taken.
-    held_out : float
-        Share at the end of each that must not choose anything.
-
-    Returns
-    -------
-    Thinned
-
-    Raises
-    ------
-    DataError
-        If the recordings are too short for the factor.
+    """Decimate recordings as it was asked for; where it was not, say so if they are sampled too fast. `records` of
+    one sample time.
     """
     if wanted not in (None, "auto"):
         made = [decimate(record, int(wanted), reading=reading) for record in records]

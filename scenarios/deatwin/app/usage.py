@@ -7,8 +7,6 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
-__all__ = ["unwrapped"]  # the classes are made by typer, with typer's own arguments
-
 
 class Command(TyperCommand):
     """A command in whose help no type stands beside a flag, which takes no value, or beside an argument's own word."""
@@ -34,19 +32,10 @@ class Group(TyperGroup):
 def unwrapped(text: str | None) -> str:
     """Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the source's.
 
-    Parameters
-    ----------
-    text : str or None
-        As a function has it.
-
-    Returns
-    -------
-    str
-
     Examples
     --------
-    >>> unwrapped("Do it.\\n\\n    So that\\n    it is done.\\n    ")
-    'Do it.\\n\\nSo that it is done.'
+    >>> unwrapped("Do it.\n\n    So that\n    it is done.\n    ")
+    'Do it.\n\nSo that it is done.'
     """
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in (text or "").split("\n\n")).strip()
 

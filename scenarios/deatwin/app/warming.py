@@ -6,17 +6,9 @@ from deatwin.plant.effects import catalogue
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
 
-__all__ = ["compile_plant", "usual_plants"]
-
 
 def usual_plants() -> list[Plant]:
-    """The plants that a diagnosis of a diaphragm compares.
-
-    Returns
-    -------
-    list of Plant
-        For each support of the ball: alone, alone and fine, and with each effect of the catalogue.
-    """
+    """The plants that a diagnosis of a diaphragm compares."""
     plants = []
     for ball in ("bonded", "sliding"):
         rig = Diaphragm(ball=ball)
@@ -25,11 +17,5 @@ def usual_plants() -> list[Plant]:
 
 
 def compile_plant(plant: Plant) -> None:
-    """Have the plant's equations compiled into the user's cache.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its structure counts, not its values.
-    """
+    """Have the plant's equations compiled into the user's cache."""
     plant.simulator  # noqa: B018  (building it compiles it)

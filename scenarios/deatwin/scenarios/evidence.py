@@ -31,13 +31,12 @@ from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_study, page_data, page_of
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
-from deatwin.scenarios.control_check.rates import Rate, caught, inside, least_percent, sound
+from deatwin.scenarios.control_check.rates import caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.measured import MEASURED, measured_blocks, measured_data
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
 from deatwin.studies.sweep.kept import read_object
-
-__all__ = ["blocks", "main", "pages", "trials_data", "with_blocks"]
 
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
@@ -54,29 +53,7 @@ Data = Mapping[str, Mapping[str, Any]]
 
 
 def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
-    """Read the trials of a control check.
-
-    Parameters
-    ----------
-    folder : path
-        That the scenario wrote, with the folder ``trials`` in it. Which code it ran does not matter, as long as all
-        trials are of one.
-    remark : str
-        A sentence for the page, such as the commit.
-
-    Returns
-    -------
-    dict
-        The schema `TRIALS`, ``seed``, ``code``, ``remark``, and ``trials``: a row for each in the order of their
-        numbers, with what `Outcome` has: number, concealed effect, design, closed-loop time in s, excited band in Hz,
-        verdict and its reason, share of the true steps inside the predicted band, whether the true rig kept every
-        limit (``sound``: false where it broke one, null without a controller), and what was worst there.
-
-    Raises
-    ------
-    DataError
-        If there are no trials, one is malformed, or they are of several seeds or codes.
-    """
+    """Read the trials of a control check."""
     found = sorted(path for ending in _READERS for path in Path(folder).glob(f"trials/**/*{ending}"))
     if not found:
         raise DataError(f"{folder}: it holds no trials (trials/000.nc and so on)")
@@ -105,18 +82,7 @@ _READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
 
 
 def blocks(data: Data) -> dict[str, list[str]]:
-    """The lines of every block that pages hold.
-
-    Parameters
-    ----------
-    data : mapping
-        Content of the data files, by name.
-
-    Returns
-    -------
-    dict of str to list of str
-        Markdown by the name of the block.
-    """
+    """The lines of every block that pages hold."""
     with _as_written("control-check"):
         control, checked = _of_trials(data["control-check"])
     with _as_written(STUDY):
@@ -174,24 +140,7 @@ def _as_written(name: str) -> Iterator[None]:
 
 
 def with_blocks(text: str, made: Mapping[str, Sequence[str]]) -> str:
-    """A page with its blocks written anew.
-
-    Parameters
-    ----------
-    text : str
-        With blocks between ``<!-- made by evidence: NAME -->`` and ``<!-- end -->``, each in a line of its own.
-    made : mapping of str to sequence of str
-        Lines of each block.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    DataError
-        If the page asks for a block that there is not.
-    """
+    """A page with its blocks written anew."""
 
     def anew(found: re.Match[str]) -> str:
         if found[2] not in made:
@@ -202,23 +151,7 @@ def with_blocks(text: str, made: Mapping[str, Sequence[str]]) -> str:
 
 
 def pages(docs: Path | str) -> dict[str, str]:
-    """Every page that is made from data, as it should be.
-
-    Parameters
-    ----------
-    docs : path
-        Folder of the documents, with the folder ``data`` in it.
-
-    Returns
-    -------
-    dict of str to str
-        Texts by file name.
-
-    Raises
-    ------
-    DataError
-        If a data file is missing, damaged or of another schema; the text names it.
-    """
+    """Every page that is made from data, as it should be."""
     folder = Path(docs)
     data = {name: _read(folder / "data" / f"{name}.json", schema) for name, schema in DATA.items()}
     made = blocks(data)
@@ -234,18 +167,7 @@ def pages(docs: Path | str) -> dict[str, str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Read studies into data files where they are given, and write the pages.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Of the command line; its own by default.
-
-    Returns
-    -------
-    int
-        0, or 1 after an error, which is told.
-    """
+    """Read studies into data files where they are given, and write the pages."""
     from deatwin.plant.files import write_text_atomic
 
     parser = argparse.ArgumentParser(

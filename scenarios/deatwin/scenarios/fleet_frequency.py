@@ -38,20 +38,6 @@ from deatwin.scenarios.fleet_models.preparation import (
 from deatwin.scenarios.fleet_models.variants import RECORDED
 from deatwin.studies.voice import Progress
 
-__all__ = [
-    "ACTUATORS",
-    "BAND",
-    "OPERATING_INPUT",
-    "Alike",
-    "Fleet",
-    "choose_structure",
-    "fit",
-    "identify_alike",
-    "identify_fleet",
-    "linear_in_output",
-    "prepare_fleet",
-]
-
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
 ACTUATORS = (1, 2, 3, 4, 5, 6)
@@ -63,23 +49,11 @@ BAND = (0.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alike:
-    """An actuator with the model of the common structure.
+    """An actuator with the model of the common structure."""
 
-    Parameters
-    ----------
-    prepared : Prepared
-        Its recordings and what was found in them.
-    factor : int
-        Every so many samples of them are kept.
-    sections : tuple of Recording
-        Training and held-out, thinned.
-    model : NarxModel
-        Fitted to the training section.
-    """
-
-    prepared: Prepared
-    factor: int
-    sections: tuple[Recording, Recording]
+    prepared: Prepared  # Its recordings and what was found in them
+    factor: int  # Every so many samples of them are kept
+    sections: tuple[Recording, Recording]  # Training and held-out, thinned
     model: NarxModel
 
     @property
@@ -94,71 +68,25 @@ class Alike:
         return 100 * (1 - run.rms_error / float(self.sections[1].outputs.std())) if run.status.ok else -np.inf
 
     def whole(self, variant: str = RECORDED) -> Recording:
-        """The whole recording, thinned.
-
-        Parameters
-        ----------
-        variant : str
-            One of `deatwin.scenarios.fleet_models.variants.VARIANTS`.
-
-        Returns
-        -------
-        Recording
-        """
+        """The whole recording, thinned."""
         return thinned(self.prepared.recordings[variant], self.factor)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fleet:
-    """Actuators with models of one structure.
-
-    Parameters
-    ----------
-    actuators : tuple of Alike
-        In the order of their numbers.
-    plan : Plan
-        Sampling time, lags and degree.
-    structure : tuple of Term
-        That all models have, in the order of their parameters.
-    errors : ndarray, shape (n_actuators,)
-        Free-run error that the structure was chosen for, over the deviation of the reading: on the end of each training
-        section, parameters from its beginning.
-    tried : int
-        Among how many structures.
-    """
+    """Actuators with models of one structure."""
 
     actuators: tuple[Alike, ...]
-    plan: Plan
-    structure: Structure
+    plan: Plan  # Sampling time, lags and degree
+    structure: Structure  # That all models have, in the order of their parameters
     errors: Array
-    tried: int
+    tried: int  # Among how many structures
 
 
 def identify_fleet(
     seed: int, numbers: Sequence[int] = ACTUATORS, *, jobs: int = 1, progress: Progress = lambda share, text: None
 ) -> Fleet:
-    """Record the fleet, and fit one structure to each actuator.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    numbers : sequence of int
-        Of the actuators, from 1; at least two.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    progress : callable
-        Takes the share that is done, from 0 to 1, and what is being done.
-
-    Returns
-    -------
-    Fleet
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record the fleet, and fit one structure to each actuator."""
     prepared, plan = prepare_fleet(seed, numbers, jobs=jobs, progress=lambda share, text: progress(0.8 * share, text))
     progress(0.8, "choosing a common structure")
     return identify_alike(prepared, plan, jobs=jobs)
@@ -167,29 +95,7 @@ def identify_fleet(
 def prepare_fleet(
     seed: int, numbers: Sequence[int] = ACTUATORS, *, jobs: int = 1, progress: Progress = lambda share, text: None
 ) -> tuple[tuple[Prepared, ...], Plan]:
-    """Record the fleet, and choose sections, sampling time, lags and degree.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    numbers : sequence of int
-        Of the actuators, from 1; at least two.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    progress : callable
-        Takes the share that is done, from 0 to 1, and what is being done.
-
-    Returns
-    -------
-    prepared : tuple of Prepared
-    plan : Plan
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record the fleet, and choose sections, sampling time, lags and degree."""
     chosen = [fleet(seed)[number - 1] for number in numbers]
     prepared = run_jobs(
         prepare,
@@ -209,21 +115,7 @@ def prepare_fleet(
 
 
 def identify_alike(prepared: Sequence[Prepared], plan: Plan, *, jobs: int = 1) -> Fleet:
-    """Fit one structure to each of several actuators.
-
-    Parameters
-    ----------
-    prepared : sequence of Prepared
-        At least two.
-    plan : Plan
-        Sampling time, and the candidates of the structure.
-    jobs : int
-        Worker processes; -1 takes all cores.
-
-    Returns
-    -------
-    Fleet
-    """
+    """Fit one structure to each of several actuators."""
     sections = [one.split(RECORDED, plan.factor) for one in prepared]
     structure, errors, tried = choose_structure([training for training, _ in sections], plan, jobs=jobs)
     actuators = tuple(
@@ -234,47 +126,14 @@ def identify_alike(prepared: Sequence[Prepared], plan: Plan, *, jobs: int = 1) -
 
 
 def linear_in_output(term: Term) -> bool:
-    """Whether a term is free of the past output, or is nothing else.
-
-    Parameters
-    ----------
-    term : Term
-        A candidate.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a term is free of the past output, or is nothing else."""
     return term.degree == 1 or not any(variable.kind == "y" for variable, _ in term.factors)
 
 
 def choose_structure(
     training: Sequence[Recording], plan: Plan, rule: Rule = linear_in_output, *, jobs: int = 1
 ) -> tuple[Structure, Array, int]:
-    """Choose the structure whose free runs follow all recordings best.
-
-    Those that the searches of SEMP pass, each on the beginning of a recording, are fitted to the beginning of every
-    recording, and run free over its end. Of those as good as the best the shortest is taken.
-
-    Parameters
-    ----------
-    training : sequence of Recording
-        At least two.
-    plan : Plan
-        Lags and degree.
-    rule : callable
-        Takes a term and says whether it is a candidate; importable by name.
-    jobs : int
-        Worker processes; -1 takes all cores.
-
-    Returns
-    -------
-    structure : tuple of Term
-    errors : ndarray, shape (n_recordings,)
-        Free-run error on the end of each, over the deviation of the reading.
-    tried : int
-        Number of structures.
-    """
+    """Choose the structure whose free runs follow all recordings best. Shapes: returns (n_recordings,)."""
     cuts = [record.n_samples - round(CHOOSING * record.n_samples) for record in training]
     parts = [(r.section(0, cut), r.section(cut, r.n_samples)) for r, cut in zip(training, cuts, strict=True)]
     passed = run_jobs(_passed, [(beginning, plan, rule) for beginning, _ in parts], workers=jobs)
@@ -288,20 +147,7 @@ def choose_structure(
 
 
 def fit(structure: Sequence[Term], recording: Recording) -> NarxModel:
-    """Fit a structure to a recording by least squares, with a covariance that coloured residuals do not spoil.
-
-    Parameters
-    ----------
-    structure : sequence of Term
-        Without noise terms.
-    recording : Recording
-        At the sampling time that is wanted.
-
-    Returns
-    -------
-    NarxModel
-        Parameters in the order of the structure.
-    """
+    """Fit a structure to a recording by least squares, with a covariance that coloured residuals do not spoil."""
     return robust(_least_squares(structure, recording), recording)
 
 

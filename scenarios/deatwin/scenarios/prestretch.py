@@ -31,8 +31,6 @@ from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.prestretch import write_sweep
 from deatwin.studies.stories import Setting
 
-__all__ = ["PRESTRETCHES", "dead_load", "pull_in_ends_at", "run", "sweep", "unequal"]
-
 Array = np.ndarray
 PRESTRETCHES = np.linspace(1.0, 5.0, 17)
 RATIOS = np.linspace(1.0, 3.0, 9)
@@ -42,18 +40,7 @@ STRAIN = 0.05
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Sweep the prestretch, judge the claims, and write page, figure and table.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder and progress; no data are needed and nothing is random.
-
-    Returns
-    -------
-    mapping
-        Claims, verdicts and findings.
-    """
+    """Sweep the prestretch, judge the claims, and write page, figure and table."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")
@@ -78,37 +65,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
-    """Actuation curve of the square film under equal dead loads.
-
-    Parameters
-    ----------
-    prestretch : float
-        In both directions.
-    **fields
-        Of the `Planar` rig, where they are others than here.
-
-    Returns
-    -------
-    ActuationCurve
-        Over film volts up to 10 kV.
-    """
+    """Actuation curve of the square film under equal dead loads. returns Over film volts up to 10 kV."""
     rig = Planar(**{"prestretch": float(prestretch), "gain": 1.0, **fields})
     return actuation_curve(Plant(rig=rig), np.linspace(0.0, TOP, 201))
 
 
 def sweep(progress: Callable[[float, str], None]) -> dict[str, Array]:
-    """All that is computed at each prestretch.
-
-    Parameters
-    ----------
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    dict of str to ndarray, each of shape (n,)
-        With units in the names; NaN where there is no such thing.
-    """
+    """All that is computed at each prestretch. Shapes: returns (n,)."""
     rows: list[dict[str, float]] = []
     for number, prestretch in enumerate(PRESTRETCHES):
         progress(0.8 * number / PRESTRETCHES.size, f"prestretch {prestretch:g}")
@@ -184,16 +147,8 @@ def _ball(prestretch: float) -> float:
 
 
 def unequal(ratios: Array) -> dict[str, Array]:
-    """Strains at 1 kV along and across a film of unequal prestretch, at one thickness.
-
-    Parameters
-    ----------
-    ratios : ndarray, shape (n,)
-        Of the prestretch across over that along; their product is 9.
-
-    Returns
-    -------
-    dict of str to ndarray, each of shape (n,)
+    """Strains at 1 kV along and across a film of unequal prestretch, at one thickness. Shapes: `ratios` (n,); returns
+    (n,).
     """
     along, across = [], []
     for ratio in ratios:
@@ -206,18 +161,7 @@ def unequal(ratios: Array) -> dict[str, Array]:
 
 
 def pull_in_ends_at(columns: Mapping[str, Array]) -> float:
-    """The prestretch from which on a film under dead load no longer pulls in.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        As `sweep` gives them.
-
-    Returns
-    -------
-    float
-        To one part in a hundred.
-    """
+    """The prestretch from which on a film under dead load no longer pulls in."""
     stretches, pulls_in = columns["prestretch"], np.isfinite(columns["pull_in_V"])
     low, high = float(stretches[pulls_in].max()), float(stretches[~pulls_in].min())
     while high - low > 0.01:

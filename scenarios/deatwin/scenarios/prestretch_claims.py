@@ -10,8 +10,6 @@ import numpy as np
 
 from deatwin.plant.material import material
 
-__all__ = ["RELAXING", "Claim", "Sweep", "Verdict", "judged_claims"]
-
 RELAXING = "VHB 4910 Wang 2016"
 """Its three branches are a whole published set; the plant's VHB 4905 has only the first of them."""
 
@@ -26,40 +24,20 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A claim and what became of it.
-
-    Parameters
-    ----------
-    claim : str
-        In a sentence.
-    verdict : Verdict
-        What the plant says.
-    finding : str
-        With its numbers.
-    """
+    """A claim and what became of it."""
 
     claim: str
-    verdict: Verdict
-    finding: str
+    verdict: Verdict  # What the plant says
+    finding: str  # With its numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """What was computed over the prestretch.
+    """What was computed over the prestretch."""
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, each of shape (n,)
-        By prestretch; NaN where there is no such thing.
-    ratios : mapping of str to ndarray, each of shape (m,)
-        Of unequal prestretch, at one thickness.
-    pull_in_end : float
-        Prestretch from which on a film under dead load no longer pulls in.
-    """
-
-    columns: Mapping[str, np.ndarray]
-    ratios: Mapping[str, np.ndarray]
-    pull_in_end: float
+    columns: Mapping[str, np.ndarray]  # shape (n,): By prestretch; NaN where there is no such thing
+    ratios: Mapping[str, np.ndarray]  # shape (m,): Of unequal prestretch, at one thickness
+    pull_in_end: float  # Prestretch from which on a film under dead load no longer pulls in
 
     @property
     def stretch(self) -> np.ndarray:
@@ -67,65 +45,22 @@ class Sweep:
         return self.columns["prestretch"]
 
     def at(self, name: str, prestretch: float) -> float:
-        """A column's value at a prestretch.
-
-        Parameters
-        ----------
-        name : str
-            Of the column.
-        prestretch : float
-            Between the first and the last.
-
-        Returns
-        -------
-        float
-        """
+        """A column's value at a prestretch."""
         return float(np.interp(prestretch, self.stretch, self.columns[name]))
 
     def best(self, name: str) -> tuple[float, float]:
-        """Where a column is largest, and its value there.
-
-        Parameters
-        ----------
-        name : str
-            Of the column.
-
-        Returns
-        -------
-        tuple of float
-        """
+        """Where a column is largest, and its value there."""
         most = int(np.nanargmax(self.columns[name]))
         return float(self.stretch[most]), float(self.columns[name][most])
 
     def rises(self, values: np.ndarray) -> Verdict:
-        """Whether values rise with the prestretch.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n,)
-            NaN is passed over.
-
-        Returns
-        -------
-        Verdict
-            Conditional where they rise on a part of the way.
-        """
+        """Whether values rise with the prestretch. Shapes: `values` (n,)."""
         steps = np.diff(values[np.isfinite(values)])
         return Verdict.TRUE if np.all(steps > 0) else Verdict.CONDITIONAL if np.any(steps > 0) else Verdict.FALSE
 
 
 def judged_claims(sweep: Sweep) -> tuple[Claim, ...]:
-    """All claims, judged.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        What was computed.
-
-    Returns
-    -------
-    tuple of Claim
-    """
+    """All claims, judged."""
     return tuple(judge(sweep) for judge in _JUDGES)
 
 

@@ -30,8 +30,6 @@ from deatwin.scenarios.real_data.records import Candidates, DataSet
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.studies.stories import Setting, data_folder
 
-__all__ = ["FITTED_RATES", "HELD_OUT_RATE", "STRETCHES", "case", "files_of", "pull", "run"]
-
 LENGTH = 80e-3
 """Between the clamps, m."""
 FITTED_RATES, HELD_OUT_RATE = ("0d01", "0d05"), "0d03"
@@ -41,23 +39,7 @@ STEP = 10
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Diagnose, and predict the held-out rate and a relaxation.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        Verdicts, causes, errors on the held-out recordings, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Diagnose, and predict the held-out rate and a relaxation."""
     folder = data_folder(setting.data, "vhb4910")
     own = case(folder)
     told = tell(setting, own)
@@ -79,22 +61,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def case(folder: Path) -> Case:
-    """The recordings and the plant.
-
-    Parameters
-    ----------
-    folder : path
-        With the folders ``loading_unloading`` and ``relaxation``.
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    DataError
-        If a recording is absent.
-    """
+    """The recordings and the plant."""
     pulls = folder / "loading_unloading"
     files = files_of(pulls, FITTED_RATES, STRETCHES)
     held = files_of(pulls, (HELD_OUT_RATE,), STRETCHES)
@@ -172,24 +139,7 @@ def _law(amended: Plant, judged: Experiment) -> Law:
 
 
 def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> list[Path]:
-    """The pulls of some rates to some stretches.
-
-    Parameters
-    ----------
-    folder : path
-        With the files ``<rate>_<stretch>[_1].csv``.
-    rates, stretches : iterable of str
-        As in the files' names.
-
-    Returns
-    -------
-    list of path
-
-    Raises
-    ------
-    DataError
-        If one is absent.
-    """
+    """The pulls of some rates to some stretches."""
     found = []
     for rate in rates:
         for stretch in stretches:
@@ -201,38 +151,12 @@ def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> li
 
 
 def far_files(folder: Path) -> list[Path]:
-    """The pulls that go further than those that are judged.
-
-    Parameters
-    ----------
-    folder : path
-        With the folder ``loading_unloading``.
-
-    Returns
-    -------
-    list of path
-
-    Raises
-    ------
-    DataError
-        If one is absent.
-    """
+    """The pulls that go further than those that are judged."""
     return files_of(folder / "loading_unloading", FITTED_RATES[-1:], (FAR,))
 
 
 def pull(file: Path) -> Experiment:
-    """One pull: stretch in, force out.
-
-    Parameters
-    ----------
-    file : path
-        Time, displacement and force, under a Chinese header.
-
-    Returns
-    -------
-    Experiment
-        Of one recording, from rest at a stretch of 1.
-    """
+    """One pull: stretch in, force out."""
     measured = read_csv(file, input_column="#2", output_column="#3")[0]
     record = Recording.from_arrays(
         1 + measured.inputs / LENGTH,

@@ -18,8 +18,6 @@ from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report import Origin, write_report
 from deatwin.studies.voice import Progress
 
-__all__ = ["RIVALS", "DiagnosisTask"]
-
 RIVALS = "rivals"
 """Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
 WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
@@ -28,55 +26,18 @@ WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiagnosisTask:
-    """Everything that a diagnosis starts from.
+    """Everything that a diagnosis starts from."""
 
-    Parameters
-    ----------
-    plant : Plant
-        Nominal or amended.
-    experiments : sequence of Experiment
-        Each from rest.
-    files : sequence of path
-        What the plant and the recordings were read from.
-    command : sequence of str
-        For ``run.json``.
-    effects : sequence of Effect, optional
-        Those considered; the catalogue by default.
-    jobs : int
-        Worker processes.
-    seed : int
-        Of everything random.
-    """
-
-    plant: Plant
-    experiments: Sequence[Experiment]
-    files: Sequence[str | Path]
+    plant: Plant  # Nominal or amended
+    experiments: Sequence[Experiment]  # Each from rest
+    files: Sequence[str | Path]  # What the plant and the recordings were read from
     command: Sequence[str]
-    effects: Sequence[Effect] | None = None
-    jobs: int = 1
+    effects: Sequence[Effect] | None = None  # Those considered; the catalogue by default
+    jobs: int = 1  # Worker processes
     seed: int = 0
 
     def run(self, folder: ResultFolder, progress: Progress) -> Diagnosis:
-        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run.
-
-        Parameters
-        ----------
-        folder : ResultFolder
-            Where to.
-        progress : callable
-            Takes the share that is done and what is being done.
-
-        Returns
-        -------
-        Diagnosis
-
-        Raises
-        ------
-        DeatwinError
-            If the recordings cannot be used at all.
-        KeyboardInterrupt
-            With a line that says which steps were finished and where they are kept; there is no diagnosis then.
-        """
+        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run."""
         for name in WRITTEN:
             require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)

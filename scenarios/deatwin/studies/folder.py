@@ -16,24 +16,9 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
 from deatwin.plant.files.replacing import place_of
 
-__all__ = ["ResultFolder", "require_place", "require_unread"]
-
 
 class ResultFolder:
-    """A folder into which files appear whole or not at all.
-
-    As a context it leaves no empty folder of its own behind where the work fails before anything is written.
-
-    Parameters
-    ----------
-    path : path
-        Made if absent.
-
-    Raises
-    ------
-    DataError
-        If it cannot be made, or nothing can be written into it: said before work begins, not after it.
-    """
+    """A folder into which files appear whole or not at all."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
@@ -49,52 +34,22 @@ class ResultFolder:
             self._remove_empty()
 
     def text(self, name: str, text: str) -> None:
-        """Write a text file.
-
-        Parameters
-        ----------
-        name : str
-            Inside the folder; may name a folder below it.
-        text : str
-            Its content.
-        """
+        """Write a text file."""
         self.save(name, lambda path: write_text_atomic(path, text))
 
     def csv(self, name: str, columns: Mapping[str, ArrayLike]) -> None:
-        """Write a table.
-
-        Parameters
-        ----------
-        name : str
-            Inside the folder.
-        columns : mapping of str to (n,) array_like
-            Headers with their unit, and values.
-        """
+        """Write a table."""
         self.save(name, lambda path: write_csv(path, columns))
 
     def save(self, name: str, write: Callable[[Path], None]) -> None:
-        """Let something write itself.
-
-        Parameters
-        ----------
-        name : str
-            Inside the folder.
-        write : callable
-            Takes the path.
-        """
+        """Let something write itself."""
         target = self.path / name
         self._make(target.parent)
         write(target)
         self.written.append(name)
 
     def remove_former(self, pattern: str) -> None:
-        """Remove what a former run wrote, as its ``run.json`` tells, and this one has not.
-
-        Parameters
-        ----------
-        pattern : str
-            Regular expression of the names that a run writes or not; other files are left alone.
-        """
+        """Remove what a former run wrote, as its ``run.json`` tells, and this one has not."""
         try:
             former = json.loads((self.path / "run.json").read_text(encoding="utf-8"))["outputs"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -128,21 +83,7 @@ class ResultFolder:
 
 
 def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
-    """Raise DataError unless a file can be written: before work begins, not after it.
-
-    Parameters
-    ----------
-    file : path
-        That is to be written; its folder must exist.
-    inputs : iterable of path
-        What the command reads; what is no file among them is passed over.
-
-    Raises
-    ------
-    DataError
-        If there is no such folder, nothing can be written into it, a folder or a device has the file's name, or the
-        command reads the file.
-    """
+    """Raise DataError unless a file can be written: before work begins, not after it."""
     path = place_of(file)
     if not path.parent.is_dir():
         raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
@@ -151,20 +92,7 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
 
 
 def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
-    """Raise DataError if a file that will be written is one of those that are read.
-
-    Parameters
-    ----------
-    file : path
-        That is to be written.
-    inputs : iterable of path
-        What the command reads; what is no file among them is passed over.
-
-    Raises
-    ------
-    DataError
-        If it is.
-    """
+    """Raise DataError if a file that will be written is one of those that are read."""
     if file.exists() and any(Path(name).is_file() and file.samefile(name) for name in inputs):
         raise DataError(f"{file}: this command reads the file, and would write over it; give another place or name")
 

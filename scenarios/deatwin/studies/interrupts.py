@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-__all__ = ["ORDINARY", "heard"]
-
 ORDINARY: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 """Signals that end a program of Python, and what handles them there."""
 
@@ -28,15 +26,7 @@ class _Remembering:
 
 @contextmanager
 def heard(*signals: signal.Signals) -> Iterator[None]:
-    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever.
-
-    What CasADi makes of one ends the command as that does.
-
-    Parameters
-    ----------
-    *signals : signal.Signals
-        Of the ordinary ones, which are raised as Ctrl-C is; by default SIGINT alone.
-    """
+    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
     handler = _Remembering()

@@ -15,7 +15,6 @@ if TYPE_CHECKING:  # the live view looks for what was kept, and makes none
     from deatwin.plant.model import Plant
     from deatwin.studies.provenance import RunRecord
 
-__all__ = ["BASE_MODEL", "FOLDER", "SCHEMA", "STEPS", "FinishedSteps", "holds_only_partial", "remove_partial"]
 
 SCHEMA = "deatwin/partial/1"
 FOLDER = "partial"
@@ -27,13 +26,7 @@ NOTE = (
 
 
 class FinishedSteps:
-    """Collects what the steps of a diagnosis find, and how far it is.
-
-    Parameters
-    ----------
-    progress : callable
-        Is told the share that is done and what is being done.
-    """
+    """Collects what the steps of a diagnosis find, and how far it is."""
 
     def __init__(self, progress: Progress) -> None:
         self.share, self.doing = 0.0, "beginning"
@@ -41,52 +34,18 @@ class FinishedSteps:
         self._steps: dict[tuple[str, str], Step] = {}
 
     def tell(self, share: float, doing: str) -> None:
-        """Take the progress, and pass it on.
-
-        Parameters
-        ----------
-        share : float
-            From 0 to 1.
-        doing : str
-            What is being done.
-        """
+        """Take the progress, and pass it on."""
         self._progress(share, doing)  # which raises where an interrupt was not heard before
         self.share, self.doing = share, doing
 
     def take(self, step: Step) -> None:
-        """Take a step that is through, in place of a former one of the same subject, and say which.
-
-        How many fits there will be nobody knows: between two shares of the work they show that it goes on.
-
-        Parameters
-        ----------
-        step : Step
-            What it found.
-        """
+        """Take a step that is through, in place of a former one of the same subject, and say which."""
         self._steps[step.name, step.subject] = step
         if step.subject:
             self._progress(self.share, f"{self.doing} ({step.subject})")
 
     def save(self, folder: ResultFolder, plant: Plant, record: RunRecord) -> str:
-        """Write the steps, in place of what was kept of a former interrupted run.
-
-        ``steps.json`` comes last: where it is, everything that it names is whole.
-
-        Parameters
-        ----------
-        folder : ResultFolder
-            Of the results; gets the folder ``partial`` with ``steps.json`` and, once there is one,
-            ``base_model.json``.
-        plant : Plant
-            Nominal.
-        record : RunRecord
-            Of this run.
-
-        Returns
-        -------
-        str
-            What was kept and where, in words.
-        """
+        """Write the steps, in place of what was kept of a former interrupted run."""
         if not self._steps:
             return f"interrupted while {self.doing}; no step was finished, and nothing was written to {folder.path}"
         remove_partial(folder)
@@ -129,18 +88,7 @@ class FinishedSteps:
 
 
 def holds_only_partial(folder: Path) -> bool:
-    """Whether a folder holds what was kept of an interrupted run, and nothing else.
-
-    Parameters
-    ----------
-    folder : path
-        Of the results; may be absent.
-
-    Returns
-    -------
-    bool
-        True where a further run, which puts its own in that place, can take nothing away that was finished.
-    """
+    """Whether a folder holds what was kept of an interrupted run, and nothing else."""
     if folder.is_symlink() or (folder / FOLDER).is_symlink():
         return False
     held = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
@@ -148,13 +96,7 @@ def holds_only_partial(folder: Path) -> bool:
 
 
 def remove_partial(folder: ResultFolder) -> None:
-    """Remove what was kept of an interrupted run; other files are left alone.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Of the results.
-    """
+    """Remove what was kept of an interrupted run; other files are left alone."""
     place = folder.path / FOLDER
     for name in (STEPS, BASE_MODEL):
         (place / name).unlink(missing_ok=True)

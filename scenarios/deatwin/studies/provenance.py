@@ -12,24 +12,12 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-__all__ = ["SCHEMA", "RunRecord", "hashes", "versions"]
-
 SCHEMA = "deatwin/run/1"
 PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "control", "joblib", "matplotlib")
 
 
 def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
-    """Versions of installed packages and of Python; absent packages are left out.
-
-    Parameters
-    ----------
-    packages : iterable of str
-        Names as an installer knows them.
-
-    Returns
-    -------
-    dict of str to str
-    """
+    """Versions of installed packages and of Python; absent packages are left out."""
     found = {"python": platform.python_version()}
     for name in packages:
         try:
@@ -40,57 +28,24 @@ def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 
 def hashes(files: Iterable[str | Path]) -> list[dict[str, str]]:
-    """Names and SHA-256 of the files that went into a run; what is no file is left out.
-
-    Parameters
-    ----------
-    files : iterable of path
-        Inputs in order.
-
-    Returns
-    -------
-    list of dict
-        ``file`` and ``sha256``.
-    """
+    """Names and SHA-256 of the files that went into a run; what is no file is left out."""
     existing = [Path(file) for file in files if Path(file).is_file()]
     return [{"file": str(f), "sha256": hashlib.sha256(f.read_bytes()).hexdigest()} for f in existing]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """A run: made when it starts, turned into data when it ends.
+    """A run: made when it starts, turned into data when it ends."""
 
-    Parameters
-    ----------
-    command : sequence of str
-        The command line.
-    inputs : sequence of dict
-        As `hashes` gives them.
-    seed, jobs : int
-        As given.
-    started : datetime
-        When.
-    """
-
-    command: Sequence[str]
+    command: Sequence[str]  # The command line
     inputs: Sequence[dict[str, str]]
     seed: int
     jobs: int
-    started: datetime = field(default_factory=lambda: datetime.now(UTC))
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))  # When
     _tick: float = field(default_factory=time.monotonic)
 
     def finished(self, outputs: Sequence[str]) -> dict[str, Any]:
-        """The content of ``run.json``.
-
-        Parameters
-        ----------
-        outputs : sequence of str
-            Files written, inside the folder of results.
-
-        Returns
-        -------
-        dict
-        """
+        """The content of ``run.json``."""
         from deatwin.plant.integrator.compiled import compiler
 
         return {

@@ -17,51 +17,24 @@ from deatwin.studies.voice import Progress
 if TYPE_CHECKING:
     from deatwin.studies.provenance import RunRecord
 
-__all__ = ["DATA_VARIABLE", "STORIES", "Setting", "Story", "data_folder", "story"]
 
 DATA_VARIABLE = "DEATWIN_DATA"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What a story is given.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        For its results.
-    data : path or None
-        Folder of public recordings.
-    command : sequence of str
-        For ``run.json``.
-    jobs, seed : int
-        As on the command line.
-    progress : callable
-        Takes the share that is done and what is being done.
-    size : str or None
-        How much is done, where the story comes in several sizes; its usual one by default.
-    """
+    """What a story is given."""
 
     folder: ResultFolder
-    data: Path | None
+    data: Path | None  # Folder of public recordings
     command: Sequence[str]
     jobs: int
     seed: int
-    progress: Progress
-    size: str | None = None
+    progress: Progress  # Takes the share that is done and what is being done
+    size: str | None = None  # How much is done, where the story comes in several sizes; its usual one by default
 
     def record(self, inputs: Sequence[dict[str, str]] = ()) -> RunRecord:
-        """The record of a run that starts now.
-
-        Parameters
-        ----------
-        inputs : sequence of dict
-            Files that go into it, as `deatwin.studies.provenance.hashes` gives them.
-
-        Returns
-        -------
-        RunRecord
-        """
+        """The record of a run that starts now."""
         from deatwin.studies.provenance import RunRecord
 
         return RunRecord(command=self.command, inputs=list(inputs), seed=self.seed, jobs=self.jobs)
@@ -69,30 +42,14 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Story:
-    """An entry of the list.
+    """An entry of the list."""
 
-    Parameters
-    ----------
-    name, line : str
-        What it is called and shows.
-    minutes : float
-        It takes about so long on two cores.
-    module : str
-        Has a function ``run(setting)`` that returns plain data with a ``sentence``.
-    sizes : tuple of str
-        In which it can be had, if there are several.
-    times : tuple of float
-        About how many minutes each size takes on two cores.
-    resumes : bool
-        Whether an interrupted or killed run goes on with the same command, and repeats nothing that is through.
-    """
-
-    name: str
+    name: str  # What it is called and shows
     line: str
-    minutes: float
-    module: str
+    minutes: float  # It takes about so long on two cores
+    module: str  # Has a function ``run(setting)`` that returns plain data with a ``sentence``
     sizes: tuple[str, ...] = ()
-    times: tuple[float, ...] = ()
+    times: tuple[float, ...] = ()  # About how many minutes each size takes on two cores
     resumes: bool = False
 
     @property
@@ -103,18 +60,7 @@ class Story:
         return f"{self.line} ({about})" if about else self.line
 
     def require_size(self, size: str | None) -> None:
-        """Raise DataError unless the story can be had in a size.
-
-        Parameters
-        ----------
-        size : str or None
-            None asks for the usual one.
-
-        Raises
-        ------
-        DataError
-            With the sizes that there are.
-        """
+        """Raise DataError unless the story can be had in a size."""
         if size is not None and size not in self.sizes:
             known = f"known: {', '.join(self.sizes)}" if self.sizes else "it has one size: leave --size out"
             raise DataError(f"the scenario {self.name} has no size {size!r}{nearest(size, self.sizes)} ({known})")
@@ -262,22 +208,7 @@ def _in_words(minutes: float) -> str:
 
 
 def story(name: str) -> Story:
-    """The story of that name.
-
-    Parameters
-    ----------
-    name : str
-        One of `STORIES`.
-
-    Returns
-    -------
-    Story
-
-    Raises
-    ------
-    DataError
-        If there is none.
-    """
+    """The story of that name."""
     try:
         return STORIES[name]
     except KeyError:
@@ -286,25 +217,7 @@ def story(name: str) -> Story:
 
 
 def data_folder(given: Path | None, name: str) -> Path:
-    """A folder of public recordings.
-
-    Parameters
-    ----------
-    given : path or None
-        Folder that holds all public recordings; by default the one that ``DEATWIN_DATA`` names. With neither, the
-        package nonlinear_benchmarks downloads what it has, where it is installed.
-    name : str
-        Of the data set, and of its folder.
-
-    Returns
-    -------
-    path
-
-    Raises
-    ------
-    DataError
-        If it is absent.
-    """
+    """A folder of public recordings."""
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
         from deatwin.scenarios.real_data.sources import downloaded

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-__all__ = ["TimeLeft", "duration_in_words"]
-
 _GROWTH = 1.25
 """An estimate is at most so many times the one before: a reader who plans by it is not sent back."""
 _KNOWN = 0.05
@@ -16,13 +14,7 @@ _KEPT = 5.0
 
 
 class TimeLeft:
-    """An estimate of the time left, by the mean pace so far.
-
-    Parameters
-    ----------
-    clock : callable
-        Gives the time in s.
-    """
+    """An estimate of the time left, by the mean pace so far."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -31,13 +23,7 @@ class TimeLeft:
         self._told: tuple[float, float] | None = None  # when, and the seconds that were told
 
     def tell(self, share: float) -> None:
-        """Take how far the work is.
-
-        Parameters
-        ----------
-        share : float
-            That is done, from 0 to 1.
-        """
+        """Take how far the work is."""
         if self._first is None:
             self._first = (self._clock(), share)
         self._share = share
@@ -67,17 +53,7 @@ class TimeLeft:
 
 
 def duration_in_words(seconds: float) -> str:
-    """A time in the unit that a person would use.
-
-    Parameters
-    ----------
-    seconds : float
-        Not negative.
-
-    Returns
-    -------
-    str
-    """
+    """A time in the unit that a person would use."""
     minutes = seconds / 60
     if minutes >= 180:
         return f"{minutes / 60:.0f} h"

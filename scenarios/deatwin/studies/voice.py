@@ -14,8 +14,6 @@ from typing import Any
 
 from deatwin.studies.timeleft import TimeLeft
 
-__all__ = ["PlainProgress", "Progress", "Voice", "complain"]
-
 Progress = Callable[[float, str], None]
 EVERY = 30.0
 """Off a terminal a line of progress comes so often, s."""
@@ -23,17 +21,9 @@ EVERY = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Voice:
-    """How much a command says, and in which form.
+    """How much a command says, and in which form."""
 
-    Parameters
-    ----------
-    as_json : bool
-        The result goes to stdout as JSON and nothing else does.
-    quiet : bool
-        Neither lines nor progress; the progress of a command goes to stderr, beside the JSON as well.
-    """
-
-    as_json: bool = False
+    as_json: bool = False  # The result goes to stdout as JSON and nothing else does
     quiet: bool = False
 
     def __post_init__(self) -> None:
@@ -41,42 +31,18 @@ class Voice:
             logging.getLogger("deatwin").setLevel(logging.ERROR)
 
     def say(self, text: str) -> None:
-        """Print a line for people.
-
-        Parameters
-        ----------
-        text : str
-            The line; it is not broken.
-        """
+        """Print a line for people."""
         if not (self.as_json or self.quiet):
             print(text)
 
     def result(self, data: Mapping[str, Any]) -> None:
-        """Print the result for machines, if asked for.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-        """
+        """Print the result for machines, if asked for."""
         if self.as_json:
             print(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Progress]:
-        """A bar on stderr with the time left; where stderr is no terminal, a plain line from time to time.
-
-        Parameters
-        ----------
-        title : str
-            Shown until the first step names itself.
-
-        Yields
-        ------
-        callable
-            Takes the share that is done, from 0 to 1, and what is being done. It raises KeyboardInterrupt if Ctrl-C
-            came and has not ended the work.
-        """
+        """A bar on stderr with the time left; where stderr is no terminal, a plain line from time to time."""
         from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
 
         with self._shown(title) as show:
@@ -115,30 +81,14 @@ class Voice:
 
 
 class PlainProgress:
-    """Progress in lines, for files and pipes: what is being done, the share that is done, the time left.
-
-    Parameters
-    ----------
-    title : str
-        Shown until the first step names itself.
-    clock : callable
-        Gives the time in s.
-    """
+    """Progress in lines, for files and pipes: what is being done, the share that is done, the time left."""
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._title, self._left = title, TimeLeft(clock)
         self._share, self._doing = 0.0, title
 
     def tell(self, share: float, text: str = "") -> None:
-        """Take how far the work is.
-
-        Parameters
-        ----------
-        share : float
-            That is done, from 0 to 1.
-        text : str
-            What is being done.
-        """
+        """Take how far the work is."""
         self._left.tell(share)
         self._share, self._doing = share, text or self._title
 
@@ -153,15 +103,7 @@ class PlainProgress:
 
 
 def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
-    """Print a line of progress on stderr again and again.
-
-    Parameters
-    ----------
-    progress : PlainProgress
-        Gives the lines.
-    wait : callable
-        Waits so many seconds; True when the work has ended.
-    """
+    """Print a line of progress on stderr again and again. `wait` waits so many seconds."""
     while not wait(EVERY):
         with suppress(OSError, ValueError):  # whoever listened is gone: the work goes on
             print(progress.line, file=sys.stderr, flush=True)
@@ -181,11 +123,5 @@ def _lines(progress: PlainProgress) -> Iterator[PlainProgress]:
 
 
 def complain(text: str) -> None:
-    """Print one error line.
-
-    Parameters
-    ----------
-    text : str
-        What was wrong, where, and what would be right.
-    """
+    """Print one error line."""
     print(f"error: {' '.join(text.split())}", file=sys.stderr)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from deatwin.ident.narx import Frols, Semp, SvbNarx
-from deatwin.ident.narx.estimation import Bayesian, Ridge, TotalLeastSquares
+from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.shrinkage import Bayesian
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso

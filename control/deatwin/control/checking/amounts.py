@@ -4,28 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["LARGEST", "amount"]
-
 LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
 """By unit: the largest number that is written as it is."""
 
 
 def amount(value: float, form: str, unit: str) -> str:
     """A number as a sentence has it.
-
-    Parameters
-    ----------
-    value : float
-        In the unit.
-    form : str
-        Format of the number, as ``.1f``.
-    unit : str
-        With the space before it.
-
-    Returns
-    -------
-    str
-        Where a number of this unit is too large to be of interest, that it is more than that.
 
     Examples
     --------

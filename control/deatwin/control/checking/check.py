@@ -64,8 +64,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["check"]
-
 Array = NDArray[np.float64]
 
 STICKING = ("hysteresis", "coulomb_friction")

@@ -18,7 +18,6 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 if TYPE_CHECKING:
     from deatwin.control.checking.result import Check
 
-__all__ = ["SCHEMA", "from_document", "to_document"]
 
 SCHEMA = "deatwin/check/1"
 _PLAIN = ("excited_band_Hz", "sine_predicted")
@@ -29,16 +28,7 @@ _MAY_BE_ABSENT = ("time",)  # of a row of margins; where another is null it is i
 
 
 def to_document(check: Check) -> dict[str, Any]:
-    """A check as JSON can hold it; an infinite margin is null.
-
-    Parameters
-    ----------
-    check : Check
-
-    Returns
-    -------
-    dict
-    """
+    """A check as JSON can hold it; an infinite margin is null."""
     runs = {name: run for name in _RUNS if (run := getattr(check, name)) is not None}
     predicted = check.predicted
     return {
@@ -69,18 +59,7 @@ def to_document(check: Check) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of the check that `to_document` described.
-
-    Parameters
-    ----------
-    document : mapping
-        Of the right schema.
-
-    Returns
-    -------
-    dict
-        Arguments of `Check`; the draws of the prediction are not in the file.
-    """
+    """The fields of the check that `to_document` described."""
     operating, controller, margins = (document[name] for name in ("operating", "controller", "margins"))
     status = LinearStatus[operating["status"].upper()]
     return {

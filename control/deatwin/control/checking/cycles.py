@@ -20,8 +20,6 @@ from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.model import Plant
 
-__all__ = ["judge_cycles"]
-
 Array = NDArray[np.float64]
 
 SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
@@ -42,35 +40,7 @@ def judge_cycles(
     *,
     progress: Progress | None = None,
 ) -> Finding:
-    """Judge the limit cycles that describing functions predict.
-
-    Three loops are looked at: the plant's own response to sines of all sizes, with whatever friction, hysteresis,
-    slew or curvature its effects bring; the command's limits before the linear model; and the codes of the
-    sensor's converter after it.
-
-    Parameters
-    ----------
-    plant : Plant
-        The physics.
-    controller : Controller
-        In the loop.
-    linear : LinearModel
-        As the controller sees it.
-    step : float
-        With which a cycle's amplitude is compared, in the output's unit.
-    specification : Specification
-        What is asked.
-    progress : callable, optional
-        Called with the share that is done.
-
-    Returns
-    -------
-    Finding
-        Of the cycle that is worst: a sustained one should be small at the output, an unstable one large, since it
-        is the edge beyond which the loop does not come back. At best marginal where the plant does not live through
-        sines of two sizes, so that its response is not measured; where it does not live through all sizes, the text
-        says through which.
-    """
+    """Judge the limit cycles that describing functions predict."""
     highest = 0.9 * np.pi / controller.sample_time
     omega = np.geomspace(min(_LOWEST * _crossover(controller, linear), 0.5 * highest), highest, FREQUENCIES)
     sizes = _room(controller) * np.array(SIZES)
@@ -168,10 +138,7 @@ def _room(controller: Controller) -> float:
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
-    """Of the linear loop, rad/s; what was asked for where its gain is never one.
-
-    A controller that hardly acts has its crossover at periods of days, which no run lasts.
-    """
+    """Of the linear loop, rad/s; what was asked for where its gain is never one."""
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)

@@ -13,25 +13,12 @@ from deatwin.plant.datasets import columns, dataset
 if TYPE_CHECKING:
     from deatwin.control.checking.result import Check
 
-__all__ = ["dataset_of"]
 
 _UNITS = {"time": "s", "phase_deg": "deg", "phase_low_deg": "deg", "delay": "s", "delay_low": "s", "crossover_Hz": "Hz"}
 
 
 def dataset_of(check: Check) -> Any:
-    """Findings and margins as tables, and each run over a time of its own.
-
-    Parameters
-    ----------
-    check : Check
-        With or without a controller.
-
-    Returns
-    -------
-    xarray.Dataset
-        Runs are called ``steps``, ``sine``, ``predicted``, and ``other_0`` and so on for those on other plants, whose
-        names are in the attribute ``others``. ``document`` is ``check.json``.
-    """
+    """Findings and margins as tables, and each run over a time of its own."""
     operating = check.operating
     named = {"steps": check.steps, "sine": check.sine} | {f"other_{k}": r for k, r in enumerate(check.others.values())}
     runs = {name: run for name, run in named.items() if run is not None}

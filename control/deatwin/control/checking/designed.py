@@ -10,8 +10,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 from deatwin.plant.errors import DeatwinError, ModelError
 
-__all__ = ["SAME", "Design", "UndesignedError", "designed"]
-
 Design = Callable[..., Controller]
 """Takes the model as the controller sees it, and ``command_limits``."""
 
@@ -24,32 +22,7 @@ class UndesignedError(ControlError):
 
 
 def designed(design: Design, linear: LinearModel, command_limits: tuple[float, float]) -> Controller:
-    """What the design makes of a model.
-
-    Parameters
-    ----------
-    design : callable
-        Called with the model and ``command_limits``.
-    linear : LinearModel
-        The model as the controller sees it.
-    command_limits : (float, float)
-        Least and largest command, in its unit.
-
-    Returns
-    -------
-    Controller
-        For the operating input of the model.
-
-    Raises
-    ------
-    UndesignedError
-        If the design says that there is none: it raises ControlError or ModelError (chained).
-    ControlError
-        If the design raises what is no error of deatwin's (chained), returns something else, or a controller for
-        another operating input.
-    DeatwinError
-        Any other that the design raises, as it is: `MissingPackageError`, say.
-    """
+    """What the design makes of a model."""
     try:
         controller = design(linear, command_limits=command_limits)
     except (ControlError, ModelError) as error:

@@ -13,36 +13,11 @@ from deatwin.control.controllers.base import Controller
 from deatwin.plant.model import Plant
 from deatwin.plant.small_signal import rest_under
 
-__all__ = ["judge_film"]
-
 _HOLD = 2.0  # s at the largest command
 
 
 def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
-    """Judge whether the film bears what the controller commands, and what it might command.
-
-    Parameters
-    ----------
-    source : str
-        Whose plants: ``plant``, or the name of another.
-    plants : sequence of Plant
-        The calibrated one, and draws of its parameters.
-    commands : ndarray, shape (n,)
-        Of the runs of the closed loop, in the input's unit.
-    controller : Controller
-        With the limits of the command.
-
-    Returns
-    -------
-    Finding
-        It fails where a plant does not bear the commands of the run with a headroom of 5 % (pull-in, breakdown,
-        or loss of tension), and is marginal where one does not bear the controller's own limits.
-
-    Notes
-    -----
-    A run alone does not show every pull-in: from one sample to the next it may leap over it. So the largest and the
-    smallest command, with the headroom, must have a state of rest as well.
-    """
+    """Judge whether the film bears what the controller commands, and what it might command. Shapes: `commands` (n,)."""
     from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears  # which takes half a second
 
     rig = plants[0].rig

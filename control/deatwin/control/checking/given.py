@@ -19,35 +19,13 @@ from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 
-__all__ = [
-    "integral_only",
-    "known_caveats",
-    "known_excitation",
-    "known_residual",
-    "require_controller",
-    "require_inside",
-    "require_laws",
-    "require_limits",
-    "require_others",
-    "require_pair",
-    "trained_range",
-]
-
 _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
 """Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
 
 
 def require_others(value: Any, name: str) -> None:
-    """Raise ControlError unless further plants are plants, each by a name of its own.
-
-    Parameters
-    ----------
-    value : mapping of str to Plant or CalibratedPlant
-        Or anything else, by mistake.
-    name : str
-        What it is.
-    """
+    """Raise ControlError unless further plants are plants, each by a name of its own."""
     instance(Mapping, hint=" from names to plants")(value, name)
     for key, plant in value.items():
         instance(str)(key, f"a name in {name}")
@@ -57,15 +35,7 @@ def require_others(value: Any, name: str) -> None:
 
 
 def require_pair(model: NarxModel, plant: Plant) -> None:
-    """Raise ModelError unless model and plant belong together: sample time, units, no deviations.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Identified.
-    plant : Plant
-        That stands for the actuator.
-    """
+    """Raise ModelError unless model and plant belong together: sample time, units, no deviations."""
     rig = plant.rig
     if abs(model.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ModelError(
@@ -87,15 +57,7 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
 
 
 def require_controller(controller: Any, model: NarxModel) -> None:
-    """Raise ControlError unless what was given to be judged is a controller with the model's sample time.
-
-    Parameters
-    ----------
-    controller : Controller
-        Or anything else, by mistake.
-    model : NarxModel
-        On which it is judged.
-    """
+    """Raise ControlError unless what was given to be judged is a controller with the model's sample time."""
     if not isinstance(controller, Controller):
         instead = " (that is a model to design one on)" if isinstance(controller, LinearModel) else ""
         raise ControlError(
@@ -110,15 +72,7 @@ def require_controller(controller: Any, model: NarxModel) -> None:
 
 
 def require_laws(controller: Controller, operating_inputs: Iterable[float]) -> None:
-    """Raise ControlError unless a controller, perhaps of a class of one's own, has a law at operating points.
-
-    Parameters
-    ----------
-    controller : Controller
-        What its `local` raises that is no error of deatwin's is chained.
-    operating_inputs : iterable of float
-        In the input's unit.
-    """
+    """Raise ControlError unless a controller, perhaps of a class of one's own, has a law at operating points."""
     name = f"{type(controller).__name__}.local"
     for operating_input in operating_inputs:
         try:
@@ -132,15 +86,7 @@ def require_laws(controller: Controller, operating_inputs: Iterable[float]) -> N
 
 
 def require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
-    """Raise ModelError unless operating inputs lie inside the training data.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Knows their range, or not.
-    operating_inputs : sequence of float
-        In the input's unit.
-    """
+    """Raise ModelError unless operating inputs lie inside the training data."""
     if model.operating is None:
         return
     low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
@@ -153,15 +99,7 @@ def require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
 
 
 def require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
-    """Raise ControlError unless the limits of the command hold the operating input.
-
-    Parameters
-    ----------
-    limits : (float, float)
-        Least and largest command, in its unit.
-    linear : LinearModel
-        About the operating input.
-    """
+    """Raise ControlError unless the limits of the command hold the operating input."""
     low, high = limits
     if not low < linear.operating_input < high:
         raise ControlError(
@@ -171,38 +109,20 @@ def require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
 
 
 def trained_range(model: NarxModel) -> tuple[float, float]:
-    """Least and largest input of the training data, in its unit.
-
-    Parameters
-    ----------
-    model : NarxModel
-        ModelError where it does not know them.
-    """
+    """Least and largest input of the training data, in its unit."""
     if model.operating is None:
         raise ModelError("the model does not know the range of its training data: give command_limits")
     return float(model.operating.input_min[0]), float(model.operating.input_max[0])
 
 
 def known_caveats(model: NarxModel) -> tuple[str, ...]:
-    """What the model's file says against relying on it.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Carries what `Reliance` keeps, or not.
-    """
+    """What the model's file says against relying on it."""
     reliance = Reliance.of_provenance(model.provenance)
     return () if reliance is None else reliance.caveats
 
 
 def integral_only(controller: Controller) -> tuple[str, ...]:
-    """A sentence on a designed controller that came out without a proportional part.
-
-    Parameters
-    ----------
-    controller : Controller
-        As it was designed.
-    """
+    """A sentence on a designed controller that came out without a proportional part."""
     gains = PidGains.of_law(controller.local(controller.operating_input), controller.sample_time)
     if gains is None or gains.proportional:
         return ()
@@ -213,29 +133,12 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
 
 
 def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:
-    """What the recording excited; None where nobody knows it.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Its provenance may tell; ModelError where it tells no number.
-    recording : Recording or None
-        Goes before what the model tells.
-    """
+    """What the recording excited; None where nobody knows it."""
     return Excitation.of_provenance(model.provenance) if recording is None else excitation(recording)
 
 
 def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    """Residual of the model's free run; None where nobody knows it.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Its provenance may tell.
-    recording : Recording or None
-        Goes before what the model tells; ModelError where it leaves far more than that, DivergedError where its
-        free run does not reach the end.
-    """
+    """Residual of the model's free run; None where nobody knows it."""
     carried = Residual.of_provenance(model.provenance)
     if recording is None:
         return carried

@@ -7,8 +7,6 @@ from typing import Self
 
 from deatwin.control.linear.model import LinearModel, LinearStatus
 
-__all__ = ["OperatingPoint"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class OperatingPoint:

@@ -23,8 +23,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Check"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Check:

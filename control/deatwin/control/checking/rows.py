@@ -15,8 +15,6 @@ from deatwin.control.stability.bands import MarginBand
 from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
-__all__ = ["QUANTILE", "MarginRow", "row_of_band", "rows_of_family"]
-
 QUANTILE = 0.025
 """Of the draws, at which margins are judged."""
 
@@ -62,24 +60,7 @@ class MarginRow:
 def rows_of_family(
     source: str, family: LinearFamily, controller: Controller, times: Sequence[float | None] | None = None
 ) -> tuple[MarginRow, ...]:
-    """Margins of a controller over operating points (or times) and draws.
-
-    Parameters
-    ----------
-    source : str
-        Whose family it is.
-    family : LinearFamily
-        As the controller sees it; the first draw at each point is the source itself.
-    controller : Controller
-        In the loop; at each point its local law.
-    times : sequence of float, optional
-        Of each point of a family along time, s.
-
-    Returns
-    -------
-    tuple of MarginRow
-        One a point.
-    """
+    """Margins of a controller over operating points (or times) and draws."""
     rows = []
     for point, operating_input in enumerate(family.operating_inputs):
         found = family_margins(family, point, controller.local(float(operating_input)))
@@ -90,21 +71,8 @@ def rows_of_family(
 
 
 def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> MarginRow:
-    """Margins with their limits from the model's covariance, to first order and without draws.
-
-    Parameters
-    ----------
-    band : MarginBand
-        Of the loop.
-    linear : LinearModel
-        Of which it is.
-    crossover_Hz : float
-        Highest frequency at which the loop gain is one, Hz.
-
-    Returns
-    -------
-    MarginRow
-        Stable where the simultaneous 95 % band keeps clear of -1.
+    """Margins with their limits from the model's covariance, to first order and without draws. `crossover_Hz` highest
+    frequency at which the loop gain is one, Hz.
     """
     return MarginRow(
         source="model by its analytic band",

@@ -12,23 +12,10 @@ from deatwin.control.checking.verdict import Finding
 from deatwin.control.stability.excited import Excitation
 from deatwin.ident.narx import NarxModel
 
-__all__ = ["judge_band", "judge_training", "judge_unknown_band"]
-
 
 def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
-    """Judge whether the recording knew the frequencies that the controller works at.
-
-    Parameters
-    ----------
-    crossovers_Hz : sequence of float
-        Of the model's loops, Hz.
-    excited : Excitation
-        What the recording excited.
-
-    Returns
-    -------
-    Finding
-        At most marginal outside the bands, and in a hole between them.
+    """Judge whether the recording knew the frequencies that the controller works at. `crossovers_Hz` of the model's
+    loops, Hz.
     """
     crossover, band = max(crossovers_Hz), excited.highest_Hz
     if crossover > band:
@@ -55,22 +42,7 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
 
 
 def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]) -> Finding | None:
-    """Judge whether the loop stays where the model was trained.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Knows the range of its training data, or not.
-    points : sequence of float
-        Operating inputs at which it was linearised, in the input's unit.
-    commands : ndarray, shape (n,)
-        Of a run, in the input's unit.
-
-    Returns
-    -------
-    Finding or None
-        At most marginal; None where the range is not known.
-    """
+    """Judge whether the loop stays where the model was trained. Shapes: `commands` (n,)."""
     if model.operating is None:
         return None
     low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
@@ -85,13 +57,7 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
 
 
 def judge_unknown_band() -> Finding:
-    """The finding where nobody knows what the recording excited.
-
-    Returns
-    -------
-    Finding
-        Marginal.
-    """
+    """The finding where nobody knows what the recording excited."""
     text = (
         "it is not known up to which frequency the recording excited the actuator: give the recording, or a model of "
         "`deatwin identify`, which notes it"

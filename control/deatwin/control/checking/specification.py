@@ -10,8 +10,6 @@ from typing import Any
 from deatwin.control.arguments import finite, instance, number, require_fields
 from deatwin.control.errors import ControlError
 
-__all__ = ["Limit", "Specification", "Verdict"]
-
 
 class Verdict(Enum):
     """Whether a controller would survive the actuator; the value is its name in files."""

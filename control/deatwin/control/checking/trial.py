@@ -16,8 +16,6 @@ from deatwin.control.loop.references import LEVELS, sine_reference, step_referen
 from deatwin.control.progress import Progress, part
 from deatwin.plant.model import Plant
 
-__all__ = ["Trial", "require_short_runs"]
-
 Array = NDArray[np.float64]
 
 STEP_SHARE = 0.3
@@ -35,21 +33,11 @@ LONGEST = 200_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A controller, and the references to try it with.
+    """A controller, and the references to try it with."""
 
-    Parameters
-    ----------
-    controller : Controller
-        To be tried.
-    linear : LinearModel
-        Sound model of the actuator as the controller sees it: sets the operating point and the amplitude.
-    rng : numpy.random.Generator
-        Source of the sensor's noise.
-    """
-
-    controller: Controller
+    controller: Controller  # To be tried
     linear: LinearModel
-    rng: np.random.Generator
+    rng: np.random.Generator  # Source of the sensor's noise
 
     @property
     def centre(self) -> float:
@@ -83,41 +71,13 @@ class Trial:
         return sine_reference(self.centre, self.amplitude, self.frequency_Hz, h, SINE_PERIODS)
 
     def runs(self, source: str, plant: Plant, progress: Progress | None = None) -> Runs:
-        """Run both references on a plant.
-
-        Parameters
-        ----------
-        source : str
-            Whose plant it is.
-        plant : Plant
-            With the controller's sample time.
-        progress : callable, optional
-            Called with the share that is done.
-
-        Returns
-        -------
-        Runs
-        """
+        """Run both references on a plant. `plant` with the controller's sample time."""
         steps = self._run(plant, self.controller, self.step_reference, part(progress, 0.0, 0.5))
         sine = self._run(plant, self.controller, self.sine_reference, part(progress, 0.5, 1.0))
         return Runs(source=source, steps=steps, sine=sine)
 
     def raised(self, plant: Plant, factor: float, progress: Progress | None = None) -> ClosedLoop:
-        """Run the steps with another loop gain.
-
-        Parameters
-        ----------
-        plant : Plant
-            With the controller's sample time.
-        factor : float
-            Of the loop gain.
-        progress : callable, optional
-            Called with the share that is done.
-
-        Returns
-        -------
-        ClosedLoop
-        """
+        """Run the steps with another loop gain. `plant` with the controller's sample time."""
         return self._run(plant, self.controller.scaled(factor), self.step_reference, progress)
 
     def _run(self, plant: Plant, controller: Controller, reference: Array, progress: Progress | None) -> ClosedLoop:
@@ -132,13 +92,7 @@ class Trial:
 
 
 def require_short_runs(controller: Controller) -> None:
-    """Raise ControlError if steps and sine, which grow with the closed-loop time, would need too many samples.
-
-    Parameters
-    ----------
-    controller : Controller
-        To be tried.
-    """
+    """Raise ControlError if steps and sine, which grow with the closed-loop time, would need too many samples."""
     times = len(LEVELS) * PLATEAU + SINE_PERIODS * 2 * np.pi / SINE_SHARE  # closed-loop times that the runs last
     time, h = controller.closed_loop_time, controller.sample_time
     if times * time > LONGEST * h:

@@ -15,19 +15,6 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
 from deatwin.plant.amplitudes import written_amplitude
 
-__all__ = [
-    "Finding",
-    "Runs",
-    "judge_draws",
-    "judge_margins",
-    "judge_prediction",
-    "judge_raised",
-    "judge_runs",
-    "judge_width",
-    "late_rms_error",
-    "worst",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
@@ -56,18 +43,10 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Runs:
-    """Runs of one controller on one physics plant.
-
-    Parameters
-    ----------
-    source : str
-        Whose plant: ``plant``, or the name of another.
-    steps, sine : ClosedLoop
-        With a step reference and with a slow sine.
-    """
+    """Runs of one controller on one physics plant."""
 
     source: str
-    steps: ClosedLoop
+    steps: ClosedLoop  # With a step reference and with a slow sine
     sine: ClosedLoop
 
     @property
@@ -76,32 +55,12 @@ class Runs:
         return "on the physics plant" if self.source == "plant" else f"on {self.source}"
 
     def subject(self, name: str) -> str:
-        """What a finding on these runs is about.
-
-        Parameters
-        ----------
-        name : str
-            What was measured.
-
-        Returns
-        -------
-        str
-        """
+        """What a finding on these runs is about."""
         return name if self.source == "plant" else f"{name} ({self.source})"
 
 
 def worst(findings: Sequence[Finding]) -> Finding:
-    """The finding that decides: the first of the most severe ones; where all pass, the one that is nearest its limit.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        At least one.
-
-    Returns
-    -------
-    Finding
-    """
+    """The finding that decides: the first of the most severe ones; where all pass, the one that is nearest its limit."""
     decides = max(findings, key=lambda finding: finding.verdict.severity)
     if decides.verdict is not Verdict.PASS:
         return decides
@@ -109,21 +68,7 @@ def worst(findings: Sequence[Finding]) -> Finding:
 
 
 def judge_margins(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> tuple[Finding, ...]:
-    """Judge the margins of one source where they are worst.
-
-    Parameters
-    ----------
-    rows : sequence of MarginRow
-        Of one source, one or more.
-    sample_time : float
-        s.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    tuple of Finding
-    """
+    """Judge the margins of one source where they are worst."""
     spec = specification
     least = min(rows, key=lambda row: row.stable_share)
     text = f"the loop is stable{_all(rows)}" if least.stable_share == 1.0 else _partly_stable(least)
@@ -146,21 +91,7 @@ def judge_margins(rows: Sequence[MarginRow], sample_time: float, specification: 
 
 
 def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) -> tuple[Finding, ...]:
-    """Judge the closed loop on a physics plant.
-
-    Parameters
-    ----------
-    runs : Runs
-        With a step and with a sine reference.
-    sine_predicted : float
-        Rms error on the sine that the model predicts, in the output's unit.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    tuple of Finding
-    """
+    """Judge the closed loop on a physics plant."""
     for run in (runs.steps, runs.sine):
         if not run.status.ok:
             return (_failed(runs, run),)
@@ -185,61 +116,20 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
 
 
 def judge_draws(predicted: PredictedLoop, specification: Specification) -> Finding:
-    """Judge whether the model's own closed loop stays together.
-
-    Parameters
-    ----------
-    predicted : PredictedLoop
-        From the model.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    Finding
-    """
+    """Judge whether the model's own closed loop stays together."""
     text = f"{100 * predicted.diverged:.0f} % of the model's own closed loops diverge"
     return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
 
 
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
-    """Judge whether the prediction says enough: in a band that is wide enough anything lies inside.
-
-    Parameters
-    ----------
-    predicted : PredictedLoop
-        From the model.
-    step : float
-        Of the reference, in the output's unit.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    Finding
-        At most marginal.
-    """
+    """Judge whether the prediction says enough: in a band that is wide enough anything lies inside."""
     share = float(np.median(predicted.half_width)) / abs(step)
     text = f"the band that the model predicts reaches {amount(share, '.3g', ' steps')} to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
-    """Judge whether the physics plant did what the model had promised.
-
-    Parameters
-    ----------
-    predicted : PredictedLoop
-        From the model.
-    achieved : ClosedLoop
-        On the plant, with the same reference.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    Finding
-    """
+    """Judge whether the physics plant did what the model had promised."""
     share = predicted.inside(achieved)
     where = f"on the physics plant{_beyond(predicted.trained, achieved)}"
     text = f"{100 * share:.1f} % of the steps {where} lie inside the band that the model predicts"
@@ -247,19 +137,7 @@ def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specificati
 
 
 def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Specification) -> Finding:
-    """Judge the gain margin that the physics plant showed: the model may not know its fast mode.
-
-    Parameters
-    ----------
-    raised : sequence of (float, ClosedLoop)
-        Factors of the loop gain, and runs with a step reference.
-    specification : Specification
-        What is asked.
-
-    Returns
-    -------
-    Finding
-    """
+    """Judge the gain margin that the physics plant showed: the model may not know its fast mode."""
     calm: list[float] = []
     for factor, run in sorted(raised, key=lambda entry: entry[0]):
         if not (run.status.ok and run.ripple <= specification.ripple.poor):
@@ -274,27 +152,12 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
 
 
 def late_rms_error(run: ClosedLoop) -> float:
-    """Rms error over the last two thirds of a run, when it has settled.
-
-    Parameters
-    ----------
-    run : ClosedLoop
-        With at least three samples.
-
-    Returns
-    -------
-    float
-        In the output's unit.
-    """
+    """Rms error over the last two thirds of a run, when it has settled. `run` with at least three samples."""
     return float(np.sqrt(np.mean(run.error[run.error.size // 3 :] ** 2)))
 
 
 def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
-    """How far a run went beyond the outputs of the training data, in words; empty where it did not.
-
-    Commands inside the training data do not keep the outputs inside: where a slow actuator never got under noise, it
-    gets on a step, and no draw of a model's parameters tells how wrong its form is there.
-    """
+    """How far a run went beyond the outputs of the training data, in words; empty where it did not."""
     low, high = float(achieved.output.min()), float(achieved.output.max())
     if trained is None or trained[0] <= low <= high <= trained[1]:
         return ""

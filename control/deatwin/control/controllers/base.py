@@ -18,7 +18,6 @@ from deatwin.control.errors import ControlError
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-__all__ = ["Controller", "require_factor"]
 
 Array = NDArray[np.float64]
 
@@ -185,12 +184,6 @@ class Controller(ABC):
 
 
 def require_factor(factor: float) -> None:
-    """Raise ControlError unless a loop gain can be multiplied by a factor and divided by it again.
-
-    Parameters
-    ----------
-    factor : float
-        Of the feedback.
-    """
+    """Raise ControlError unless a loop gain can be multiplied by a factor and divided by it again."""
     if not isfinite(factor) or factor == 0.0:
         raise ControlError(f"a loop gain {factor:g} times as large is none: the factor must be finite, not 0")

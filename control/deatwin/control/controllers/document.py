@@ -12,8 +12,6 @@ from deatwin.control.controllers.linear import LinearController
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.control.errors import ControlError
 
-__all__ = ["controller_from_dict", "controller_to_dict"]
-
 _KINDS: tuple[type[Controller], ...] = (LinearController, InverseController, ScheduledController)
 _COMMON = (
     "name",

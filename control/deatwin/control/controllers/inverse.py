@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from scipy.interpolate import PchipInterpolator
 
-__all__ = ["InverseController", "StaticCurve"]
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,6 @@ from deatwin.control.errors import ControlError
 if TYPE_CHECKING:
     from control import StateSpace
 
-__all__ = ["Law", "Polynomials"]
 
 Array = NDArray[np.float64]
 Polynomials = tuple[Array, Array]

@@ -14,8 +14,6 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 
-__all__ = ["LinearController"]
-
 Array = NDArray[np.float64]
 
 

@@ -15,8 +15,6 @@ from deatwin.control.controllers.base import Controller, require_factor
 from deatwin.control.controllers.law import READING, REFERENCE, Law
 from deatwin.control.errors import ControlError
 
-__all__ = ["ScheduledController"]
-
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # of equations in units of the states' steps

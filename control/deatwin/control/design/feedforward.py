@@ -13,8 +13,6 @@ from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 
-__all__ = ["InverseFilter", "inverse_filter", "with_dynamics"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 

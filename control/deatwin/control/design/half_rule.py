@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 
-__all__ = ["SecondOrderDelay", "reduce_to_second_order"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -22,52 +20,19 @@ _ROUNDS = 20  # of delay and zeros, which depend on each other
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrderDelay:
-    """``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``.
-
-    Parameters
-    ----------
-    gain : float
-        Output unit by input unit; of the frequencies about the crossover where a slow lag was nearly cancelled.
-    first_lag, second_lag : float
-        s, the longer first.
-    delay : float
-        s, half a sample for the hold included.
-    """
+    """``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``."""
 
     gain: float
-    first_lag: float
+    first_lag: float  # s, the longer first
     second_lag: float
-    delay: float
+    delay: float  # s, half a sample for the hold included
 
 
 def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
     """Reduce a model by its real poles and zeros.
 
-    The real poles between 0 and 1 are lags and the real zeros there leads; what else the model has (samples of
-    delay, the hold, zeros outside, oscillating poles) counts by its mean residence time as delay. A lead is
-    cancelled with the lag beside it (Skogestad's rules T1 to T3). Of the third lag one half goes to the second and
-    the other to the delay, as do all further ones.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
-
-    Returns
-    -------
-    SecondOrderDelay
-
-    Raises
-    ------
-    ModelError
-        If no controller can be designed on the model.
-    ControlError
-        If the model has no second lag of at least a sample.
-
-    References
-    ----------
-    S. Skogestad, "Simple analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003)
-    291-309, sections 2.1 (half rule) and 2.2 (zeros).
+    Source: S. Skogestad, "Simple analytic rules for model reduction and PID controller tuning", J. Process Control 13
+    (2003) 291-309, sections 2.1 (half rule) and 2.2 (zeros).
     """
     h = linear.require().sample_time
     lags, leads = _times(linear.poles, h), _times(linear.zeros, h)

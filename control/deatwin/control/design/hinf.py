@@ -22,7 +22,6 @@ from deatwin.control.stability.loops import loop_margins
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
-__all__ = ["MixedSensitivity", "hinf"]
 
 Array = NDArray[np.float64]
 
@@ -34,32 +33,12 @@ _HALVINGS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class MixedSensitivity:
-    """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one.
+    """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one."""
 
-    ``|S| <= |(w + b l)/(w/M + b)|`` and ``|C S G(1)| <= effort / |1 + w/(2 b)|`` with b the bandwidth, in the plane
-    of ``w = (z - 1)/(z + 1)``, ``|w| = tan(omega h / 2)``; l = 1e-4 stands for the integrator.
-
-    Parameters
-    ----------
-    bandwidth_Hz : float
-        Up to where the sensitivity is below one, Hz.
-    max_sensitivity : float
-        Largest sensitivity, M.
-    effort : float
-        Largest command that a reference asks, against the command that holds it at rest.
-    sample_time : float
-        s.
-
-    Raises
-    ------
-    ControlError
-        If a bound makes no sense.
-    """
-
-    bandwidth_Hz: float
-    max_sensitivity: float
-    effort: float
-    sample_time: float
+    bandwidth_Hz: float  # Up to where the sensitivity is below one, Hz
+    max_sensitivity: float  # Largest sensitivity, M
+    effort: float  # Largest command that a reference asks, against the command that holds it at rest
+    sample_time: float  # s
 
     def __post_init__(self) -> None:
         nyquist = 0.5 / self.sample_time
@@ -81,31 +60,14 @@ class MixedSensitivity:
         return first, second
 
     def weights(self) -> tuple[TransferFunction, TransferFunction]:
-        """Both weights in the w plane, as continuous systems of python-control.
-
-        Returns
-        -------
-        tuple of control.TransferFunction
-            Of S and of C S G(1).
-        """
+        """Both weights in the w plane, as continuous systems of python-control."""
         import control
 
         first, second = self._coefficients
         return control.tf(*first), control.tf(*second)
 
     def values(self, omega: ArrayLike) -> tuple[Array, Array]:
-        """Absolute values of both weights.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies, rad/s.
-
-        Returns
-        -------
-        tuple of ndarray, each of shape (n,)
-            Of S and of C S G(1).
-        """
+        """Absolute values of both weights. Shapes: `omega` (n,); returns (n,)."""
         w = 1j * np.tan(0.5 * np.asarray(omega, dtype=np.float64) * self.sample_time)
         first, second = (np.abs(np.polyval(top, w) / np.polyval(bottom, w)) for top, bottom in self._coefficients)
         return first, second

@@ -24,8 +24,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
 from deatwin.plant.small_signal import held_rest
 
-__all__ = ["Design", "static_curve", "with_inverse"]
-
 Array = NDArray[np.float64]
 
 
@@ -33,19 +31,7 @@ class Design(Protocol):
     """A design function whose other settings are chosen, such as ``partial(lambda_tuning, closed_loop_time=0.5)``."""
 
     def __call__(self, linear: LinearModel, *, command_limits: Limits) -> LinearController:
-        """Design on a model.
-
-        Parameters
-        ----------
-        linear : LinearModel
-            As the controller sees it.
-        command_limits : (float, float)
-            Least and largest command, in its unit.
-
-        Returns
-        -------
-        LinearController
-        """
+        """Design on a model."""
         ...
 
 

@@ -14,15 +14,6 @@ from deatwin.control.design.pid import PidGains, pid
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 
-__all__ = [
-    "FirstOrderDelay",
-    "default_closed_loop_time",
-    "lambda_tuning",
-    "lambda_tuning_pid",
-    "reduce_to_first_order",
-    "require_time",
-]
-
 _EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # a first-order lag is there at T/3 and at T
 _SETTLED = 1e-4  # of the final value: what the slowest pole leaves at the end of the step response
 _LONGEST = 200_000  # samples of a step response
@@ -39,47 +30,17 @@ _FILTER_SHARE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class FirstOrderDelay:
-    """``gain * exp(-delay s) / (time_constant s + 1)``: what lambda tuning needs to know of a plant.
+    """``gain * exp(-delay s) / (time_constant s + 1)``: what lambda tuning needs to know of a plant."""
 
-    Parameters
-    ----------
-    gain : float
-        Output unit by input unit.
-    time_constant, delay : float
-        s.
-    """
-
-    gain: float
-    time_constant: float
+    gain: float  # Output unit by input unit
+    time_constant: float  # s
     delay: float
 
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
     """Reduce a model to gain, lag and delay by two points of its step response.
 
-    A lag with a delay reaches 28.3 % of its final value a third of its time constant after the delay, and
-    63.2 % the whole. Unlike the slowest pole, or moments of the impulse response, this is not misled by the
-    slow creep of an actuator that answers nearly at once: most of its response is there after a sample, and
-    what follows slowly moves neither point.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
-
-    Returns
-    -------
-    FirstOrderDelay
-        Neither lag nor delay is negative.
-
-    Raises
-    ------
-    ModelError
-        If no controller can be designed on the model.
-
-    References
-    ----------
-    C. L. Smith, Digital Computer Process Control (1972): the two-point method; also in Seborg, Edgar,
+    Source: C. L. Smith, Digital Computer Process Control (1972): the two-point method; also in Seborg, Edgar,
     Mellichamp, Process Dynamics and Control, section 7.2.
     """
     slowest = float(np.abs(linear.require().poles).max(initial=0.0))
@@ -223,43 +184,15 @@ def lambda_tuning_pid(
 
 
 def default_closed_loop_time(linear: LinearModel, band_Hz: float | None = None) -> float:
-    """The time constant of the closed loop that `lambda_tuning` chooses by itself.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
-    band_Hz : float, optional
-        Band that the recording excited, Hz.
-
-    Returns
-    -------
-    float
-        s.
+    """The time constant of the closed loop that `lambda_tuning` chooses by itself. `band_Hz` band that the recording
+    excited, Hz.
     """
     plant, h = reduce_to_first_order(linear), linear.sample_time
     return _default_time(h, plant.time_constant, plant.delay + 0.5 * h, band_Hz)
 
 
 def require_time(wanted: float | None, sample_time: float) -> float | None:
-    """A closed-loop time, if it makes sense or none is given.
-
-    Parameters
-    ----------
-    wanted : float or None
-        s.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    float or None
-
-    Raises
-    ------
-    ControlError
-        If it is shorter than a sample or not finite.
-    """
+    """A closed-loop time, if it makes sense or none is given."""
     if wanted is None or (isfinite(wanted) and wanted >= sample_time):
         return wanted
     raise ControlError(

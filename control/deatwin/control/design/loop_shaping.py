@@ -15,8 +15,6 @@ from deatwin.control.design.pid import Limits, PidGains, pid
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 
-__all__ = ["Robustness", "loop_shaping", "loop_shaping_pid"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Shape = Callable[[float, float], PidGains]
@@ -33,23 +31,10 @@ _FILTER = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class Robustness:
-    """Bounds that a loop has to keep.
+    """Bounds that a loop has to keep."""
 
-    Parameters
-    ----------
-    max_sensitivity : float
-        Largest |1/(1 + L)|, above 1.
-    phase_margin_deg : float
-        Least phase margin, degrees.
-
-    Raises
-    ------
-    ControlError
-        If no integrating loop can keep them.
-    """
-
-    max_sensitivity: float
-    phase_margin_deg: float
+    max_sensitivity: float  # Largest |1/(1 + L)|, above 1
+    phase_margin_deg: float  # Least phase margin, degrees
 
     def __post_init__(self) -> None:
         if not 1.0 < self.max_sensitivity < np.inf:
@@ -60,20 +45,8 @@ class Robustness:
             )
 
     def largest_gain(self, loops: Complex) -> Array:
-        """Up to which factor loops may be raised from nothing before a bound is reached.
-
-        Where |1 + k L|² = 1/M² has roots k, the lower one; where the phase of L is within the margin of -180°, the
-        k for which |k L| = 1. Below the least of them over all frequencies the locus never touches the circle about
-        -1, so that the closed loop is stable if the open one is.
-
-        Parameters
-        ----------
-        loops : ndarray of complex, shape (n, n_frequencies)
-            Values of loops that integrate with a positive gain; dimensionless for a factor of one.
-
-        Returns
-        -------
-        ndarray, shape (n,)
+        """Up to which factor loops may be raised from nothing before a bound is reached. Shapes: `loops` (n,
+        n_frequencies); returns (n,).
         """
         real, square = loops.real, np.abs(loops) ** 2
         outside = 1.0 - 1.0 / self.max_sensitivity**2

@@ -17,8 +17,6 @@ from deatwin.control.design.states import States, integrating
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 
-__all__ = ["LqgGains", "lqg", "lqg_gains"]
-
 Array = NDArray[np.float64]
 
 _REACHED = 1.0 - np.exp(-1.0)  # of a step, in the time constant
@@ -31,17 +29,7 @@ _OBSERVER_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LqgGains:
-    """A regulator for steps of the command and an observer with an output that drifts.
-
-    Parameters
-    ----------
-    states : States
-        Of the model, n of them.
-    regulator : ndarray, shape (n + 1,)
-        From the deviations of states and last command from their targets to minus the command's step.
-    observer : ndarray, shape (n + 1,)
-        From the surprise in the reading to the corrections of states and drift (filter form).
-    """
+    """A regulator for steps of the command and an observer with an output that drifts."""
 
     states: States
     regulator: Array
@@ -60,14 +48,8 @@ class LqgGains:
         return np.asarray(np.linalg.eigvals(a - np.outer(a @ self.observer, c)), dtype=np.complex128)
 
     def law(self) -> tuple[Law, Array]:
-        """The law from reference and reading to command, and how it follows the command that was applied.
-
-        Returns
-        -------
-        law : Law
-            Its states are the predicted states and drift, and the command before.
-        windup : ndarray, shape (n + 2,)
-            For `LinearController`: the observer is fed with the applied command.
+        """The law from reference and reading to command, and how it follows the command that was applied. Shapes:
+        returns (n + 2,).
         """
         n, gain, m = self.states.b.size, self.states.gain, self.observer
         a, c = _with_drift(self.states)
@@ -161,25 +143,8 @@ def lqg(
 
 
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
-    """Both gains of an LQG controller.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        As the controller sees it.
-    closed_loop_time : float
-        s.
-    drift_by_noise : float
-        Standard deviation of the drift in a sample by that of the noise.
-
-    Returns
-    -------
-    LqgGains
-
-    Raises
-    ------
-    ModelError, ControlError
-        As `lqg`.
+    """Both gains of an LQG controller. `drift_by_noise` standard deviation of the drift in a sample by that of the
+    noise.
     """
     states = States.of(linear)
     if linear.realisation is not None:  # of a plant's many states most answer alike: the response keeps eight digits

@@ -13,8 +13,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.loops import loop_margins
 
-__all__ = ["Limits", "PidGains", "pid"]
-
 Limits = tuple[float, float]
 """Least and largest command, in its unit."""
 

@@ -15,8 +15,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.plant.errors import ModelError
 
-__all__ = ["scheduled"]
-
 
 @taking(models=each(linear_model), design=function, command_limits=pair, operating_input=finite)
 def scheduled(

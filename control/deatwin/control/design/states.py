@@ -11,8 +11,6 @@ from deatwin.control.controllers.law import Law
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
 
-__all__ = ["States", "integrating"]
-
 Array = NDArray[np.float64]
 
 _NO_ANSWER = 1e-7
@@ -22,44 +20,16 @@ _HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
-    """``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)`` with a static gain of one from B to C.
+    """``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)`` with a static gain of one from B to C."""
 
-    Parameters
-    ----------
-    a : ndarray, shape (n, n)
-        A.
-    b, c : ndarray, shape (n,)
-        B and C; the states are in the input's unit.
-    gain : float
-        Static gain, output unit by input unit.
-    """
-
-    a: Array
-    b: Array
+    a: Array  # shape (n, n): A
+    b: Array  # shape (n,): B and C; the states are in the input's unit
     c: Array
-    gain: float
+    gain: float  # Static gain, output unit by input unit
 
     @classmethod
     def of(cls, linear: LinearModel) -> States:
-        """The states of a model by matrices, or the observable canonical form of one by coefficients.
-
-        Parameters
-        ----------
-        linear : LinearModel
-            As the controller sees it (`LinearModel.in_loop`).
-
-        Returns
-        -------
-        States
-            Of as many states as the model has poles, those of the delay included.
-
-        Raises
-        ------
-        ModelError
-            If no controller can be designed on the model.
-        ControlError
-            If the reading answers at once to the command that is to be computed from it.
-        """
+        """The states of a model by matrices, or the observable canonical form of one by coefficients."""
         gain = linear.require().static_gain
         if linear.numerator[0] != 0.0:
             raise ControlError(
@@ -84,15 +54,8 @@ class States:
     def balanced(self) -> States:
         """The same model in states that are excited and seen alike, without those that hardly are.
 
-        Returns
-        -------
-        States
-            What is left out changes the frequency response by less than 1e-8 of the static gain and state.
-
-        References
-        ----------
-        A. J. Laub, M. T. Heath, C. C. Paige and R. C. Ward, "Computation of system balancing transformations", IEEE
-        Trans. Automat. Control 32 (1987) 115-122.
+        Source: A. J. Laub, M. T. Heath, C. C. Paige and R. C. Ward, "Computation of system balancing
+        transformations", IEEE Trans. Automat. Control 32 (1987) 115-122.
         """
         from scipy.linalg import solve_discrete_lyapunov
 
@@ -122,18 +85,7 @@ def _root(gramian: Array) -> Array:
 
 
 def integrating(law: Law) -> Law:
-    """A law with its pole next to z = 1 moved there.
-
-    Parameters
-    ----------
-    law : Law
-        That nearly integrates, with one real pole next to z = 1.
-
-    Returns
-    -------
-    Law
-        All other poles and the eigenvectors are the same.
-    """
+    """A law with its pole next to z = 1 moved there."""
     values, right = np.linalg.eig(law.a)
     nearest = int(np.argmin(np.abs(values - 1.0)))
     left = np.linalg.inv(right)[nearest].real

@@ -19,8 +19,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.export import templates
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, require_identifier, table
 
-__all__ = ["controller_source"]
-
 _COMMON = ("operating_input", "operating_output", "command_min", "command_max", "sample_time")
 
 

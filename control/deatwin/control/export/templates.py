@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["CURVE", "HEAD", "INVERSE_STEP", "LAW", "LINEAR_STEP", "SCHEDULE", "SCHEDULED_STEP"]
-
 HEAD = """
 #ifndef ${N}_REAL
 #define ${N}_REAL double /* compile with -D${N}_REAL=float for single precision */

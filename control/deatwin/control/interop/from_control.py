@@ -15,7 +15,6 @@ from deatwin.control.linear.realisation import Realisation
 if TYPE_CHECKING:
     from control import LTI, StateSpace, TransferFunction
 
-__all__ = ["from_control"]
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,6 @@ from deatwin.plant.errors import ModelError, SimulationError
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-__all__ = ["NarxSystem", "past_state"]
 
 Array = NDArray[np.float64]
 Params = Mapping[str, Any]
@@ -28,15 +27,9 @@ Lagged = tuple[str, int, int]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxSystem:
-    """``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``.
+    """``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``."""
 
-    Parameters
-    ----------
-    model : NarxModel
-        Without noise terms.
-    """
-
-    model: NarxModel
+    model: NarxModel  # Without noise terms
 
     @cached_property
     def states(self) -> tuple[Lagged, ...]:
@@ -89,29 +82,7 @@ class NarxSystem:
         return self.model.divergence_limit(self.model.output_origin[:, None])
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
-        """Outputs of a sample.
-
-        Parameters
-        ----------
-        t : float
-            Its time, s.
-        x : ndarray, shape (n_states,)
-            The past, in the signals' units.
-        u : ndarray, shape (n_inputs,)
-            Inputs of the sample, in their units.
-        params : mapping
-            Not used.
-
-        Returns
-        -------
-        ndarray, shape (n_outputs,)
-            In their units.
-
-        Raises
-        ------
-        SimulationError
-            If state or inputs are not finite, or the run has diverged.
-        """
+        """Outputs of a sample. Shapes: `x` (n_states,); `u` (n_inputs,); returns (n_outputs,)."""
         # What has no memory python-control may call with one state and a bare number.
         known = np.concatenate([x[: len(self.states)], np.ravel(u)])
         if not np.isfinite(known).all():
@@ -126,32 +97,11 @@ class NarxSystem:
         return np.asarray(moved + self.model.output_origin, dtype=np.float64)
 
     def update(self, t: float, x: Array, u: Array, params: Params) -> Array:
-        """The next state.
-
-        Parameters
-        ----------
-        t, x, u, params
-            As for `output`.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
-            In the signals' units.
-        """
+        """The next state. Shapes: returns (n_states,)."""
         return np.concatenate([x, np.ravel(u), self.output(t, x, u, params)])[self._shift]
 
     def to_control(self, name: str | None) -> NonlinearIOSystem:
-        """The discrete system of python-control.
-
-        Parameters
-        ----------
-        name : str or None
-            Of the system; python-control's choice by default.
-
-        Returns
-        -------
-        control.NonlinearIOSystem
-        """
+        """The discrete system of python-control."""
         import control
 
         return control.nlsys(
@@ -165,32 +115,12 @@ class NarxSystem:
         )
 
     def past(self, inputs: Array, outputs: Array) -> Array:
-        """The state after some rows.
-
-        Parameters
-        ----------
-        inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
-            In their units; n is at least the largest lag.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
-        """
+        """The state after some rows. Shapes: `inputs, outputs` (n_inputs, n); returns (n_states,)."""
         signals = {"y": outputs, "u": inputs}
         return np.array([signals[kind][row, -lag] for kind, row, lag in self.states])
 
     def rest(self, operating_input: ArrayLike) -> Array:
-        """The state of rest under constant inputs.
-
-        Parameters
-        ----------
-        operating_input : array_like, shape () or (n_inputs,)
-            In the inputs' units.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
-        """
+        """The state of rest under constant inputs. Shapes: `operating_input` (); returns (n_states,)."""
         found, rows = equilibrium(self.model, operating_input), max(self.model.table.max_lag, 1)
         return self.past(np.tile(found.operating_input[:, None], rows), np.full((1, rows), found.output))
 

@@ -20,7 +20,6 @@ from deatwin.plant.small_signal import rest_under
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-__all__ = ["PlantSystem"]
 
 Array = NDArray[np.float64]
 Params = Mapping[str, Any]
@@ -29,22 +28,7 @@ After = tuple[Array, float]
 
 
 class PlantSystem:
-    """A plant sample by sample, from any state.
-
-    The state holds departures from the rest at which the rig's experiments start: of the plant's states and
-    coordinates in units of their typical sizes, and of the past commands in the command's unit. So zeros, with which
-    python-control starts and pads, are that rest, and the fixed steps of ``control.linearize`` suit all of them.
-
-    Parameters
-    ----------
-    plant : Plant
-        Of any rig.
-
-    Raises
-    ------
-    SimulationError
-        If the plant has no state of rest.
-    """
+    """A plant sample by sample, from any state."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant, self._equations, self._values = plant, plant.equations, plant.free_values
@@ -69,39 +53,14 @@ class PlantSystem:
         return [*self._equations.states, *self._equations.coordinates, *past]
 
     def state(self, x: Array, z: Array, command: float) -> Array:
-        """The state of the system in which the plant is under a command that has long been constant.
-
-        Parameters
-        ----------
-        x, z : ndarray, shapes (n_x,) and (n_z,)
-            States and coordinates, SI.
-        command : float
-            In its unit.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
+        """The state of the system in which the plant is under a command that has long been constant. Shapes: `x, z`
+        (n_x,); returns (n_states,).
         """
         unknowns = (np.concatenate([x, z]) - self._at_rest) / self._equations.scale
         return np.concatenate([unknowns, np.full(self._memory, command - self._rest_command)])
 
     def rest(self, command: float) -> Array:
-        """The state of rest under a constant command.
-
-        Parameters
-        ----------
-        command : float
-            In its unit.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
-
-        Raises
-        ------
-        SimulationError
-            If there is none in reach.
-        """
+        """The state of rest under a constant command. Shapes: returns (n_states,)."""
         found = rest_under(self._plant, command)
         if found is None or not self._bears(command):
             raise SimulationError(
@@ -111,29 +70,7 @@ class PlantSystem:
         return self.state(*found[:2], command)
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
-        """The reading of a row, as the rig takes it.
-
-        Parameters
-        ----------
-        t : float
-            Clock time at which the row's command is applied, s.
-        x : ndarray, shape (n_states,)
-            The state then.
-        u : ndarray, shape (1,)
-            The command, in its unit.
-        params : mapping
-            Not used.
-
-        Returns
-        -------
-        ndarray, shape (1,)
-            Without noise, SI.
-
-        Raises
-        ------
-        SimulationError
-            If the plant cannot follow the command.
-        """
+        """The reading of a row, as the rig takes it. Shapes: `x` (n_states,); `u` (1,); returns (1,)."""
         if not self._reads_before:
             return np.array([self._after(t, x, u)[1]])
         self._require_finite(t, x, u)
@@ -144,36 +81,11 @@ class PlantSystem:
         return np.array([float(self._equations.output(*point))])
 
     def update(self, t: float, x: Array, u: Array, params: Params) -> Array:
-        """The state after a sample.
-
-        Parameters
-        ----------
-        t, x, u, params
-            As for `output`.
-
-        Returns
-        -------
-        ndarray, shape (n_states,)
-
-        Raises
-        ------
-        SimulationError
-            As `output`.
-        """
+        """The state after a sample. Shapes: returns (n_states,)."""
         return self._after(t, x, u)[0]
 
     def to_control(self, name: str | None) -> NonlinearIOSystem:
-        """The discrete system of python-control.
-
-        Parameters
-        ----------
-        name : str or None
-            Of the system; python-control's choice by default.
-
-        Returns
-        -------
-        control.NonlinearIOSystem
-        """
+        """The discrete system of python-control."""
         import control
 
         rig = self._plant.rig

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from control import FrequencyResponseData
     from matplotlib.axes import Axes
 
-__all__ = ["Frd", "linear_frd", "to_frd"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

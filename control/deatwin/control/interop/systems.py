@@ -19,7 +19,6 @@ from deatwin.plant.model import Plant
 if TYPE_CHECKING:
     from control import NonlinearIOSystem
 
-__all__ = ["in_loop", "rest_state_of", "to_nlsys"]
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,6 @@ from deatwin.plant.drawing import written_unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Banded", "FamilyBands", "Modes"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -31,34 +30,15 @@ _REAL = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Banded:
-    """A quantity with its 95 % band over samples.
-
-    Parameters
-    ----------
-    value : ndarray, any shape
-        Of the model itself; NaN where it has no equilibrium.
-    low, high : ndarray, of the same shape
-        The 2.5 and 97.5 % quantiles over the samples that have an equilibrium; NaN where none has.
-    """
+    """A quantity with its 95 % band over samples."""
 
     value: Array
-    low: Array
+    low: Array  # The 2.5 and 97.5 % quantiles over the samples that have an equilibrium; NaN where none has
     high: Array
 
     @classmethod
     def over_samples(cls, values: Array) -> Banded:
-        """Take the band.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_points, 1 + n_samples, ...)
-            Of the model itself and of the samples, some of them NaN; of the model alone where there are no samples.
-
-        Returns
-        -------
-        Banded
-            Arrays of shape (n_points, ...).
-        """
+        """Take the band. Shapes: `values` (n_points, 1 + n_samples, ...)."""
         own, samples = values[:, 0], values[:, 1:] if values.shape[1] > 1 else values
         known = np.isfinite(samples)
         # An order statistic of what is finite: NaN is sorted to the end.
@@ -71,24 +51,12 @@ class Banded:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Modes:
-    """Modes over operating points or times; those of one column belong together.
-
-    Parameters
-    ----------
-    poles : ndarray of complex, shape (n_points, n_modes)
-        In the z plane, of the model itself; the slowest of the first point first.
-    time_constant : Banded, arrays of shape (n_points, n_modes)
-        In which the mode decays to 1/e, s; negative where it grows.
-    frequency : Banded, likewise
-        Natural frequency ``|ln z|/(2 pi T)``, Hz.
-    damping : Banded, likewise
-        Damping ratio, 1 for a mode that does not swing.
-    """
+    """Modes over operating points or times; those of one column belong together."""
 
     poles: Complex
-    time_constant: Banded
-    frequency: Banded
-    damping: Banded
+    time_constant: Banded  # shape (n_points, n_modes): In which the mode decays to 1/e, s; negative where it grows
+    frequency: Banded  # Natural frequency ``|ln z|/(2 pi T)``, Hz
+    damping: Banded  # Damping ratio, 1 for a mode that does not swing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,26 +11,9 @@ if TYPE_CHECKING:
     from deatwin.control.linear.family import LinearFamily
     from deatwin.control.linear.model import LinearModel
 
-__all__ = ["family_dataset", "gain_unit", "linear_dataset"]
-
 
 def family_dataset(bands: FamilyBands, dimension: str, coords: Variables) -> Any:
-    """Gain, modes and stability along operating points or times.
-
-    Parameters
-    ----------
-    bands : FamilyBands
-        With or without samples.
-    dimension : str
-        Along which the points stand.
-    coords : mapping of str to tuple
-        Of the points, as `deatwin.plant.datasets.dataset` takes them.
-
-    Returns
-    -------
-    xarray.Dataset
-        A band is two variables, ``low`` and ``high`` after the name of the quantity.
-    """
+    """Gain, modes and stability along operating points or times. `bands` with or without samples."""
     family, modes, each = bands.family, bands.modes, (dimension, "mode")
     quantities = (
         ("operating_output", dimension, bands.operating_output, family.output_unit, "output at rest"),
@@ -63,18 +46,7 @@ def family_dataset(bands: FamilyBands, dimension: str, coords: Variables) -> Any
 
 
 def linear_dataset(model: LinearModel) -> Any:
-    """Coefficients and covariance of a linear model.
-
-    Parameters
-    ----------
-    model : LinearModel
-        Of any status.
-
-    Returns
-    -------
-    xarray.Dataset
-        The covariance is that of b_0, b_1, ..., a_1, a_2, ..., whose names are its coordinates.
-    """
+    """Coefficients and covariance of a linear model."""
     names = [f"b_{k}" for k in range(model.numerator.size)] + [f"a_{k}" for k in range(1, model.denominator.size)]
     pair = ("coefficient", "other_coefficient")
     return dataset(
@@ -100,18 +72,7 @@ def linear_dataset(model: LinearModel) -> Any:
 
 
 def gain_unit(signals: LinearFamily | LinearModel) -> str:
-    """The unit of a gain.
-
-    Parameters
-    ----------
-    signals : LinearFamily or LinearModel
-        Whose units are asked.
-
-    Returns
-    -------
-    str
-        Output unit by input unit; empty where the output has none.
-    """
+    """The unit of a gain."""
     divided = signals.output_unit and signals.input_unit
     return f"{signals.output_unit}/{signals.input_unit}" if divided else signals.output_unit
 

@@ -22,8 +22,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["LinearFamily", "draw", "linearise_many"]
-
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 

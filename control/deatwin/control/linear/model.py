@@ -20,7 +20,6 @@ from deatwin.plant.rigs.base import ReadingTime
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
-__all__ = ["LinearModel", "LinearStatus"]
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.covariance import transformed
 from deatwin.plant.errors import ModelError
 
-__all__ = ["linearise", "linearise_posterior"]
-
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 

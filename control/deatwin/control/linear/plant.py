@@ -14,14 +14,12 @@ from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.greybox.fit import Problem
-from deatwin.ident.narx.posterior import covariance_root
+from deatwin.ident.narx.covariance import covariance_root
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.small_signal import SmallSignal, small_signals
-
-__all__ = ["draw_plants", "linearise_calibrated", "linearise_plant", "linearise_plants"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]

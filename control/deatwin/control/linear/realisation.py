@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Realisation"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -33,24 +31,12 @@ largest would keep, and 11 bits more than that."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Realisation:
-    """``x(k+1) = A x(k) + sum_l B_l u(k-l)``, ``y(k) = C x(k) + sum_l D_l u(k-l)``.
+    """``x(k+1) = A x(k) + sum_l B_l u(k-l)``, ``y(k) = C x(k) + sum_l D_l u(k-l)``."""
 
-    Parameters
-    ----------
-    a : ndarray, shape (n, n)
-        Of the states, which are of like size.
-    b : ndarray, shape (n, n_lags)
-        A column for each lag of the input, by unit of the input.
-    c : ndarray, shape (n,)
-        Output unit.
-    d : ndarray, shape (n_lags,)
-        Output unit by input unit.
-    """
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
+    a: Array  # shape (n, n): Of the states, which are of like size
+    b: Array  # shape (n, n_lags): A column for each lag of the input, by unit of the input
+    c: Array  # shape (n,): Output unit
+    d: Array  # shape (n_lags,): Output unit by input unit
 
     @cached_property
     def modes(self) -> Complex:
@@ -88,13 +74,7 @@ class Realisation:
         return np.asarray(np.linalg.solve(np.eye(len(self.a)) - self.a, pushed))
 
     def joined(self) -> tuple[Array, Array, Array, float]:
-        """A, B, C and D with the past inputs among the states.
-
-        Returns
-        -------
-        tuple of (ndarray, ndarray, ndarray, float)
-            Of shapes (m, m), (m,) and (m,), with m = n + n_lags - 1.
-        """
+        """A, B, C and D with the past inputs among the states."""
         n, late = len(self.a), self.d.size - 1
         a, b = np.zeros((n + late, n + late)), np.zeros(n + late)
         a[:n, :n], a[:n, n:], b[:n] = self.a, self.b[:, 1:], self.b[:, 0]
@@ -112,18 +92,7 @@ class Realisation:
         return Realisation(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def step_response(self, count: int) -> Array:
-        """Response to a unit step of the input.
-
-        Parameters
-        ----------
-        count : int
-            Number of samples.
-
-        Returns
-        -------
-        ndarray, shape (count,)
-            Output unit by input unit.
-        """
+        """Response to a unit step of the input. `count` number of samples; returns (count,)."""
         a, b, c, d = self.joined()
         # The input is a state that stays, so that many samples follow from one by powers of a matrix.
         whole = np.block([[a, b[:, None]], [np.zeros((1, b.size)), np.ones((1, 1))]])
@@ -146,18 +115,7 @@ class Realisation:
         return upper, turn.conj().T @ self.b, self.c @ turn
 
     def response(self, delay: Complex) -> Complex:
-        """The transfer function from the matrices themselves.
-
-        Parameters
-        ----------
-        delay : ndarray of complex, shape (n_points,)
-            ``1/z``.
-
-        Returns
-        -------
-        ndarray of complex, shape (n_points,)
-            Output unit by input unit.
-        """
+        """The transfer function from the matrices themselves. Shapes: `delay` (n_points,); returns (n_points,)."""
         lags = delay[:, None] ** np.arange(self.d.size)
         found = lags @ self.d
         if not self.c.size:
@@ -169,13 +127,7 @@ class Realisation:
         return np.asarray(c @ states + found, dtype=np.complex128)
 
     def minimal(self) -> Realisation:
-        """The same system without modes that the input does not excite or the output does not show.
-
-        Returns
-        -------
-        Realisation
-            Of as many states or fewer; the memory of hysteresis at rest, for instance, only adds to the stiffness.
-        """
+        """The same system without modes that the input does not excite or the output does not show."""
         found = self
         while found.a.size:
             hidden = _hidden(found.a, found.b)
@@ -190,14 +142,8 @@ class Realisation:
         return found
 
     def coefficients(self) -> tuple[Array, Array]:
-        """Numerator and denominator in powers of z^-1, exact but for one rounding.
-
-        Returns
-        -------
-        numerator : ndarray, shape (n + n_lags,)
-            b_0, b_1, ..., output unit by input unit.
-        denominator : ndarray, shape (n + 1,)
-            1, a_1, ..., a_n.
+        """Numerator and denominator in powers of z^-1, exact but for one rounding. Shapes: returns (n + n_lags,);
+        returns (n + 1,).
         """
         n, n_lags = self.b.shape
         (a, unit_a), (b, unit_b), (c, unit_c), (d, unit_d) = (_integers(m) for m in (self.a, self.b, self.c, self.d))

@@ -22,8 +22,6 @@ from deatwin.plant.model import Plant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["GainSchedule", "gain_schedule"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):

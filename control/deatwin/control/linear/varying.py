@@ -22,7 +22,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["VaryingLinear", "linearise_along"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]

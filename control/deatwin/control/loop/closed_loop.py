@@ -25,7 +25,6 @@ from deatwin.plant.timeline import Timeline
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ClosedLoop", "approach", "at_operating_point", "closed_loop"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -38,20 +37,12 @@ _SERIES = ("timepts", "reference", "output", "measured", "command")
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """A level of a step reference, as samples of a run.
+    """A level of a step reference, as samples of a run."""
 
-    Parameters
-    ----------
-    first, settled, stop : int
-        Where the reference leaves the level before, where it is at the new one, and where it leaves that.
-    step : float
-        From the level before to this one, in the output's unit.
-    """
-
-    first: int
+    first: int  # Where the reference leaves the level before, where it is at the new one, and where it leaves that
     settled: int
     stop: int
-    step: float
+    step: float  # From the level before to this one, in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -347,38 +338,13 @@ def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> 
 
 
 def approach(plant: Plant, command: float, count: int) -> Timeline:
-    """The commands of a plant's start procedure and of further samples of the operating input.
-
-    Parameters
-    ----------
-    plant : Plant
-        From rest.
-    command : float
-        The operating input, in its unit.
-    count : int
-        Samples for which it is then held.
-
-    Returns
-    -------
-    Timeline
-    """
+    """The commands of a plant's start procedure and of further samples of the operating input."""
     still = Recording.from_arrays(np.full(count, command), np.zeros(count), plant.rig.sample_time)
     return plant.timeline(Experiment(recordings=(still,)))
 
 
 def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
-    """The plant after its start procedure and further samples of the operating input.
-
-    Parameters
-    ----------
-    plant, command, count
-        As for `approach`.
-
-    Returns
-    -------
-    Stepper
-        Its status says whether the plant got there.
-    """
+    """The plant after its start procedure and further samples of the operating input."""
     timeline = approach(plant, command, count)
     stepper = plant.simulator.stepper(
         plant.free_values,

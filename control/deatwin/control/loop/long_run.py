@@ -10,21 +10,11 @@ from deatwin.plant.marching import marched, repeated
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
 
-__all__ = ["LongRun"]
-
 Array = NDArray[np.float64]
 
 
 class LongRun:
-    """A plant from rest on, as `Simulator.run` simulates it, without a record of the run.
-
-    Parameters
-    ----------
-    plant : Plant
-        The actuator.
-    start : float
-        Clock time of the first command, s.
-    """
+    """A plant from rest on, as `Simulator.run` simulates it, without a record of the run."""
 
     def __init__(self, plant: Plant, start: float) -> None:
         values, command = plant.free_values, plant.rig.start.rest_command
@@ -44,18 +34,7 @@ class LongRun:
         return self._reading
 
     def readings(self, commands: Array) -> Array | None:
-        """Go on, with a reading before each command.
-
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            One or more, each held for one sample, in the input's unit.
-
-        Returns
-        -------
-        ndarray, shape (n,), or None
-            Without noise, SI; None where the plant did not live through all of the commands, and ever after.
-        """
+        """Go on, with a reading before each command. Shapes: `commands` (n,); returns (n,)."""
         after = self._ends(self._inputs(commands)) if self._lives else None
         if after is None:
             self._lives = False

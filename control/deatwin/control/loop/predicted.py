@@ -28,7 +28,6 @@ from deatwin.plant.simulate import RunStatus
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PredictedLoop", "predict_loop"]
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -304,21 +303,7 @@ def _far(model: NarxModel, rest: float, reference: Array) -> float:
 
 
 class _Terms:
-    """A model's recursion for many parameters at once.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The structure.
-    theta : ndarray, shape (draws, n_terms)
-        Parameters.
-    reading : ReadingTime
-        When in its row a reading is taken.
-    output, command : float
-        At rest, where it begins.
-    far : float
-        Distance from rest at which it has diverged, in the output's unit.
-    """
+    """A model's recursion for many parameters at once. Shapes: `theta` (draws, n_terms)."""
 
     def __init__(
         self, model: NarxModel, theta: Array, reading: ReadingTime, output: float, command: float, far: float
@@ -349,11 +334,7 @@ class _Terms:
         return self._y[0] + self._origin_y
 
     def advance(self, command: Array) -> None:
-        """Take one row with a command, shape (draws,).
-
-        A row's reading ends the row or begins it; either way the newest output answers to the newest command by
-        the model's smallest input lag.
-        """
+        """Take one row with a command, shape (draws,)."""
         self._u = np.concatenate([command[None] - self._origin_u, self._u[:-1]])
         values = [
             self._y[lag - 1] if is_output else self._u[lag - self._first]

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import finite, generator, numbers, positive, taking, whole
 from deatwin.control.errors import ControlError
 
-__all__ = ["sine_reference", "step_reference", "tone_reference"]
-
 Array = NDArray[np.float64]
 
 LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)

@@ -15,8 +15,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["DIVERGED", "RMS_KEY", "TIME_KEY", "DivergedError", "Residual", "free_run_residual"]
-
 Array = NDArray[np.float64]
 
 RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
@@ -167,11 +165,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
 
 def _first_lag(covariance: Array) -> int:
-    """Lag that tells the size of what is not white: the first, unless another has surely more.
-
-    No lag of a process has more covariance than its variance. What a model leaves of a fast mode rings: at a quarter of
-    its period the covariance is nothing, however large the residual.
-    """
+    """Lag that tells the size of what is not white: the first, unless another has surely more."""
     from scipy.stats import norm
 
     sizes = np.abs(_short(covariance))

@@ -21,7 +21,6 @@ from deatwin.plant.model import Plant
 if TYPE_CHECKING:
     from scipy.interpolate import RegularGridInterpolator
 
-__all__ = ["SineResponse", "sine_response"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -75,20 +74,7 @@ class SineResponse:
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
 
     def __call__(self, amplitude: ArrayLike, omega: ArrayLike) -> Complex:
-        """Between the points measured, linear in logarithms; outside, at the nearest end.
-
-        Parameters
-        ----------
-        amplitude : array_like
-            Of the command, in its unit.
-        omega : array_like
-            rad/s; broadcasts with the amplitudes.
-
-        Returns
-        -------
-        ndarray of complex
-            Output unit by input unit.
-        """
+        """Between the points measured, linear in logarithms; outside, at the nearest end. `omega` rad/s."""
         size = np.clip(amplitude, self.amplitudes[0], self.amplitudes[-1])
         rate = np.clip(omega, self.omega[0], self.omega[-1])
         points = np.stack(np.broadcast_arrays(np.log(size), np.log(rate)), axis=-1)
@@ -167,18 +153,10 @@ def sine_response(
 
 @dataclass(frozen=True, kw_only=True)
 class _Sine:
-    """A sine in samples.
+    """A sine in samples."""
 
-    Parameters
-    ----------
-    angle : float
-        From one sample to the next, rad.
-    first, count : int
-        Where it has settled and is measured, and all samples.
-    """
-
-    angle: float
-    first: int
+    angle: float  # From one sample to the next, rad
+    first: int  # Where it has settled and is measured, and all samples
     count: int
 
     @classmethod
@@ -211,11 +189,7 @@ def _of_frequency(
 
 
 def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
-    """Fundamental of the reading over that of the command; NaN where the plant fails.
-
-    By least squares, so that periods need not be whole numbers of samples; a mean and a drift are taken out. The QR
-    factorisation of all rows is that of the triangle of those before with those of a piece.
-    """
+    """Fundamental of the reading over that of the command; NaN where the plant fails."""
     level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
     for number in _pieces(sine.count, progress):
         commands = centre + size * np.sin(sine.angle * number)

@@ -29,7 +29,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["MarginBand", "UncertainMargin", "band_margins"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

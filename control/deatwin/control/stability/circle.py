@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from deatwin.control.stability.polynomials import jet
 
-__all__ = ["Nearest", "Places", "Search", "search"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
@@ -38,18 +36,10 @@ _TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Places on the unit circle.
+    """Places on the unit circle."""
 
-    Parameters
-    ----------
-    loops : ndarray of int, shape (n_places,)
-        Which loop.
-    angle : ndarray, shape (n_places,)
-        Where, rad a sample, between 0 and pi.
-    """
-
-    loops: Index
-    angle: Array
+    loops: Index  # shape (n_places,): Which loop
+    angle: Array  # shape (n_places,): Where, rad a sample, between 0 and pi
 
     def __add__(self, other: Places) -> Places:
         return Places(loops=np.concatenate([self.loops, other.loops]), angle=np.concatenate([self.angle, other.angle]))
@@ -57,54 +47,24 @@ class Places:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nearest:
-    """Where a distance of each loop is least.
+    """Where a distance of each loop is least."""
 
-    Parameters
-    ----------
-    distance : ndarray, shape (n,)
-        Dimensionless.
-    angle : ndarray, shape (n,)
-        Where, rad a sample.
-    """
-
-    distance: Array
-    angle: Array
+    distance: Array  # shape (n,): Dimensionless
+    angle: Array  # shape (n,): Where, rad a sample
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """What margins are made of.
+    """What margins are made of."""
 
-    Parameters
-    ----------
-    gain : Places
-        Where |L| = 1.
-    real : Places
-        Where Im L = 0, without z = 1 and z = -1.
-    modulus : Nearest
-        |1 + L|.
-    disk : Nearest
-        |1 + L|/|1 - L|.
-    """
-
-    gain: Places
-    real: Places
-    modulus: Nearest
-    disk: Nearest
+    gain: Places  # Where |L| = 1
+    real: Places  # Where Im L = 0, without z = 1 and z = -1
+    modulus: Nearest  # |1 + L|
+    disk: Nearest  # |1 + L|/|1 - L|
 
 
 def search(top: Array, bottom: Array) -> Search:
-    """Search the upper half of the unit circle.
-
-    Parameters
-    ----------
-    top, bottom : ndarray, shape (n, m)
-        Numerators and denominators of loops, coefficients of z^0, z^-1, ...
-
-    Returns
-    -------
-    Search
-    """
+    """Search the upper half of the unit circle. Shapes: `top, bottom` (n, m)."""
     parts = [_search(top[i : i + _MOST], bottom[i : i + _MOST]) for i in range(0, max(len(top), 1), _MOST)]
     starts = range(0, max(len(top), 1), _MOST)
 

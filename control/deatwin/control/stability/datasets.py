@@ -12,24 +12,12 @@ if TYPE_CHECKING:
     from deatwin.control.stability.bands import MarginBand
     from deatwin.control.stability.limit_cycles import LimitCycles
 
-__all__ = ["cycles_dataset", "margins_dataset"]
 
 _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 
 def margins_dataset(band: MarginBand) -> Any:
-    """Margins along ``margin``, and the loop over frequency.
-
-    Parameters
-    ----------
-    band : MarginBand
-        Of any level.
-
-    Returns
-    -------
-    xarray.Dataset
-        Margins in the unit that the coordinate ``unit`` names; ``loop`` and its covariance are dimensionless.
-    """
+    """Margins along ``margin``, and the loop over frequency."""
     found = [getattr(band, name) for name in _MARGINS]
     response = band.response
     return dataset(
@@ -58,18 +46,7 @@ def margins_dataset(band: MarginBand) -> Any:
 
 
 def cycles_dataset(found: LimitCycles) -> Any:
-    """Limit cycles along ``cycle``, the loop over frequency, the describing function over amplitude.
-
-    Parameters
-    ----------
-    found : LimitCycles
-        Any number of them.
-
-    Returns
-    -------
-    xarray.Dataset
-        Amplitudes in the unit of the nonlinearity's input.
-    """
+    """Limit cycles along ``cycle``, the loop over frequency, the describing function over amplitude."""
     return dataset(
         {
             "cycle_amplitude": (

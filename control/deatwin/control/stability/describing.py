@@ -22,19 +22,6 @@ from deatwin.control.arguments import finite, function, number, numbers, require
 from deatwin.control.errors import ControlError
 from deatwin.control.stability.quantising import quantiser_gain
 
-__all__ = [
-    "Backlash",
-    "BoucWen",
-    "DeadZone",
-    "DescribingFunction",
-    "Quantiser",
-    "RateLimiter",
-    "Relay",
-    "Saturation",
-    "describing_function",
-    "describing_function_of_run",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -59,25 +46,7 @@ class DescribingFunction(ABC):
                 raise ControlError(f"{item.name} of the {name} is {value}: it must be positive and finite")
 
     def __call__(self, amplitude: ArrayLike, omega: ArrayLike = 1.0) -> Complex:
-        """Return N(A, w).
-
-        Parameters
-        ----------
-        amplitude : array_like
-            Of the sine at the input, positive, in the input's unit.
-        omega : array_like
-            Its angular frequency, rad/s; broadcasts against the amplitude.
-
-        Returns
-        -------
-        ndarray of complex
-            Output unit by input unit, in the broadcast shape; 0 where the output does not move.
-
-        Raises
-        ------
-        ControlError
-            If an amplitude or a frequency is no number, or not positive and finite, or they do not broadcast.
-        """
+        """Return N(A, w). `omega` its angular frequency, rad/s."""
         numbers(amplitude, "amplitude")
         numbers(omega, "omega")
         try:

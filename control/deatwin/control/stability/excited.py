@@ -16,8 +16,6 @@ from deatwin.control.errors import ControlError
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["BAND_KEY", "HOLES_KEY", "Excitation", "excitation", "excited_band"]
-
 BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
 """Keys of a model's provenance: up to which frequency its recording excited, and, if any, the holes below, Hz."""
 _FEWEST = 64

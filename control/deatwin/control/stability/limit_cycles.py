@@ -17,7 +17,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LimitCycle", "LimitCycles", "limit_cycles"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -277,10 +276,7 @@ def _refined(
 def _tangent(
     logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
 ) -> tuple[Complex, tuple[Complex, Complex], Array]:
-    """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle.
-
-    With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order there.
-    """
+    """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle."""
     slopes = []
     for row in (0, 1):
         ends = []

@@ -20,8 +20,6 @@ from deatwin.control.linear.realisation import Realisation
 from deatwin.control.stability.margins import Margins, margins
 from deatwin.control.stability.polynomials import in_series
 
-__all__ = ["family_margins", "loop_margins"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Loop = Callable[[Array], Complex]
@@ -41,20 +39,7 @@ _ALGEBRAIC = 64 * np.finfo(float).eps
 
 
 def loop_margins(linear: LinearModel, law: Law) -> Margins:
-    """Compute the margins of a linear model under a control law.
-
-    Parameters
-    ----------
-    linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
-    law : Law
-        Of the controller.
-
-    Returns
-    -------
-    Margins
-        Of shape (1,).
-    """
+    """Compute the margins of a linear model under a control law."""
     if linear.realisation is not None:
         return _margins(linear.realisation, law, linear.sample_time)
     top, bottom = law.feedback
@@ -62,22 +47,7 @@ def loop_margins(linear: LinearModel, law: Law) -> Margins:
 
 
 def family_margins(family: LinearFamily, point: int, law: Law) -> Margins:
-    """Compute the margins of all samples of a family at one operating point.
-
-    Parameters
-    ----------
-    family : LinearFamily
-        As the controller sees it.
-    point : int
-        Position of the operating point.
-    law : Law
-        Of the controller there.
-
-    Returns
-    -------
-    Margins
-        Of shape (n_samples,).
-    """
+    """Compute the margins of all samples of a family at one operating point."""
     top, bottom = law.feedback
     if not family.realisations:
         return margins(

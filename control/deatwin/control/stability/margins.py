@@ -11,8 +11,6 @@ from deatwin.control.arguments import numbers, positive, taking
 from deatwin.control.stability.circle import Places, search
 from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_loops
 
-__all__ = ["Margins", "margins"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -135,11 +133,7 @@ def _with_ends(places: Places, count: int) -> Places:
 
 
 def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
-    """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain.
-
-    Of slow lags close together a denominator is small against its coefficients, and its last digits are rounding. The
-    crossings there are known less well, but a margin that leaves them out would be on the unsafe side.
-    """
+    """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain."""
     values, sizes, above_rounding = [], [], []
     for polynomial in (top, bottom):
         columns = np.ascontiguousarray(polynomial[places.loops].T)

@@ -9,8 +9,6 @@ from deatwin.control.arguments import numbers, taking
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.many import stable_polynomials
 
-__all__ = ["in_series", "jet", "loop_polynomials", "stable_loops"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -54,25 +52,7 @@ def _lead(one: Array, other: Array) -> tuple[int, ...]:
 
 
 def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Array, Array, tuple[int, ...]]:
-    """Lay loops out as rows of equal length.
-
-    Parameters
-    ----------
-    numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
-        Coefficients of z^0, z^-1, ...; the leading axes broadcast.
-
-    Returns
-    -------
-    numerators, denominators : ndarray, shape (n, m)
-        Padded with zeros.
-    lead : tuple of int
-        The leading axes, whose product is n; (1,) for one loop.
-
-    Raises
-    ------
-    ControlError
-        If a coefficient is not finite, or a denominator is zero.
-    """
+    """Lay loops out as rows of equal length. Shapes: `numerators, denominators` (..., n_b); returns (n, m)."""
     top, bottom = (np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in (numerators, denominators))
     lead = _lead(top, bottom)
     size = max(top.shape[-1], bottom.shape[-1])
@@ -91,21 +71,8 @@ def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Ar
 
 
 def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
-    """Polynomials on the unit circle, each at an angle of its own, with derivatives by the angle.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (m, n)
-        Coefficients of z^0, z^-1, ..., one polynomial a column.
-    angle : ndarray, shape (n,)
-        rad a sample.
-    order : int
-        Of the highest derivative.
-
-    Returns
-    -------
-    tuple of ndarray of complex, each of shape (n,)
-        Value, first derivative, and so on.
+    """Polynomials on the unit circle, each at an angle of its own, with derivatives by the angle. Shapes: `columns`
+    (m, n); `angle` (n,); returns (n,).
     """
     turn = np.exp(-1j * angle)
     found = []
@@ -119,20 +86,8 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
-    """Whether all poles of closed loops lie inside the unit circle.
-
-    The recursion of Schur and Cohn decides, for the polynomials shrunk and grown a little too; where the three do
-    not agree, a pole is near the unit circle, and eigenvalues decide.
-
-    Parameters
-    ----------
-    numerators, denominators : ndarray, shape (n, m)
-        Of the open loops, coefficients of z^0, z^-1, ...
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False too for an algebraic loop of gain -1, which has no solution.
+    """Whether all poles of closed loops lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
+    returns (n,).
     """
     closed = numerators + denominators
     posed = np.abs(closed[:, 0]) > 64 * np.finfo(float).eps * (np.abs(numerators[:, 0]) + np.abs(denominators[:, 0]))

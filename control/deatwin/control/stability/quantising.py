@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["quantiser_gain"]
-
 Array = NDArray[np.float64]
 
 _MANY_STEPS = 1e4  # from here on two terms of the asymptotic series are exact to rounding
@@ -14,18 +12,7 @@ _HUGE = 1e100  # ratio of amplitude to step from which a larger one makes no dif
 
 
 def quantiser_gain(ratio: Array) -> Array:
-    """N of rounding to the nearest multiple of a step.
-
-    Parameters
-    ----------
-    ratio : ndarray, any shape
-        Amplitude by step, not negative; may be infinite.
-
-    Returns
-    -------
-    ndarray, of the shape of the ratio
-        Real; 0 below half a step.
-    """
+    """N of rounding to the nearest multiple of a step."""
     held = np.minimum(ratio, _HUGE)
     gain = np.array(_many_steps(np.maximum(held, _MANY_STEPS)))
     for place in np.argwhere(held < _MANY_STEPS):
@@ -44,12 +31,7 @@ def _few_steps(ratio: float) -> float:
 def _many_steps(ratio: Array) -> Array:
     r"""The same, of many steps: a midpoint sum, whose error stems from the root at the sine's peak alone.
 
-    With the last edge :math:`a` steps below the peak, the edges lie at :math:`u = (a + j)/r` below it, in
-    amplitudes, and :math:`\sqrt{1 - (1 - u)^2} = \sqrt{2u}\,(1 - u/4 - u^2/32 - ...)`, so that
-
     .. math:: N = 1 + \frac{4 \sqrt 2}{\pi} (r^{-3/2} \zeta(-1/2, a) - r^{-5/2} \zeta(-3/2, a)/4 - ...)
-
-    with Hurwitz's zeta function. What is left out is below 1e-3 r^(-7/2): 1e-17 from 1e4 steps on.
     """
     last = ratio + 0.5 - np.floor(ratio + 0.5)
     off = ratio**-1.5 * _hurwitz(-0.5, last) - 0.25 * ratio**-2.5 * _hurwitz(-1.5, last)

@@ -11,32 +11,13 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.parts import Tones
 
-__all__ = ["blocks_of"]
-
 Array = NDArray[np.float64]
 
 
 def blocks_of(
     angles: Array, form: type[Tones], size: int
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
-    """Cut frequencies into blocks.
-
-    Parameters
-    ----------
-    angles : ndarray, shape (n, order)
-        Normalised frequencies, rad/sample.
-    form : type
-        Of the tones.
-    size : int
-        Most points of a block.
-
-    Returns
-    -------
-    shape : tuple of int
-        That of the grid if the frequencies make one, else (n,).
-    blocks : iterator of (tuple of slice, Tones)
-        Where each block is in an array of that shape, and its tones.
-    """
+    """Cut frequencies into blocks. Shapes: `angles` (n, order)."""
     axes = _axes(angles)
     if axes is None:
         lines = ((part,) for part in _cut(len(angles), size))

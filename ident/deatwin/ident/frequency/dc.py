@@ -152,21 +152,11 @@ def _newton(coefficients: Array, roots: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations(Frozen):
-    """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of the deviations; without a constant.
-    jacobian : ndarray, shape (n_terms of the deviations, n_terms)
-        Derivative of its parameters by those of the original, the motion of the equilibrium included.
-    point : Equilibrium
-        From where they deviate.
-    """
+    """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium."""
 
     model: NarxModel
     jacobian: Array
-    point: Equilibrium
+    point: Equilibrium  # From where they deviate
 
 
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:
@@ -199,24 +189,7 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
 
 def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> Deviations:
-    """Expand a model about an equilibrium.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    operating_input : array_like, shape () or (n_inputs,), optional
-        As for `remove_dc`.
-
-    Returns
-    -------
-    Deviations
-
-    Raises
-    ------
-    ModelError
-        As `remove_dc`.
-    """
+    """Expand a model about an equilibrium. Shapes: `operating_input` ()."""
     point = equilibrium(model, operating_input)
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
@@ -260,26 +233,7 @@ def _written(model: NarxModel, point: Equilibrium) -> str:
 
 
 def expand(term: Term, inputs: Array, output: Any) -> Iterator[tuple[Term, Any, Any]]:
-    """Expand a term about an equilibrium, as a product of (level + deviation)^power.
-
-    Parameters
-    ----------
-    term : Term
-        What is expanded.
-    inputs : ndarray, shape (n_inputs,)
-        Constant inputs in their units, from the model's origin.
-    output : float, or ndarray of any shape
-        Equilibrium output in its unit, from the model's origin, or many of them.
-
-    Yields
-    ------
-    Term
-        In the deviations.
-    float, or ndarray
-        Its weight.
-    float, or ndarray
-        Derivative of the weight by the output.
-    """
+    """Expand a term about an equilibrium, as a product of (level + deviation)^power. Shapes: `inputs` (n_inputs,)."""
     parts: list[tuple[tuple[Variable, ...], Any, Any]] = [((), 1.0, 0.0)]
     for variable, power in term.factors:
         is_output = variable.kind == "y"

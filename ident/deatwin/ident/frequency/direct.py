@@ -19,8 +19,6 @@ from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, on
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
-__all__ = ["direct_output"]
-
 Complex = NDArray[np.complex128]
 
 _BLOCK = 1 << 16  # combinations at a time
@@ -104,21 +102,11 @@ def _gradient(total: _Sum, about: Deviations) -> Complex:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sum:
-    """The sum over all multisets of excited lines.
-
-    Parameters
-    ----------
-    spectrum : ndarray of complex, shape (n_samples,)
-        Fourier coefficients of the input at all lines, those above the middle being the negative frequencies.
-    lines : ndarray of int
-        Those that are excited.
-    order : int
-        Size of the multisets.
-    """
+    """The sum over all multisets of excited lines."""
 
     spectrum: Complex
-    lines: NDArray[np.intp]
-    order: int
+    lines: NDArray[np.intp]  # Those that are excited
+    order: int  # Size of the multisets
 
     def over(self, response: Callable[[NDArray[np.float64]], Complex], shape: tuple[int, ...]) -> Complex:
         """Sum a response at angles (n, order), with values of shape (n, *shape), to lines up to half the rate."""

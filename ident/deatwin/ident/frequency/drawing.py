@@ -17,29 +17,12 @@ if TYPE_CHECKING:
 
     from deatwin.ident.frequency.response import FrequencyResponse
 
-__all__ = ["bode", "drawn_points", "plot_response", "say_zero"]
 
 _ROUNDING = 1e-10  # gains below this share of the largest are rounding and are not drawn
 
 
 def plot_response(response: FrequencyResponse, ax: Axes | None = None) -> Axes:
-    """Draw the gain of a response over one frequency or two.
-
-    Over one frequency with its 95 % band, hatched where the linear law does not hold; over a grid of two as contours,
-    hatched likewise. Of three and more frequencies those after the second are held, in the middle of theirs. What is
-    no grid is drawn as points over the first two frequencies, coloured by gain.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the gain of a response over one frequency or two."""
     axes = axes_or_new(ax)
     if response.omega.ndim == 1:
         return _plot_gain(response, axes)
@@ -93,27 +76,13 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
 
 
 def drawn_points(response: FrequencyResponse) -> NDArray[np.bool_]:
-    """Return where the gain is more than rounding, bool of shape (n,).
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        NaN and infinite values are not drawn.
-    """
+    """Return where the gain is more than rounding, bool of shape (n,)."""
     gain = np.where(np.isfinite(response.gain), response.gain, 0.0)
     return np.asarray(gain > _ROUNDING * gain.max(initial=0.0), dtype=bool)
 
 
 def say_zero(drawn: NDArray[np.bool_], axes: Axes) -> None:
-    """Write into the axes that there is nothing to draw, if so.
-
-    Parameters
-    ----------
-    drawn : ndarray of bool
-        Where something is drawn.
-    axes : matplotlib Axes
-        Where to write.
-    """
+    """Write into the axes that there is nothing to draw, if so."""
     if not drawn.any():
         axes.text(0.5, 0.5, "zero everywhere", transform=axes.transAxes, ha="center", va="center")
 

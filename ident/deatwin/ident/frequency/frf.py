@@ -18,8 +18,6 @@ from deatwin.ident.narx.linear.polynomials import Orders
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["frf"]
-
 Array = NDArray[np.float64]
 
 

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Frozen"]
-
 
 class Frozen:
     """Base of frozen dataclasses whose arrays are read-only, also after a copy, or in a worker process.

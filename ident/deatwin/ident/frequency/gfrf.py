@@ -18,17 +18,6 @@ from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus,
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = [
-    "HIGHEST_ORDER",
-    "checked_frequencies",
-    "frequency_grid",
-    "gfrf",
-    "gradient_at",
-    "require_one_input",
-    "unit_of",
-    "values_at",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -127,18 +116,7 @@ def frequency_grid(*axes: ArrayLike) -> Array:
 
 
 def require_one_input(model: NarxModel) -> None:
-    """Raise ModelError unless a model is polynomial and has one input.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-
-    Raises
-    ------
-    ModelError
-        With the number of inputs, or what it is.
-    """
+    """Raise ModelError unless a model is polynomial and has one input."""
     if not isinstance(model, NarxModel):
         raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
     if len(model.input_names) != 1:
@@ -148,15 +126,7 @@ def require_one_input(model: NarxModel) -> None:
 
 
 def unit_of(model: NarxModel, order: int) -> str:
-    """Return output unit by power of the input unit; empty where one is unknown.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output.
-    order : int
-        The power.
-    """
+    """Return output unit by power of the input unit; empty where one is unknown."""
     output_unit, input_unit = model.output_units[0], model.input_units[0]
     if not (output_unit and input_unit):
         return ""
@@ -164,26 +134,7 @@ def unit_of(model: NarxModel, order: int) -> str:
 
 
 def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) -> Array:
-    """Return frequencies after a check.
-
-    Parameters
-    ----------
-    omega : array_like, shape (n,) for order 1, else (n, order)
-        Angular frequencies in rad/s.
-    sample_time : float
-        In s.
-    order : int
-        How many there are for each value.
-
-    Returns
-    -------
-    ndarray, shape (n,) or (n, order)
-
-    Raises
-    ------
-    ModelError
-        If they are not real numbers of that shape, there are none, or one is above half the sampling rate.
-    """
+    """Return frequencies after a check. Shapes: `omega` (n,); returns (n,)."""
     given = np.atleast_1d(real_numbers(omega, "omega"))
     if order > 1 and given.shape == (order,):
         given = given[None, :]
@@ -205,21 +156,7 @@ def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) ->
 
 
 def values_at(about: Deviations, angles: Array, form: str) -> Complex:
-    """Return H_n about an equilibrium.
-
-    Parameters
-    ----------
-    about : Deviations
-        The model of the deviations.
-    angles : ndarray, shape (n, order)
-        Normalised frequencies, rad/sample.
-    form : str
-        As for `gfrf`.
-
-    Returns
-    -------
-    ndarray of complex, shape (n,)
-    """
+    """Return H_n about an equilibrium. Shapes: `angles` (n, order); returns (n,)."""
     shape, blocks = _blocks(about, angles, FORMS[form], 1)
     values = np.zeros(shape, dtype=np.complex128)
     for block, tones in blocks:
@@ -230,20 +167,8 @@ def values_at(about: Deviations, angles: Array, form: str) -> Complex:
 
 
 def gradient_at(about: Deviations, angles: Array, form: str) -> Complex:
-    """Return the derivative of H_n by the parameters of the model that was expanded.
-
-    Parameters
-    ----------
-    about : Deviations
-        As for `values_at`.
-    angles : ndarray, shape (n, order)
-        Normalised frequencies, rad/sample.
-    form : str
-        As for `gfrf`.
-
-    Returns
-    -------
-    ndarray of complex, shape (n, n_terms)
+    """Return the derivative of H_n by the parameters of the model that was expanded. Shapes: `angles` (n, order);
+    returns (n, n_terms).
     """
     shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms))
     gradient = np.zeros((*shape, about.jacobian.shape[1]), dtype=np.complex128)
@@ -257,10 +182,7 @@ def gradient_at(about: Deviations, angles: Array, form: str) -> Complex:
 def _blocks(
     about: Deviations, angles: Array, form: type[Tones], numbers: int
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
-    """Cut the frequencies so that memory is bounded, where each product is ``numbers`` numbers at a frequency.
-
-    Returns the shape of the results, that of the grid if the frequencies make one, and the blocks of it.
-    """
+    """Cut the frequencies so that memory is bounded, where each product is ``numbers`` numbers at a frequency."""
     held = len(form(angles[:0]).order) * products_of(about.model.terms)
     size = max(1, min(_BLOCK, _HELD // held) // numbers)
     return blocks_of(angles, form, size)

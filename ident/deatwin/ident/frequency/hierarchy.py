@@ -26,24 +26,14 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Term, Variable
 
-__all__ = ["Feedback", "Jet", "Parts", "products_of", "solve_parts"]
-
 Array = NDArray[Any]
 Feedback = Sequence[tuple[int, Array]]
 
 
 class Jet(NamedTuple):
-    """Values, and their derivatives by each parameter.
+    """Values, and their derivatives by each parameter."""
 
-    Parameters
-    ----------
-    value : ndarray, shape (..., n)
-        Real or complex.
-    slope : ndarray, shape (n_terms, ..., n), or None
-        None where the values do not depend on the parameters, or nobody asks.
-    """
-
-    value: Array
+    value: Array  # shape (..., n): Real or complex
     slope: Array | None
 
 
@@ -55,86 +45,20 @@ class Parts(Protocol):
         """The parts, each after those that it may be made of."""
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to make a part of two others.
-
-        Parameters
-        ----------
-        part : int
-            What is split; the first of each pair belongs to the earlier factors of a product.
-        """
+        """All ways to make a part of two others."""
 
     def input(self, part: int, lag: int) -> Array | None:
-        """The input's part after a delay.
-
-        Parameters
-        ----------
-        part : int
-            Which part.
-        lag : int
-            Samples.
-
-        Returns
-        -------
-        ndarray, shape (..., n), or None
-            None where the input has no such part.
-        """
+        """The input's part after a delay. Shapes: returns (..., n)."""
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay an output's part.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            The part.
-        part : int
-            Which part it is.
-        lag : int
-            Samples.
-        """
+        """Delay an output's part. Shapes: `values` (..., n)."""
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Solve (1 - sum_l a_l q^-l) v = values.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            Right side.
-        part : int
-            Which part it is.
-        feedback : sequence of (int, ndarray)
-            Lags l and their a_l, of shape (..., 1).
-
-        Raises
-        ------
-        ModelError
-            If there is a pole at a frequency of the part.
-        """
+        """Solve (1 - sum_l a_l q^-l) v = values. Shapes: `values` (..., n); `feedback` (..., 1)."""
 
 
 def solve_parts(terms: Sequence[Term], theta: Array, parts: Parts, *, by_theta: bool) -> dict[int, Jet]:
-    """Compute the parts of a model's output.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Without a constant, in one output and one input.
-    theta : ndarray, shape (n_terms,) or (n_terms, ...)
-        Parameters; further axes are those of many models at once and stand before that of the parts' values.
-    parts : Parts
-        Of what kind.
-    by_theta : bool
-        Whether the derivatives are wanted too.
-
-    Returns
-    -------
-    dict of int to Jet
-        Parts that are zero are missing.
-
-    Raises
-    ------
-    ModelError
-        If the linear part has a pole at a frequency of a part.
-    """
+    """Compute the parts of a model's output. Shapes: `theta` (n_terms,)."""
     return _Solver(terms=terms, theta=np.asarray(theta)[..., None], parts=parts, by_theta=by_theta).solve()
 
 
@@ -202,13 +126,7 @@ class _Solver:
 
 
 def products_of(terms: Iterable[Term]) -> int:
-    """Return how many products of factors are kept for each part: those of the terms, and what they are made of.
-
-    Parameters
-    ----------
-    terms : iterable of Term
-        As for `solve_parts`.
-    """
+    """Return how many products of factors are kept for each part: those of the terms, and what they are made of."""
     return len(_chains(terms)[1])
 
 

@@ -57,21 +57,7 @@ class LinearPart(Frozen):
 
 
 def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> Array:
-    """Return the constant inputs at which a model is analysed.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    operating_input : array_like, shape () or (n_inputs,), or None
-        In the inputs' units; None for the centre of the training data, 0 when that is unknown.
-
-    Raises
-    ------
-    ModelError
-        If the model is no NarxModel or has several outputs or noise terms, or the inputs are not as many finite
-        numbers as it has inputs.
-    """
+    """Return the constant inputs at which a model is analysed. Shapes: `operating_input` ()."""
     polynomial_model(model).require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
@@ -133,20 +119,8 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Return the value of each variable of a model at an equilibrium, counted from the model's origin.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    inputs : ndarray, shape (n_inputs,)
-        Constant inputs in their units.
-    output : float
-        Equilibrium output in its unit.
-
-    Returns
-    -------
-    ndarray, shape (n_variables,)
+    """Return the value of each variable of a model at an equilibrium, counted from the model's origin. Shapes:
+    `inputs` (n_inputs,); returns (n_variables,).
     """
     moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
     return np.array([moved_out if v.kind == "y" else moved_in[v.index] for v in model.table.variables])
@@ -159,26 +133,8 @@ def _slopes(model: NarxModel, values: Array) -> Array:
 
 
 def feedback(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return how the past outputs act in the linear part.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    values : ndarray, shape (n_variables,)
-        Value of each of its variables at the equilibrium, as `levels` returns them.
-
-    Returns
-    -------
-    lags : ndarray of int, shape (n_a,)
-        Lags in samples.
-    a : ndarray, shape (n_a,)
-        Coefficients.
-
-    Raises
-    ------
-    ModelError
-        If they overflow.
+    """Return how the past outputs act in the linear part. Shapes: `values` (n_variables,); returns (n_a,), Lags in
+    samples; returns (n_a,).
     """
     chosen = [j for j, v in enumerate(model.table.variables) if v.kind == "y"]
     lags = np.array([model.table.variables[j].lag for j in chosen], dtype=np.int64)
@@ -189,46 +145,14 @@ def feedback(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], Array]
 
 
 def require_finite(coefficients: Array) -> None:
-    """Refuse coefficients that have overflowed.
-
-    Parameters
-    ----------
-    coefficients : ndarray
-        Of any shape.
-
-    Raises
-    ------
-    ModelError
-        If one is not finite.
-    """
+    """Refuse coefficients that have overflowed."""
     if not np.all(np.isfinite(coefficients)):
         raise ModelError("the model's coefficients overflow at this operating input; choose one near the training data")
 
 
 def motion(model: NarxModel, values: Array) -> Array:
-    """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a).
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    values : ndarray, shape (n_variables,)
-        Value of each of its variables at the equilibrium, as `levels` returns them.
-
-    Returns
-    -------
-    ndarray, shape (n_terms,)
-
-    Raises
-    ------
-    ModelError
-        If the model integrates or two equilibria meet there, so that the equilibrium has no derivative; or if the
-        coefficients overflow.
-
-    Notes
-    -----
-    The stiffness 1 - sum a = prod (1 - p) of slow poles p is small by nature, and zero only to rounding. About a fold,
-    where it is zero, f(y) - y is a parabola, whose root is known to no more than the square root of its rounding.
+    """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `values`
+    (n_variables,); returns (n_terms,).
     """
     a = feedback(model, values)[1]
     terms, stiffness = model.table.at(values), 1.0 - float(a.sum())
@@ -256,18 +180,8 @@ def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], f
 
 
 def poles_of(lags: NDArray[np.int64], a: Array) -> NDArray[np.complex128]:
-    """Return the poles in the z plane, the roots of 1 - sum_l a_l z^-l.
-
-    Parameters
-    ----------
-    lags : ndarray of int, shape (n_a,)
-        Lags in samples.
-    a : ndarray, shape (n_a,)
-        Coefficients.
-
-    Returns
-    -------
-    ndarray of complex, shape (largest lag,)
+    """Return the poles in the z plane, the roots of 1 - sum_l a_l z^-l. Shapes: `lags` (n_a,); `a` (n_a,); returns
+    (largest lag,).
     """
     denominator = np.zeros(int(lags.max(initial=0)) + 1)
     denominator[0] = 1.0

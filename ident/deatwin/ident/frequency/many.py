@@ -23,8 +23,6 @@ from deatwin.ident.frequency.parts import FORMS, Orders
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term
 
-__all__ = ["Evaluated", "follow_equilibrium", "gfrf_of_many", "spectrum_of_many", "stable_polynomials"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -38,65 +36,25 @@ _SETTLED = 1e-9  # of the equation, relative to its terms
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated(Frozen):
-    """A frequency response at many parameters.
+    """A frequency response at many parameters."""
 
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n_draws, n)
-        NaN where there is no equilibrium.
-    exists : ndarray of bool, shape (n_draws,)
-        Whether there is one.
-    stable : ndarray of bool, shape (n_draws,)
-        Whether it is stable.
-    """
-
-    values: Complex
-    exists: NDArray[np.bool_]
-    stable: NDArray[np.bool_]
+    values: Complex  # shape (n_draws, n): NaN where there is no equilibrium
+    exists: NDArray[np.bool_]  # shape (n_draws,): Whether there is one
+    stable: NDArray[np.bool_]  # shape (n_draws,): Whether it is stable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Many:
-    """Models of the deviations from their equilibria, for the draws that have one.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of all.
-    theta : ndarray, shape (n_terms, n_kept)
-        Their parameters.
-    exists : ndarray of bool, shape (n_draws,)
-        Which draws have an equilibrium.
-    stable : ndarray of bool, shape (n_draws,)
-        Which have a stable one.
-    """
+    """Models of the deviations from their equilibria, for the draws that have one."""
 
     terms: Sequence[Term]
-    theta: Array
-    exists: NDArray[np.bool_]
-    stable: NDArray[np.bool_]
+    theta: Array  # shape (n_terms, n_kept): Their parameters
+    exists: NDArray[np.bool_]  # shape (n_draws,): Which draws have an equilibrium
+    stable: NDArray[np.bool_]  # shape (n_draws,): Which have a stable one
 
 
 def gfrf_of_many(model: NarxModel, point: Equilibrium, form: str, angles: Array, thetas: Array) -> Evaluated:
-    """Compute H_n at many parameters.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    point : Equilibrium
-        Its operating point.
-    form : str
-        As for `deatwin.ident.frequency.gfrf`.
-    angles : ndarray, shape (n, order)
-        Normalised frequencies, rad/sample.
-    thetas : ndarray, shape (n_draws, n_terms)
-        Parameters.
-
-    Returns
-    -------
-    Evaluated
-    """
+    """Compute H_n at many parameters. Shapes: `angles` (n, order); `thetas` (n_draws, n_terms)."""
     many = _deviations(model, point, thetas)
     shape, blocks = blocks_of(angles, FORMS[form], _MOST)
     values = np.full((len(thetas), *shape), np.nan + 0j)
@@ -113,25 +71,7 @@ def gfrf_of_many(model: NarxModel, point: Equilibrium, form: str, angles: Array,
 def spectrum_of_many(
     model: NarxModel, point: Equilibrium, parts: Orders, wanted: Sequence[int], thetas: Array
 ) -> Evaluated:
-    """Compute a sum of orders of the output's spectrum at many parameters.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    point : Equilibrium
-        Its operating point.
-    parts : Orders
-        One period of the excitation.
-    wanted : sequence of int
-        The orders that are summed.
-    thetas : ndarray, shape (n_draws, n_terms)
-        Parameters.
-
-    Returns
-    -------
-    Evaluated
-    """
+    """Compute a sum of orders of the output's spectrum at many parameters. Shapes: `thetas` (n_draws, n_terms)."""
     many = _deviations(model, point, thetas)
     n = parts.excitation.size
     values = np.full((len(thetas), n // 2 + 1), np.nan + 0j)
@@ -144,15 +84,7 @@ def spectrum_of_many(
 
 def stable_polynomials(coefficients: Array) -> NDArray[np.bool_]:
     """Return whether all roots of polynomials lie inside of the unit circle, by the recursion of Schur and Cohn.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (..., order + 1)
-        Of powers of the backward shift, from q^0 on; the first is 1.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
+    Shapes: `coefficients` (..., order + 1); returns (...).
     """
     rest = np.asarray(coefficients, dtype=np.float64)
     stable = np.ones(rest.shape[:-1], dtype=np.bool_)
@@ -202,25 +134,8 @@ def _feedback_polynomial(expansion: dict[Term, Array], count: int) -> Array:
 
 
 def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow the equilibrium from the model's parameters to others by Newton's method.
-
-    A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    point : Equilibrium
-        Its operating point.
-    thetas : ndarray, shape (n_draws, n_terms)
-        Parameters.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n_draws,)
-        Where each arrives, in the output's unit.
-    exists : ndarray of bool, shape (n_draws,)
-        Whether that is an equilibrium on the model's branch.
+    """Follow the equilibrium from the model's parameters to others by Newton's method. Shapes: `thetas` (n_draws,
+    n_terms); returns (n_draws,); returns (n_draws,).
     """
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)

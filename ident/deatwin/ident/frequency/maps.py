@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.frequency.response import FrequencyResponse
 
-__all__ = ["plot_map", "plot_slices", "plot_surface", "slice_of"]
 
 Array = NDArray[np.float64]
 
@@ -27,19 +26,7 @@ _MOST_PANELS = 6
 
 
 def plot_map(response: FrequencyResponse, axes: Axes) -> Axes:
-    """Draw the gain over the first two frequencies: contours on a grid, else points coloured by gain.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of order 2 or more.
-    axes : matplotlib Axes
-        Where to draw.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the gain over the first two frequencies: contours on a grid, else points coloured by gain."""
     plane = _middle_slice(response)
     grid = _grid(plane)
     if grid is None:

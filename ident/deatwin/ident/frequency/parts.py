@@ -13,42 +13,21 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.hierarchy import Feedback
 from deatwin.plant.errors import ModelError
 
-__all__ = ["FORMS", "Orders", "Tones", "TonesInOrder"]
-
 Array = NDArray[Any]
 
 _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many roundings that is zero
 
 
 class Tones:
-    """Sets of tones, each a bit of the part's number.
-
-    The input is a sum of tones e^(jw_i k); the output's part of a set is its share with the product of the set's
-    tones, and that of all n tones is n! times the symmetric H_n.
-
-    Parameters
-    ----------
-    angles : ndarray, shape (n, order)
-        Normalised frequencies of the tones, rad/sample.
-
-    Attributes
-    ----------
-    whole : int
-        The set of all tones.
-    """
+    """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order)."""
 
     def __init__(self, angles: Array) -> None:
         self._take(list(angles.T))
 
     @classmethod
     def on_grid(cls, axes: Sequence[Array]) -> Self:
-        """All combinations of the tones' frequencies: a set is computed once for those of its own tones.
-
-        Parameters
-        ----------
-        axes : sequence of ndarray, shape (n_i,)
-            Normalised frequencies of each tone, rad/sample; the values of a set stand on as many axes, of length 1
-            for tones that are not in it.
+        """All combinations of the tones' frequencies: a set is computed once for those of its own tones. Shapes:
+        `axes` (n_i,).
         """
         tones = cls.__new__(cls)
         tones._take(np.meshgrid(*axes, indexing="ij", sparse=True))
@@ -71,61 +50,22 @@ class Tones:
         return sorted(range(1, self.whole + 1), key=lambda part: part.bit_count())
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to split a set in two, either being the first.
-
-        Parameters
-        ----------
-        part : int
-            The set.
-        """
+        """All ways to split a set in two, either being the first."""
         last = (part - 1) & part
         while last:
             yield part ^ last, last
             last = (last - 1) & part
 
     def input(self, part: int, lag: int) -> Array | None:
-        """A delayed tone; sets of several tones are not in the input.
-
-        Parameters
-        ----------
-        part : int
-            The set.
-        lag : int
-            Samples.
-        """
+        """A delayed tone; sets of several tones are not in the input."""
         return self._shift(part, lag) if part.bit_count() == 1 else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Turn a part's phase by the sum of its tones' frequencies.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            The part.
-        part : int
-            The set.
-        lag : int
-            Samples.
-        """
+        """Turn a part's phase by the sum of its tones' frequencies. Shapes: `values` (..., n)."""
         return values * self._shift(part, lag)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Divide by 1 - sum_l a_l e^(-jwl) at the sum of the set's frequencies.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            Right side.
-        part : int
-            The set.
-        feedback : sequence of (int, ndarray)
-            Lags l and their a_l.
-
-        Raises
-        ------
-        ModelError
-            If there is a pole at one of these sums.
-        """
+        """Divide by 1 - sum_l a_l e^(-jwl) at the sum of the set's frequencies. Shapes: `values` (..., n)."""
         return values / _denominator(feedback, self._shift(part, 1), lambda lag: self._shift(part, lag))
 
     def _shift(self, part: int, lag: int) -> Array:
@@ -149,10 +89,7 @@ class TonesInOrder(Tones):
     That of all tones is H_n as the recursion of Peyton Jones and Billings gives it, eq. 18: not symmetric, but with
     the same mean over all permutations of the frequencies.
 
-    Parameters
-    ----------
-    angles : ndarray, shape (n, order)
-        As for `Tones`.
+    Shapes: `angles` (n, order).
     """
 
     @property
@@ -167,13 +104,7 @@ class TonesInOrder(Tones):
         return [((1 << size) - 1) << first for size in sizes for first in range(self.count - size + 1)]
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to cut a run.
-
-        Parameters
-        ----------
-        part : int
-            The run.
-        """
+        """All ways to cut a run."""
         first = part & -part
         rest = first
         while rest != part:
@@ -186,14 +117,8 @@ FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrde
 
 
 class Orders:
-    """Orders of the output in the size of a periodic input, over one period of the steady state.
-
-    Parameters
-    ----------
-    excitation : ndarray, shape (n,)
-        One period of the input.
-    highest : int
-        Largest order.
+    """Orders of the output in the size of a periodic input, over one period of the steady state. Shapes: `excitation`
+    (n,).
     """
 
     def __init__(self, excitation: Array, highest: int) -> None:
@@ -202,58 +127,19 @@ class Orders:
         self._turn = np.exp(-2j * np.pi * np.arange(excitation.size // 2 + 1) / excitation.size)
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All pairs of orders that make an order.
-
-        Parameters
-        ----------
-        part : int
-            The order.
-        """
+        """All pairs of orders that make an order."""
         return ((part - last, last) for last in range(1, part))
 
     def input(self, part: int, lag: int) -> Array | None:
-        """The delayed input, which is of order one only.
-
-        Parameters
-        ----------
-        part : int
-            The order.
-        lag : int
-            Samples.
-        """
+        """The delayed input, which is of order one only."""
         return np.roll(self.excitation, lag) if part == 1 else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay within the period.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            One period.
-        part : int
-            The order.
-        lag : int
-            Samples.
-        """
+        """Delay within the period. Shapes: `values` (..., n)."""
         return np.roll(values, lag, axis=-1)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Filter in the frequency domain, which is exact in the steady state.
-
-        Parameters
-        ----------
-        values : ndarray, shape (..., n)
-            Right side over one period.
-        part : int
-            The order.
-        feedback : sequence of (int, ndarray)
-            Lags l and their a_l.
-
-        Raises
-        ------
-        ModelError
-            If there is a pole at a line of the period: then there is no steady state.
-        """
+        """Filter in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
         denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
         return np.fft.irfft(np.fft.rfft(values) / denominator, self.excitation.size)
 

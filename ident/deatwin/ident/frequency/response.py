@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.frequency.many import Evaluated
 
-__all__ = ["Band", "FrequencyResponse", "FrequencyStatus", "Pointwise"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -80,37 +79,17 @@ class Band(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Pointwise(Frozen):
-    """A function of points, to be called at some of them.
+    """A function of points, to be called at some of them."""
 
-    Parameters
-    ----------
-    function : callable
-        Takes the points first.
-    points : ndarray, shape (n, ...)
-        Where.
-    """
-
-    function: Callable[..., Any]
-    points: Array
+    function: Callable[..., Any]  # Takes the points first
+    points: Array  # shape (n, ...): Where
 
     def __call__(self, *arguments: Any) -> Any:
-        """Return the function of the points.
-
-        Parameters
-        ----------
-        *arguments : Any
-            What else the function takes.
-        """
+        """Return the function of the points."""
         return self.function(self.points, *arguments)
 
     def at(self, chosen: NDArray[np.intp]) -> Pointwise:
-        """Return the function of fewer points.
-
-        Parameters
-        ----------
-        chosen : ndarray of int, shape (n_chosen,)
-            Which.
-        """
+        """Return the function of fewer points. Shapes: `chosen` (n_chosen,)."""
         return Pointwise(self.function, self.points[chosen])
 
 

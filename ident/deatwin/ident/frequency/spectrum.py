@@ -20,16 +20,6 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = [
-    "excited_lines",
-    "line_frequencies",
-    "one_period",
-    "output_orders",
-    "output_spectrum",
-    "representable",
-    "spectrum_of",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -105,86 +95,35 @@ def output_orders(
 
 
 def line_frequencies(n_samples: int, sample_time: float) -> Array:
-    """Return the lines of a period from 0 to half the sampling rate in rad/s, shape (n_samples // 2 + 1,).
-
-    Parameters
-    ----------
-    n_samples : int
-        Length of the period.
-    sample_time : float
-        Sampling interval in s.
-    """
+    """Return the lines of a period from 0 to half the sampling rate in rad/s, shape (n_samples // 2 + 1,)."""
     return read_only(2 * np.pi * np.fft.rfftfreq(n_samples, sample_time))
 
 
 def spectrum_of(values: ArrayLike) -> Complex:
-    """Return the Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT).
-
-    Parameters
-    ----------
-    values : array_like, shape (..., n)
-        One period each.
-
-    Returns
-    -------
-    ndarray of complex, shape (..., n // 2 + 1)
+    """Return the Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT). Shapes: `values` (..., n);
+    returns (..., n // 2 + 1).
     """
     given = np.asarray(values, dtype=np.float64)
     return np.asarray(np.fft.rfft(given) / given.shape[-1], dtype=np.complex128)
 
 
 def excited_lines(spectrum: Complex) -> NDArray[np.bool_]:
-    """Return which lines of an input hold more than rounding, of the shape of the spectrum.
-
-    Parameters
-    ----------
-    spectrum : ndarray of complex, shape (n_lines,)
-        Fourier coefficients.
+    """Return which lines of an input hold more than rounding, of the shape of the spectrum. Shapes: `spectrum`
+    (n_lines,).
     """
     size = np.abs(spectrum)
     return np.asarray(size > _EXCITED * size.max(), dtype=np.bool_)
 
 
 def representable(values: Complex, what: str) -> Complex:
-    """Return what was computed of an excitation after a check.
-
-    Parameters
-    ----------
-    values : ndarray of complex
-        Any shape.
-    what : str
-        What they are, for the error.
-
-    Raises
-    ------
-    ModelError
-        If a value is not finite.
-    """
+    """Return what was computed of an excitation after a check."""
     if not np.all(np.isfinite(values)):
         raise ModelError(f"the excitation is so large that {what} overflows; lower its amplitude")
     return values
 
 
 def one_period(excitation: ArrayLike, sample_time: float) -> Array:
-    """Return a period of an input after a check.
-
-    Parameters
-    ----------
-    excitation : array_like, shape (n_samples,)
-        The period; a `TestSignal` knows its own sample time.
-    sample_time : float
-        Of the model, s.
-
-    Returns
-    -------
-    ndarray, shape (n_samples,)
-
-    Raises
-    ------
-    ModelError
-        If it is not one-dimensional, real, finite and of at least two samples, or is known to have another sample
-        time.
-    """
+    """Return a period of an input after a check. Shapes: `excitation` (n_samples,); returns (n_samples,)."""
     values = real_numbers(excitation, "the excitation")
     if values.ndim != 1 or values.size < 2:
         raise ModelError(

@@ -28,25 +28,11 @@ from scipy.optimize import minimize
 
 from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise
-from deatwin.ident.greybox.filter_openings import Opening, places
+from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, StateSpace, kalman_filter, kalman_smoother
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-
-__all__ = [
-    "Floor",
-    "Latent",
-    "Linear",
-    "Opened",
-    "Opening",
-    "filter_likelihood",
-    "latent",
-    "linearise",
-    "open_place",
-    "places",
-    "smoothed",
-]
 
 Array = NDArray[np.float64]
 
@@ -62,60 +48,26 @@ REFINEMENTS = 25
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A plant with one place opened, and how likely that makes the recordings.
+    """A plant with one place opened, and how likely that makes the recordings."""
 
-    Parameters
-    ----------
-    opening : Opening or None
-        What is opened; None where nothing is.
-    amplitude : float
-        Standard deviation of what enters once it has forgotten its start, SI.
-    memory : float
-        Its correlation time, s.
-    log_likelihood : float
-        Of the readings.
-    terms : ndarray, shape (n,)
-        What each step of the filter adds to it, one part after another.
-    """
-
-    opening: Opening | None
-    amplitude: float
-    memory: float
+    opening: Opening | None  # What is opened; None where nothing is
+    amplitude: float  # Standard deviation of what enters once it has forgotten its start, SI
+    memory: float  # Its correlation time, s
     log_likelihood: float
-    terms: Array
+    terms: Array  # shape (n,): What each step of the filter adds to it, one part after another
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Latent:
-    """What entered a plant, smoothed: given all readings.
+    """What entered a plant, smoothed: given all readings."""
 
-    Parameters
-    ----------
-    opening : Opening
-        Where it enters.
-    timepts : ndarray, shape (n,)
-        Clock times at the ends of the samples, one part after another, s.
-    mean, deviation : ndarray, shape (n,)
-        Of what enters during each sample, SI (a number where it is a factor).
-    states : mapping of str to ndarray, each of shape (n,)
-        Command, and smoothed states; watched signals and coordinates of the free run; SI.
-    counted : ndarray of bool, shape (n,)
-        Where a reading counts.
-    origin : ndarray of int, shape (n,)
-        Number of the part.
-    amplitude, memory : float
-        Of the process, SI and s.
-    log_likelihood : float
-        Of the readings.
-    """
-
-    opening: Opening
-    timepts: Array
-    mean: Array
+    opening: Opening  # Where it enters
+    timepts: Array  # shape (n,): Clock times at the ends of the samples, one part after another, s
+    mean: Array  # shape (n,): Of what enters during each sample, SI (a number where it is a factor)
     deviation: Array
     states: Mapping[str, Array]
-    counted: NDArray[np.bool_]
-    origin: NDArray[np.int_]
+    counted: NDArray[np.bool_]  # shape (n,): Where a reading counts
+    origin: NDArray[np.int_]  # shape (n,): Number of the part
     amplitude: float
     memory: float
     log_likelihood: float
@@ -129,30 +81,7 @@ def filter_likelihood(
     amplitude: float = 0.0,
     memory: float = 1.0,
 ) -> Opened:
-    """How likely the readings are with one place opened.
-
-    Parameters
-    ----------
-    linears : sequence of Linear
-        The plant, linearised along the recordings.
-    floor : Floor
-        Noise and model error.
-    opening : Opening, optional
-        What is opened; nothing by default.
-    amplitude : float
-        Standard deviation of what enters, SI.
-    memory : float
-        Its correlation time, s.
-
-    Returns
-    -------
-    Opened
-
-    Raises
-    ------
-    ModelError
-        If the opening is not among those of the linearisation, or the memory is not positive.
-    """
+    """How likely the readings are with one place opened."""
     terms = []
     for linear in linears:
         filtered = _filtered(linear, floor, opening, amplitude, memory)
@@ -165,22 +94,7 @@ def filter_likelihood(
 
 
 def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None) -> Opened:
-    """Open a place with the amplitude and the memory that make the readings likeliest.
-
-    Parameters
-    ----------
-    linears : sequence of Linear
-        The plant, linearised along the recordings.
-    floor : Floor
-        Noise and model error.
-    opening : Opening or None
-        What is opened; None for nothing, to compare with.
-
-    Returns
-    -------
-    Opened
-        With an amplitude of zero where nothing is gained.
-    """
+    """Open a place with the amplitude and the memory that make the readings likeliest."""
     joined = _few_steps(linears)
     best = filter_likelihood(joined, floor)
     if opening is None:
@@ -229,32 +143,7 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None)
 def latent(
     plant: Plant, parts: Sequence[Part], opening: Opening, *, floor: Floor | None = None, opened: Opened | None = None
 ) -> Latent:
-    """Smooth what entered a plant at one place.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    parts : sequence of Part
-        Samples that count.
-    opening : Opening
-        Where it enters.
-    floor : Floor, optional
-        Noise and model error; the rig's by default.
-    opened : Opened, optional
-        The amplitude and memory to be taken; those that make the readings likeliest by default.
-
-    Returns
-    -------
-    Latent
-
-    Raises
-    ------
-    ModelError
-        If nothing enters there: the readings are as likely without.
-    SimulationError
-        If the plant cannot be simulated on the parts.
-    """
+    """Smooth what entered a plant at one place."""
     linears = linearise(plant, parts, (opening,))
     known = Floor.of(linears) if floor is None else floor
     process = open_place(linears, known, opening) if opened is None else opened
@@ -262,26 +151,7 @@ def latent(
 
 
 def smoothed(linears: Sequence[Linear], floor: Floor, process: Opened) -> Latent:
-    """Smooth what entered, from a plant that is linearised already.
-
-    Parameters
-    ----------
-    linears : sequence of Linear
-        The plant along the recordings.
-    floor : Floor
-        Noise and model error.
-    process : Opened
-        Where it enters, with amplitude and memory.
-
-    Returns
-    -------
-    Latent
-
-    Raises
-    ------
-    ModelError
-        If nothing enters there.
-    """
+    """Smooth what entered, from a plant that is linearised already."""
     opening = process.opening
     if opening is None or not process.amplitude > 0:
         raise ModelError("nothing enters where nothing is opened: the readings are as likely without")

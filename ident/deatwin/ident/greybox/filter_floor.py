@@ -9,43 +9,18 @@ import numpy as np
 
 from deatwin.ident.greybox.filter_linear import Linear
 
-__all__ = ["Floor"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """What accounts for a residual where nothing is opened.
+    """What accounts for a residual where nothing is opened."""
 
-    Parameters
-    ----------
-    noise : float
-        Standard deviation of the sensor's white noise, SI.
-    model_error : float
-        Rms of the plant's own error in the reading, SI.
-    memory : float
-        How long that error stays the same, s.
-    """
-
-    noise: float
-    model_error: float = 0.0
-    memory: float = 1.0
+    noise: float  # Standard deviation of the sensor's white noise, SI
+    model_error: float = 0.0  # Rms of the plant's own error in the reading, SI
+    memory: float = 1.0  # How long that error stays the same, s
 
     @classmethod
     def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
-        """The floor of a plant: a static error moves as the motion does.
-
-        Parameters
-        ----------
-        linears : sequence of Linear
-            The plant along the recordings.
-        noise : float, optional
-            Standard deviation of the sensor's noise, SI; the rig's by default.
-
-        Returns
-        -------
-        Floor
-            Its memory is the time in which the autocorrelation of the command-driven motion falls to 1/e.
-        """
+        """The floor of a plant: a static error moves as the motion does."""
         rig = linears[0].plant.rig
         memory = float(np.median([_correlation_time(linear) for linear in linears]))
         return cls(noise=rig.noise if noise is None else noise, model_error=rig.model_error, memory=memory)

@@ -25,8 +25,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rest import rest_state
 
-__all__ = ["Linear", "linearise", "without_repeats"]
-
 Array = NDArray[np.float64]
 
 ALIKE = 1 - 1e-9
@@ -37,54 +35,22 @@ SPREAD = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linear:
-    """A plant, linearised along its free run through one part of the recordings.
+    """A plant, linearised along its free run through one part of the recordings."""
 
-    Parameters
-    ----------
-    plant : Plant
-        That was linearised.
-    openings : tuple of Opening
-        What may be opened.
-    timepts : ndarray, shape (n,)
-        Clock times at the end of each sample from the start procedure on, s.
-    residual : ndarray, shape (n,)
-        Measured minus simulated at the end of each sample, SI; NaN where no reading counts.
-    transition : ndarray, shape (n, n_x, n_x)
-        F_k, from the start of a sample to its end.
-    by_parameter : ndarray, shape (n, n_x, n_p)
-        B_k, by parameters that were other from the beginning, in their coordinates.
-    rows : ndarray, shape (n, n_x)
-        C_k, of the reading at the end of a sample by the states at its start.
-    rows_by_parameter : ndarray, shape (n, n_p)
-        D_k.
-    start_by_parameter : ndarray, shape (n_x, n_p)
-        Derivative of the state of rest.
-    entering : ndarray, shape (n, n_x, n_openings)
-        G_k, by what enters for this sample only, in SI.
-    rows_entering : ndarray, shape (n, n_openings)
-        L_k.
-    states : mapping of str to ndarray, each of shape (n,)
-        Command and reading, states, coordinates and watched signals of the free run, SI.
-    counts : ndarray, shape (n,)
-        Readings of which `residual` is the mean: 1 or 0, more where samples were joined.
-    interval : float
-        From one of them to the next, s.
-    """
-
-    plant: Plant
-    openings: tuple[Opening, ...]
-    timepts: Array
-    residual: Array
-    transition: Array
+    plant: Plant  # That was linearised
+    openings: tuple[Opening, ...]  # What may be opened
+    timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
+    residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
+    transition: Array  # shape (n, n_x, n_x): F_k, from the start of a sample to its end
     by_parameter: Array
-    rows: Array
-    rows_by_parameter: Array
-    start_by_parameter: Array
-    entering: Array
-    rows_entering: Array
+    rows: Array  # shape (n, n_x): C_k, of the reading at the end of a sample by the states at its start
+    rows_by_parameter: Array  # shape (n, n_p): D_k
+    start_by_parameter: Array  # shape (n_x, n_p): Derivative of the state of rest
+    entering: Array  # shape (n, n_x, n_openings): G_k, by what enters for this sample only, in SI
+    rows_entering: Array  # shape (n, n_openings): L_k
     states: Mapping[str, Array]
-    counts: Array
-    interval: float
+    counts: Array  # shape (n,): Readings of which `residual` is the mean: 1 or 0, more where samples were joined
+    interval: float  # From one of them to the next, s
 
     @property
     def counted(self) -> NDArray[np.bool_]:
@@ -98,27 +64,12 @@ class Linear:
 
     @cached_property
     def prior(self) -> Array:
-        """Variances of the constant parameters' coordinates, shape (n_p,).
-
-        A parameter that may be zero has the width of its range as its deviation; another, a share of its value, over
-        which the plant is nearly linear in it.
-        """
+        """Variances of the constant parameters' coordinates, shape (n_p,)."""
         free = [self.plant.parameters[name] for name in self.plant.parameters.free]
         return np.array([_spread(parameter) ** 2 for parameter in free])
 
     def joined(self, size: int) -> Linear:
-        """The same, with so many samples joined into one, in which what enters is constant.
-
-        Parameters
-        ----------
-        size : int
-            Samples to be joined; the residual is the mean of theirs.
-
-        Returns
-        -------
-        Linear
-            Exact for constant parameters and for what enters in steps; states and signals are means.
-        """
+        """The same, with so many samples joined into one, in which what enters is constant."""
         if size == 1:
             return self
         n_x, n_p = self.start_by_parameter.shape
@@ -172,20 +123,7 @@ class Linear:
         return answers
 
     def response(self, number: int, entering: Array) -> Array:
-        """The readings' answer to something that enters.
-
-        Parameters
-        ----------
-        number : int
-            Of the opening.
-        entering : ndarray, shape (n, m)
-            What enters in each sample; one or several courses, SI.
-
-        Returns
-        -------
-        ndarray, shape (n, m)
-            SI.
-        """
+        """The readings' answer to something that enters. Shapes: `entering` (n, m); returns (n, m)."""
         answers = self.rows_entering[:, number, None] * entering
         drive = self.entering[:, :, number, None] * entering[:, None]
         x = np.zeros(drive.shape[1:])
@@ -211,27 +149,7 @@ def _blocks(array: Array, size: int) -> Array:
 
 
 def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
-    """Linearise a plant along its free run.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    parts : sequence of Part
-        Samples that count.
-    openings : sequence of Opening, optional
-        What may be opened later; all `places` by default.
-
-    Returns
-    -------
-    tuple of Linear
-        One for each part.
-
-    Raises
-    ------
-    SimulationError
-        If the plant cannot be simulated on the parts.
-    """
+    """Linearise a plant along its free run."""
     chosen = tuple(places(plant) if openings is None else openings)
     step = linear_step(plant, chosen)
     return tuple(_linearised(plant, part, chosen, step) for part in parts)
@@ -288,18 +206,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
 
 
 def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
-    """Leave out openings that do the same as one before them, up to a factor.
-
-    Parameters
-    ----------
-    linears : sequence of Linear
-        The plant along the recordings.
-
-    Returns
-    -------
-    tuple of Linear
-        With fewer openings: what enters a command and what enters the voltage that is a multiple of it are one.
-    """
+    """Leave out openings that do the same as one before them, up to a factor."""
     entering = [np.concatenate([x.entering, x.rows_entering[:, None]], axis=1) for x in linears]
     sizes = np.max([np.abs(e).max(axis=(0, 2)) for e in entering], axis=0)
     columns = np.concatenate([(e / np.maximum(sizes, 1e-300)[:, None]).reshape(-1, e.shape[2]) for e in entering])

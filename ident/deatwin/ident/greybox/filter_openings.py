@@ -17,8 +17,6 @@ from deatwin.plant.film import AnyFilm
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, ParameterSet
 
-__all__ = ["STATE", "Opening", "opened_equations", "places"]
-
 STATE = "state"
 """The place of a state's own equation, where the rig declares no better one."""
 COMMAND = (Place.DRIVE.value, "command")
@@ -31,20 +29,10 @@ LAST = (Place.SENSOR.value, Place.PARAMETER.value, STATE)
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """A place at which an unknown, wandering quantity d may enter a plant.
-
-    Parameters
-    ----------
-    place : str
-        ``"drive"``, ``"ball"``, ``"film"``, ``"sensor"`` or another that the rig declares: d is added to a signal that
-        it offers there (to 1, as a factor, where the signal is a film); ``"parameter"``: to a free parameter;
-        ``"state"``: to a state, once a sample.
-    signal : str
-        Name of the signal, the parameter or the state.
-    """
+    """A place at which an unknown, wandering quantity d may enter a plant."""
 
     place: str
-    signal: str
+    signal: str  # Name of the signal, the parameter or the state
 
     @property
     def name(self) -> str:
@@ -53,18 +41,7 @@ class Opening:
 
 
 def places(plant: Plant) -> tuple[Opening, ...]:
-    """What can be opened in a plant.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-
-    Returns
-    -------
-    tuple of Opening
-        Signals that the rig offers to effects, command and reading in any case; free parameters; states.
-    """
+    """What can be opened in a plant."""
     declared = dict.fromkeys([COMMAND, *_heard(plant), READING])
     found = [
         *(Opening(place=place, signal=signal) for place, signal in declared),
@@ -75,22 +52,7 @@ def places(plant: Plant) -> tuple[Opening, ...]:
 
 
 def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence[str]) -> Equations:
-    """The equations of a plant with a further parameter, zero, for what may enter at each signal.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-    openings : sequence of Opening
-        Those at signals are built in, the others passed over.
-    ghosts : sequence of str
-        Names of parameters to be added that enter nothing: room for derivatives by something else.
-
-    Returns
-    -------
-    Equations
-        Its free parameters are the plant's, then one for each opening at a signal, by its name, then the ghosts.
-    """
+    """The equations of a plant with a further parameter, zero, for what may enter at each signal."""
     built_in = [o for o in openings if o.place not in (Place.PARAMETER.value, STATE)]
     added = [
         Parameter(name=name, value=0.0, unit="1", lower=-1e300, upper=1e300)

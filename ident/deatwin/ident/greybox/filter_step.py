@@ -17,8 +17,6 @@ from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
 
-__all__ = ["LinearStep", "held_ghost", "linear_step", "start_ghost"]
-
 Array = NDArray[np.float64]
 
 CHUNK = 200
@@ -26,32 +24,12 @@ SHORTER_STEPS = (4, 16, 64)
 
 
 def start_ghost(state: str) -> str:
-    """Name of the parameter that stands for a state at the start of a step.
-
-    Parameters
-    ----------
-    state : str
-        Name of the state.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the parameter that stands for a state at the start of a step."""
     return f"start.{state}"
 
 
 def held_ghost(name: str) -> str:
-    """Name of the parameter that stands for a held quantity.
-
-    Parameters
-    ----------
-    name : str
-        Name of the quantity.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the parameter that stands for a held quantity."""
     return f"held.{name}"
 
 
@@ -71,19 +49,7 @@ class _Key:
 
 
 def linear_step(plant: Plant, openings: tuple[Opening, ...]) -> LinearStep:
-    """The compiled step, shared by all plants of the same structure in this process.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-    openings : tuple of Opening
-        What may be opened.
-
-    Returns
-    -------
-    LinearStep
-    """
+    """The compiled step, shared by all plants of the same structure in this process."""
     return _step(_Key(plant, openings))
 
 
@@ -97,13 +63,6 @@ class LinearStep:
 
     States and held quantities stand among the parameters as ghosts that enter no equation: their columns of the
     derivatives carried into the step are unit vectors, those of the parameters zero.
-
-    Parameters
-    ----------
-    plant : Plant
-        Of whose structure the step is.
-    openings : sequence of Opening
-        What may be opened.
     """
 
     def __init__(self, plant: Plant, openings: Sequence[Opening]) -> None:
@@ -116,36 +75,8 @@ class LinearStep:
     def along(
         self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Step through a record.
-
-        Parameters
-        ----------
-        rest : RestState
-            Where it begins, of the opened equations.
-        inputs : ndarray, shape (n_u, n)
-            Of each sample.
-        start : float
-            Clock time, s.
-        sample_time : float
-            s.
-        values : ndarray, shape (n_p,)
-            Parameters of the opened equations, SI.
-
-        Returns
-        -------
-        states : ndarray, shape (n, n_x)
-            At the end of each sample.
-        coordinates : ndarray, shape (n, n_z)
-            Likewise.
-        slopes : ndarray, shape (n, n_x, n_p)
-            Derivatives of the states by the parameters of this sample alone; by its start in the ghosts' columns.
-        reading_slopes : ndarray, shape (n, n_p)
-            The same of the reading.
-
-        Raises
-        ------
-        SimulationError
-            If a sample cannot be solved.
+        """Step through a record. Shapes: `inputs` (n_u, n); `values` (n_p,); returns (n, n_x), At the end of each
+        sample; returns (n, n_z); returns (n, n_x, n_p); returns (n, n_p).
         """
         march = March(self._march)
         x, z, dx, dd, d, u, t, h, p, c = march.arguments

@@ -19,8 +19,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
-__all__ = ["Calibration", "Problem", "calibrate"]
-
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
@@ -193,21 +191,11 @@ class Calibration:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """Residuals of a plant on the counted samples, as a function of the fitted coordinates.
+    """Residuals of a plant on the counted samples, as a function of the fitted coordinates."""
 
-    Parameters
-    ----------
-    plant : Plant
-        Where the fit starts.
-    parts : tuple of Part
-        What counts.
-    names : tuple of str
-        Parameters to be fitted; the other free ones stay.
-    """
-
-    plant: Plant
-    parts: tuple[Part, ...]
-    names: tuple[str, ...]
+    plant: Plant  # Where the fit starts
+    parts: tuple[Part, ...]  # What counts
+    names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
 
     def start(self) -> np.ndarray:
         """Coordinates of the plant's present values, shape (n,)."""
@@ -233,15 +221,7 @@ class Problem:
 
     def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
-
-        Parameters
-        ----------
-        coordinates : ndarray, shape (n,)
-            Of the fitted parameters.
-
-        Returns
-        -------
-        tuple of ndarray, or None
+        Shapes: `coordinates` (n,).
         """
         plant = self.plant.with_values(self.values(coordinates))
         free = plant.parameters.free
@@ -367,13 +347,7 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
 
 
 def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Covariance of least squares under residuals that are correlated in time.
-
-    The variance is taken at zero frequency over lags up to the square root of the record (Newey-West), which
-    model errors need: they are slow, and white-noise formulas would make the intervals far too narrow. That estimate
-    is noisy and, since the fit has taken the slowest part out of the residuals, low; so no parameter's variance is
-    taken to be less than under white noise. In directions that are undetermined there is none: nothing moves there.
-    """
+    """Covariance of least squares under residuals that are correlated in time."""
     scaled, scale = _scaled(jacobian)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
     scores = scaled * residuals[:, None]

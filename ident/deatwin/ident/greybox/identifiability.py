@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from deatwin.plant.model import Plant
 
-__all__ = ["Profile", "profile"]
 
 Array = NDArray[np.float64]
 
@@ -166,11 +165,7 @@ class _Side:
 
 
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
-    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola.
-
-    Where the steps run out before it is found the next value beyond is taken; where none beyond has a fit, as where the
-    film loses its tension, the last one that has.
-    """
+    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
@@ -232,11 +227,7 @@ def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float)
 
 
 def _moved(best: Calibration, parts: Sequence[Part], name: str, value: float) -> Plant:
-    """The plant with one parameter moved and the others where the covariance expects them then.
-
-    Parameters that do the same are known far less than their combination: one of them moved alone leaves the valley
-    of good fits, and with it perhaps the plants that can be simulated.
-    """
+    """The plant with one parameter moved and the others where the covariance expects them then."""
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
     start = problem.start()

@@ -14,7 +14,6 @@ from deatwin.ident.greybox.tangent import linearised_rms
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Problem
 
-__all__ = ["EVALUATIONS", "LOOKS", "TOLERANCE", "Minimum", "minimise"]
 
 EVALUATIONS = 30
 TOLERANCE = 1e-4
@@ -29,54 +28,19 @@ SAME = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
-    """Where a sum of squares was least.
+    """Where a sum of squares was least."""
 
-    Parameters
-    ----------
-    coordinates : ndarray, shape (n,)
-        Of the fitted parameters, each in its `Scale`.
-    residuals : ndarray, shape (m,)
-        There, SI.
-    jacobian : ndarray, shape (m, n)
-        Derivative of the readings there, SI.
-    status : FitStatus
-        Whether it settled there, used up its evaluations, or was given up.
-    evaluations : int
-        Simulations made.
-    """
-
-    coordinates: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    status: FitStatus
-    evaluations: int
+    coordinates: np.ndarray  # shape (n,): Of the fitted parameters, each in its `Scale`
+    residuals: np.ndarray  # shape (m,): There, SI
+    jacobian: np.ndarray  # shape (m, n): Derivative of the readings there, SI
+    status: FitStatus  # Whether it settled there, used up its evaluations, or was given up
+    evaluations: int  # Simulations made
 
 
 def minimise(
     problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE, hopeless: float = np.inf
 ) -> Minimum | None:
-    """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result.
-
-    Only coordinates that the residuals follow smoothly are moved. A step that takes an event past a sample does not do
-    what its derivative promised, so the trust region of all would shrink until nothing moves.
-
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted, and from where.
-    evaluations : int
-        Largest number of simulations.
-    tolerance : float
-        Relative change of the squared residual at which the fit has settled.
-    hopeless : float
-        Rms residual, SI: where the linearised problem's minimum is above it at each of the first `LOOKS` points, the
-        fit is given up; points that are no better than one before are not looked at.
-
-    Returns
-    -------
-    Minimum or None
-        None if the plant cannot be simulated at its starting values, nor just inside the range of those on a bound.
-    """
+    """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
     cost = _Memory(problem, hopeless)
     start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
     first = cost(start)
@@ -139,10 +103,7 @@ class _GivenUp(Exception):
 
 
 class _Memory:
-    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back.
-
-    The solver knows of the smooth coordinates only; the others stay.
-    """
+    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back."""
 
     def __init__(self, problem: Problem, hopeless: float) -> None:
         self.problem, self.hopeless = problem, hopeless

@@ -12,8 +12,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.timeline import Timeline
 
-__all__ = ["Part", "Records", "free_run_residuals", "parts_of", "reading_times", "simulated"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
@@ -119,22 +117,7 @@ Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording
 
 
 def parts_of(records: Records) -> tuple[Part, ...]:
-    """Whatever counts, as parts.
-
-    Parameters
-    ----------
-    records : Part, Experiment or Recording, or a sequence of such
-        All samples of experiments and recordings count, and each of them starts from rest.
-
-    Returns
-    -------
-    tuple of Part
-
-    Raises
-    ------
-    DataError
-        If one is something else, or there are none.
-    """
+    """Whatever counts, as parts."""
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
@@ -154,20 +137,7 @@ def _part(given: object) -> Part:
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """Clock times at which a plant has the readings that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Its rig says when in its row a reading is taken.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        s, one after another.
-    """
+    """Clock times at which a plant has the readings that count. `parts` which samples; returns (n,)."""
     timelines = [plant.timeline(part.experiment) for part in parts]
     return np.concatenate(
         [t.start + (part.counted(t) + 1) * t.sample_time for t, part in zip(timelines, parts, strict=True)]
@@ -175,20 +145,7 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
 
 
 def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Free-run readings of a plant at the samples that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        SI, one after another; None if the plant fails.
-    """
+    """Free-run readings of a plant at the samples that count. `parts` which samples; returns (n,)."""
     pieces = []
     for part in parts:
         simulation = plant.simulate(part.experiment)
@@ -199,19 +156,6 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Measured minus simulated at the samples that count.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated from rest.
-    parts : sequence of Part
-        Which samples.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        SI; None if the plant fails.
-    """
+    """Measured minus simulated at the samples that count. `parts` which samples; returns (n,)."""
     readings = simulated(plant, parts)
     return None if readings is None else np.concatenate([part.measured for part in parts]) - readings

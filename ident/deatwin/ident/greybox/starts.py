@@ -19,7 +19,6 @@ from deatwin.ident.greybox.status import FitStatus
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Problem
 
-__all__ = ["EXACT", "STARTS", "Search", "least"]
 
 STARTS = 8
 """Most starts: where only one in three leads to the least minimum, all but one search in 25 find it."""
@@ -37,44 +36,17 @@ _REACH = (0.5, 0.25, 0.125)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """The best of several fits.
+    """The best of several fits."""
 
-    Parameters
-    ----------
-    best : Minimum
-        With the simulations of all.
-    tried : int
-        Number of fits.
-    agreed : int
-        How many of them ended with the same error as the best.
-    """
-
-    best: Minimum
-    tried: int
-    agreed: int
+    best: Minimum  # With the simulations of all
+    tried: int  # Number of fits
+    agreed: int  # How many of them ended with the same error as the best
 
 
 def least(
     problem: Problem, noise: float, starts: int, evaluations: int, tolerance: float, hopeless: float
 ) -> Search | None:
-    """Fit from the given values, then through growing openings from there and from other points, as far as needed.
-
-    Parameters
-    ----------
-    problem : Problem
-        What is fitted, and from where.
-    noise : float
-        Standard deviation of the readings' noise, SI: a fit that leaves no more needs no other start.
-    starts : int
-        Most fits; 1 for the given values alone.
-    evaluations, tolerance, hopeless
-        As for `minimise`, of each fit.
-
-    Returns
-    -------
-    Search or None
-        None if the plant cannot be simulated at its starting values.
-    """
+    """Fit from the given values, then through growing openings from there and from other points, as far as needed."""
     options = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
     first = minimise(problem, **options)  # type: ignore[arg-type]
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from enum import Enum
 
-__all__ = ["FitStatus"]
-
 
 class FitStatus(Enum):
     """How a calibration ended; the text is the advice."""

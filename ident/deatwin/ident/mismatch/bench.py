@@ -8,8 +8,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["Bench"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:

@@ -32,8 +32,6 @@ from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 
-__all__ = ["Findings", "conclude"]
-
 MARGIN = 0.05
 """Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
 physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand. That is 0.5 to 14 %

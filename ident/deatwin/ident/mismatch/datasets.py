@@ -14,7 +14,6 @@ from deatwin.plant.datasets import Variables, clock, columns, dataset
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.diagnosis import Diagnosis
 
-__all__ = ["dataset_of", "places", "samples", "table"]
 
 _UNITS = {"from_s": "s", "to_s": "s", "from_Hz": "Hz", "to_Hz": "Hz", "excess_dB": "dB"}
 Told = Mapping[str, tuple[str, ...]]

@@ -30,8 +30,6 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-__all__ = ["diagnose"]
-
 Progress = Callable[[float, str], None]
 _Seen = tuple[Sequence[Footprint], Detection]
 

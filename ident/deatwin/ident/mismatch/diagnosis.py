@@ -19,7 +19,6 @@ from deatwin.plant.prefixes import prefixed
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SCHEMA", "Cause", "Diagnosis", "FittedParameter", "Interval", "Verdict"]
 
 SCHEMA = "deatwin/diagnosis/1"
 NOTHING = 1e-3

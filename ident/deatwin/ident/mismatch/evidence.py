@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.locate import Location
     from deatwin.ident.mismatch.verify import Verification
 
-__all__ = ["CandidateSummary", "Evidence"]
 
 Readings = tuple[tuple[np.ndarray, ...], ...]
 

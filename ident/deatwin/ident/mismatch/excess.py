@@ -8,8 +8,6 @@ import numpy as np
 
 from deatwin.ident.mismatch.losses import block_losses, exceeds
 
-__all__ = ["BEYOND_DOUBT", "SIGNIFICANCE", "Excess", "excess_over_floor", "practical_size"]
-
 SIGNIFICANCE = 0.01
 PRACTICAL_SHARE = 0.1
 """Of the noise's power, that an excess must have besides the model error's: no sensor's noise is known better."""

@@ -12,8 +12,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Refinable
 from deatwin.plant.recording import Experiment
 
-__all__ = ["floor_of", "with_model_error"]
-
 BENT = 1.5
 """Largest ratio by which a plant may raise the error that is expected of its rig. What is missing bends the base plant,
 and a wrong effect any other, to where its equations hold no more: that is no reason to expect less of it. Of 150 base

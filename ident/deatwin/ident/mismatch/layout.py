@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch.evidence import Evidence
 
-__all__ = ["Stretch", "draw_residuals", "laid_out", "stretches_of_true"]
 
 SPACE = 0.02
 """Space between experiments that are drawn one after another, as a share of all."""

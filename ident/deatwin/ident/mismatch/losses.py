@@ -9,8 +9,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import stdtr
 
-__all__ = ["BLOCK_SAMPLES", "block_losses", "bootstrap_gain", "evidence", "exceeds"]
-
 BLOCK_SAMPLES = 50
 RESAMPLES = 2000
 

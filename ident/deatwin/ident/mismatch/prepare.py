@@ -16,8 +16,6 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 
-__all__ = ["prepare"]
-
 
 def prepare(
     plant: Plant, checked: Gate, effects: Sequence[Effect] | None = None, *, jobs: int = 1

@@ -16,8 +16,6 @@ from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.prefixes import resolving
 
-__all__ = ["number", "risk", "say"]
-
 SMALL_SHARE = 0.5
 """A single cause that explains less than this much of the mismatch is not the whole story."""
 MOST_FAULTS = 3

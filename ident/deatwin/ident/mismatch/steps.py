@@ -20,8 +20,6 @@ from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 
-__all__ = ["Step", "base_step", "fit_step", "forms_tried", "found_step", "gate_step"]
-
 
 class _Found(Protocol):
     """What a step found, that a diagnosis file holds as it is."""

@@ -5,7 +5,8 @@
 y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
-from deatwin.ident.narx.estimation import Bayesian, LeastSquares, TotalLeastSquares
+from deatwin.ident.narx.estimate import LeastSquares
+from deatwin.ident.narx.estimation import TotalLeastSquares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier
@@ -22,8 +23,9 @@ from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.robust import robust, robust_covariance
-from deatwin.ident.narx.semp import Semp, SempStep
-from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.semp import Semp
+from deatwin.ident.narx.semp_search import SempStep
+from deatwin.ident.narx.shrinkage import Bayesian, Ridge
 from deatwin.ident.narx.svb import CleanUpMove, PruningStep, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory

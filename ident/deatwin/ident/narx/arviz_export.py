@@ -14,8 +14,6 @@ from deatwin.ident.narx.predictive import regressors
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["to_arviz"]
-
 Array = NDArray[np.float64]
 
 
@@ -27,29 +25,8 @@ def to_arviz(
     n_chains: int = 4,
     n_draws: int = 500,
 ) -> Any:
-    """Return independent draws of the posterior, and with a recording what they say of it one step ahead.
-
-    Parameters
-    ----------
-    model : NarxModel
-        With its covariance, degrees of freedom and noise variance.
-    rng : numpy.random.Generator
-        Of the draws.
-    recording : Recording, optional
-        Adds the groups ``posterior_predictive``, ``log_likelihood`` and ``observed_data``, of the samples after the
-        first lags; each takes ``n_chains * n_draws`` numbers a sample.
-    n_chains, n_draws : int
-        Chains, and draws in each. The draws are independent, the chains but a form.
-
-    Returns
-    -------
-    arviz.InferenceData, or xarray.DataTree from ArviZ 1 on
-        In the posterior ``theta`` has the coordinate ``term``, ``noise_variance`` the coordinate ``output``.
-
-    Raises
-    ------
-    ModelError
-        If ArviZ is not installed, or the recording does not suit the model.
+    """Return independent draws of the posterior, and with a recording what they say of it one step ahead. `model`
+    with its covariance, degrees of freedom and noise variance.
     """
     try:
         import arviz

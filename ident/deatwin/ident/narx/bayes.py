@@ -27,51 +27,25 @@ _LEAF = 64  # rows up to which LAPACK inverts a triangle as fast as products of 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
-    """Gamma priors: tau ~ Gam(a0, b0) of the noise precision, alpha_m ~ Gam(c0, d0) of each relevance.
+    """Gamma priors: tau ~ Gam(a0, b0) of the noise precision, alpha_m ~ Gam(c0, d0) of each relevance."""
 
-    Parameters
-    ----------
-    a0, b0 : float
-        Shape and rate of the noise precision.
-    c0, d0 : float
-        Shape and rate of each term's precision, relative to that of the noise.
-    """
-
-    a0: float = 1e-2
+    a0: float = 1e-2  # Shape and rate of the noise precision
     b0: float = 1e-4
-    c0: float = 1e-2
+    c0: float = 1e-2  # Shape and rate of each term's precision, relative to that of the noise
     d0: float = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Statistics:
-    """What the data say: sufficient statistics of the regression.
+    """What the data say: sufficient statistics of the regression."""
 
-    Parameters
-    ----------
-    gram : ndarray, shape (n_terms, n_terms)
-        Phi'Phi.
-    moment : ndarray, shape (n_terms,)
-        Phi'y.
-    power : float
-        y'y.
-    n_samples : int
-        Number of samples.
-    """
-
-    gram: Array
-    moment: Array
-    power: float
-    n_samples: int
+    gram: Array  # shape (n_terms, n_terms): Phi'Phi
+    moment: Array  # shape (n_terms,): Phi'y
+    power: float  # y'y
+    n_samples: int  # Number of samples
 
     def only(self, keep: NDArray[np.intp]) -> Statistics:
-        """Return the statistics of some of the terms.
-
-        Parameters
-        ----------
-        keep : ndarray of int
-            Their positions.
-        """
+        """Return the statistics of some of the terms."""
         return Statistics(
             gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep], power=self.power, n_samples=self.n_samples
         )
@@ -93,15 +67,7 @@ class Statistics:
         return sqrt(self.power / self.n_samples) or 1.0
 
     def divided(self, sizes: Array, output_size: float = 1.0) -> Statistics:
-        """Return the statistics of regressors and output divided by sizes.
-
-        Parameters
-        ----------
-        sizes : ndarray, shape (n_terms,)
-            A divisor for each regressor.
-        output_size : float
-            The divisor of the output.
-        """
+        """Return the statistics of regressors and output divided by sizes. Shapes: `sizes` (n_terms,)."""
         return Statistics(
             gram=self.gram / np.outer(sizes, sizes),
             moment=self.moment / sizes / output_size,
@@ -112,25 +78,13 @@ class Statistics:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posterior:
-    """q(theta, tau) = N(theta | mean, V / tau) Gam(tau | a, b); theta is Student-t, 2a degrees of freedom.
+    """q(theta, tau) = N(theta | mean, V / tau) Gam(tau | a, b); theta is Student-t, 2a degrees of freedom."""
 
-    Parameters
-    ----------
-    mean : ndarray, shape (n_terms,)
-        Mean of theta.
-    root : ndarray, shape (n_terms, n_terms)
-        Lower triangular W with V = W'W.
-    a, b : float
-        Shape and rate of the noise precision.
-    residual : float
-        Sum of squares ||y - Phi mean||^2.
-    """
-
-    mean: Array
-    root: Array
-    a: float
+    mean: Array  # shape (n_terms,): Mean of theta
+    root: Array  # shape (n_terms, n_terms): Lower triangular W with V = W'W
+    a: float  # Shape and rate of the noise precision
     b: float
-    residual: float
+    residual: float  # Sum of squares ||y - Phi mean||^2
 
     @property
     def spread(self) -> Array:
@@ -154,22 +108,7 @@ class Posterior:
 
 
 def posterior(data: Statistics, alpha: Array, priors: Priors) -> Posterior:
-    """Return the posterior at given relevances; exact (normal-gamma) when they are fixed.
-
-    Parameters
-    ----------
-    data : Statistics
-        Of n_terms terms.
-    alpha : ndarray, shape (n_terms,)
-        Precision of each parameter relative to the noise's, E[alpha].
-    priors : Priors
-        Of the noise precision.
-
-    Raises
-    ------
-    ModelError
-        If the terms are numerically dependent beyond what the prior can hold.
-    """
+    """Return the posterior at given relevances; exact (normal-gamma) when they are fixed. Shapes: `alpha` (n_terms,)."""
     precision = np.array(data.gram.T, order="F")  # it is symmetric: the transpose copies along memory
     precision[np.diag_indices(alpha.size)] += alpha
     root, info = lapack.dpotrf(precision, lower=1, overwrite_a=1)
@@ -190,15 +129,7 @@ def posterior(data: Statistics, alpha: Array, priors: Priors) -> Posterior:
 
 
 def invert_triangle(lower: Array) -> None:
-    """Replace a lower triangular matrix by its inverse, from products of its blocks.
-
-    As stable as LAPACK's dtrtri and, for hundreds of rows, twice as fast: nearly all work is done by dtrmm.
-
-    Parameters
-    ----------
-    lower : ndarray, shape (n, n)
-        Lower triangular, zero above the diagonal; overwritten.
-    """
+    """Replace a lower triangular matrix by its inverse, from products of its blocks. Shapes: `lower` (n, n)."""
     n = len(lower)
     if n <= _LEAF:
         lower[:] = lapack.dtrtri(lower, lower=1)[0]
@@ -212,52 +143,18 @@ def invert_triangle(lower: Array) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RelevanceFit:
-    """Converged variational posterior of one set of terms.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Of parameters and noise.
-    alpha : ndarray, shape (n_terms,)
-        E[alpha]; its inverse is the relevance of a term.
-    bounds : tuple of float
-        Lower bound on ln p(y) after each update; it never falls.
-    settled : bool
-        Whether parameters and noise had settled at the end.
-    """
+    """Converged variational posterior of one set of terms."""
 
     posterior: Posterior
-    alpha: Array
-    bounds: tuple[float, ...]
-    settled: bool
+    alpha: Array  # shape (n_terms,): E[alpha]; its inverse is the relevance of a term
+    bounds: tuple[float, ...]  # Lower bound on ln p(y) after each update; it never falls
+    settled: bool  # Whether parameters and noise had settled at the end
 
 
 def fit_relevance(
     data: Statistics, priors: Priors, alpha: Array, *, tolerance: float, max_iterations: int
 ) -> RelevanceFit:
-    """Iterate q(theta, tau) and q(alpha) until parameters and noise have settled.
-
-    The bound is no measure of that: while nearly collinear terms find their shares it rises by a millionth of itself an
-    update, and still by hundreds of nats in the end.
-
-    Parameters
-    ----------
-    data : Statistics
-        Of n_terms terms.
-    priors : Priors
-        All four.
-    alpha : ndarray, shape (n_terms,)
-        E[alpha] to start with.
-    tolerance : float
-        Stop when an update moves the parameters by less than this many of their standard deviations (root mean square
-        over the principal axes of their law), and the noise variance by less than this share of itself.
-    max_iterations : int
-        Stop after so many updates.
-
-    Returns
-    -------
-    RelevanceFit
-    """
+    """Iterate q(theta, tau) and q(alpha) until parameters and noise have settled. Shapes: `alpha` (n_terms,)."""
     shape = priors.c0 + 0.5
     bounds: list[float] = []
     before: Posterior | None = None

@@ -11,8 +11,6 @@ from scipy.linalg import lapack
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["covariance_of", "covariance_root", "transformed"]
-
 Array = NDArray[np.float64]
 
 _UNEQUAL = 1e-3
@@ -24,24 +22,7 @@ eps kappa; what lost more than half of its digits to cancellation is better form
 
 
 def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
-    """Return a covariance of parameters, symmetric to the last bit and read-only.
-
-    Correlations are judged, so that the units of the parameters do not matter.
-
-    Parameters
-    ----------
-    values : array_like, shape (n, n)
-        Finite.
-    names : sequence of n objects
-        What the parameters are called; each prints.
-    complaint : str
-        With which an error begins.
-
-    Raises
-    ------
-    ModelError
-        If it is not symmetric positive semidefinite, but for rounding.
-    """
+    """Return a covariance of parameters, symmetric to the last bit and read-only. Shapes: `values` (n, n)."""
     given = np.asarray(values, dtype=np.float64)
     if not given.any():
         return read_only(given)
@@ -94,17 +75,7 @@ def _require_semidefinite(scaled: Array, complaint: str) -> None:
 
 
 def covariance_root(covariance: Array) -> Array:
-    """Return R with R R' = covariance, also of a singular one.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (..., n, n)
-        Positive semidefinite.
-
-    Returns
-    -------
-    ndarray, shape (..., n, n)
-    """
+    """Return R with R R' = covariance, also of a singular one. Shapes: `covariance` (..., n, n); returns (..., n, n)."""
     sizes = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
     divisors = np.where(sizes > 0, sizes, 1.0)
     values, vectors = np.linalg.eigh(covariance / divisors[..., :, None] / divisors[..., None, :])
@@ -112,21 +83,8 @@ def covariance_root(covariance: Array) -> Array:
 
 
 def transformed(jacobian: Array, covariance: Array) -> Array:
-    """Return J C J' for a jacobian J and a covariance C, as a covariance again whatever J cancels.
-
-    The product itself would be indefinite by rounding where C is nearly singular.
-
-    Parameters
-    ----------
-    jacobian : ndarray, shape (n_new, n)
-        Derivatives of new parameters by old ones.
-    covariance : ndarray, shape (..., n, n)
-        Of the old ones.
-
-    Returns
-    -------
-    ndarray, shape (..., n_new, n_new)
-        Symmetric to the last bit.
+    """Return J C J' for a jacobian J and a covariance C, as a covariance again whatever J cancels. Shapes: `jacobian`
+    (n_new, n); `covariance` (..., n, n); returns (..., n_new, n_new).
     """
     root = jacobian @ covariance_root(covariance)
     product = root @ root.swapaxes(-1, -2)

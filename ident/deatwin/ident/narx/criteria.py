@@ -17,8 +17,6 @@ from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["CRITERIA", "criterion_values", "free_run_errors", "split"]
-
 Array = NDArray[np.float64]
 
 
@@ -36,23 +34,7 @@ CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = Mapping
 
 
 def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, candidates: int) -> Array:
-    """Return a criterion after each step of a selection.
-
-    Parameters
-    ----------
-    name : str
-        One of `CRITERIA`.
-    steps : sequence of SelectionStep
-        The path.
-    target : ndarray, shape (n_samples,)
-        The output that it explains.
-    candidates : int
-        How many terms competed.
-
-    Returns
-    -------
-    ndarray, shape (n_steps,)
-    """
+    """Return a criterion after each step of a selection. Shapes: `target` (n_samples,); returns (n_steps,)."""
     n = target.size
     # A residual at rounding level carries no information: let it not buy further terms.
     floor = float(np.finfo(float).eps ** 2 * (target @ target)) / n
@@ -67,25 +49,8 @@ def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, c
 def split(
     recordings: Sequence[Recording], share: float, first: int
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Part recordings into the beginnings, to learn from, and the ends, to judge by.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        To be parted, each at the same share.
-    share : float
-        Of each that is held out, between 0 and 1.
-    first : int
-        Largest lag in samples: what a part must exceed.
-
-    Returns
-    -------
-    training, held_out : tuple of Recording
-
-    Raises
-    ------
-    ModelError
-        If a part is too short for the lags.
+    """Part recordings into the beginnings, to learn from, and the ends, to judge by. `first` largest lag in samples:
+    what a part must exceed.
     """
     training, held_out = [], []
     for number, record in enumerate(recordings, start=1):
@@ -106,19 +71,7 @@ def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Ar
     Each run starts from the measured first lags of a recording. Other outputs, which have equations of their own, are
     taken as measured.
 
-    Parameters
-    ----------
-    data : Regression
-        Its terms, lags and scales.
-    recordings : sequence of Recording
-        Where to run.
-    theta : ndarray, shape (n_models, n_terms)
-        Scaled parameters of each model; 0 for a term that it does not have.
-
-    Returns
-    -------
-    ndarray, shape (n_models,)
-        Square of the scaled output; infinite where a run diverges.
+    Shapes: `theta` (n_models, n_terms); returns (n_models,).
     """
     chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
     total, samples = np.zeros(len(theta)), 0

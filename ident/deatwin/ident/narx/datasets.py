@@ -13,22 +13,9 @@ if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
     from deatwin.ident.narx.validate import Validation
 
-__all__ = ["model_dataset", "validation_dataset"]
-
 
 def model_dataset(model: NarxModel) -> Any:
-    """Terms, parameters and covariance of a model.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one or several outputs.
-
-    Returns
-    -------
-    xarray.Dataset
-        Parameters in SI units, which differ from term to term. ``document`` is the file that `save` writes.
-    """
+    """Terms, parameters and covariance of a model."""
     names = [str(term) for term in model.terms]
     pair, units = ("term", "other_term"), {squared(unit) for unit in model.output_units}
     return dataset(
@@ -51,19 +38,7 @@ def model_dataset(model: NarxModel) -> Any:
 
 
 def validation_dataset(validation: Validation) -> Any:
-    """Fits, correlation tests and whiteness of a validation.
-
-    Parameters
-    ----------
-    validation : Validation
-        With or without tests.
-
-    Returns
-    -------
-    xarray.Dataset
-        Fits over ``output``; tests over ``test`` and ``lag``, with NaN at lags that a test does not take. Mean
-        squares are in squared units of the outputs, which the coordinate ``unit`` names.
-    """
+    """Fits, correlation tests and whiteness of a validation."""
     lags = np.unique(np.concatenate([test.lags for test in validation.tests] or [np.zeros(0, dtype=np.int64)]))
     values = np.full((len(validation.tests), lags.size), np.nan)
     for row, test in zip(values, validation.tests, strict=True):

@@ -14,19 +14,12 @@ from deatwin.ident.narx.terms import Term
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["SCHEMA", "fields_of", "to_document"]
 
 SCHEMA = "deatwin/narx/1"
 
 
 def to_document(model: NarxModel) -> dict[str, Any]:
-    """Return a model as plain data.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    """
+    """Return a model as plain data."""
 
     def signals(side: str, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
         ranges = {
@@ -58,13 +51,7 @@ def to_document(model: NarxModel) -> dict[str, Any]:
 
 
 def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the model that `to_document` wrote.
-
-    Parameters
-    ----------
-    document : mapping
-        As it was read; a missing key or a wrong type raises what Python raises.
-    """
+    """Return the fields of the model that `to_document` wrote."""
     sides = {"input": document["inputs"], "output": document["outputs"]}
     ranges = {
         f"{side}_{key}": [signal[key] for signal in signals]

@@ -13,34 +13,18 @@ from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["Drive", "require_suits"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """Inputs of a free run and the outputs that it starts from.
+    """Inputs of a free run and the outputs that it starts from."""
 
-    Parameters
-    ----------
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    outputs : ndarray, shape (n_outputs, n)
-        Outputs, of which the samples before ``first`` count.
-    measured : ndarray, shape (n_outputs, n)
-        What is known of the outputs; not a number elsewhere.
-    timepts : ndarray, shape (n,)
-        Times of the samples in s.
-    first : int
-        The first sample to compute.
-    """
-
-    inputs: Array
-    outputs: Array
-    measured: Array
-    timepts: Array
-    first: int
+    inputs: Array  # shape (n_inputs, n): Inputs
+    outputs: Array  # shape (n_outputs, n): Outputs, of which the samples before ``first`` count
+    measured: Array  # shape (n_outputs, n): What is known of the outputs; not a number elsewhere
+    timepts: Array  # shape (n,): Times of the samples in s
+    first: int  # The first sample to compute
 
     @classmethod
     def of(
@@ -54,30 +38,8 @@ class Drive:
         first: int,
         fewest: int,
     ) -> Drive:
-        """Set a run out that is driven by inputs alone.
-
-        Parameters
-        ----------
-        given : Recording, or array_like of shape (n,) or (n_inputs, n)
-            The inputs; of a recording its outputs are not looked at.
-        initial : array_like, shape (m,) or (n_outputs, m), optional
-            The outputs of the m samples before the first computed one, the newest last; what follows the last number,
-            as NaN does, is not known. Zero when not given.
-        input_names : sequence of str
-            Of the model.
-        n_outputs : int
-            Number of outputs of the model.
-        sample_time : float
-            Of the model, in s.
-        first : int
-            First sample that the lags, or the state, allow to be computed.
-        fewest : int
-            Least number of initial outputs.
-
-        Raises
-        ------
-        ModelError
-            If shapes do not fit, a number is missing, or the inputs are too short.
+        """Set a run out that is driven by inputs alone. `given` (n,); `initial` (m,); `first` first sample that the
+        lags, or the state, allow to be computed.
         """
         inputs = given.inputs if isinstance(given, Recording) else _inputs(given, input_names)
         n = inputs.shape[1]
@@ -98,15 +60,7 @@ class Drive:
 
     @classmethod
     def recorded(cls, recording: Recording, first: int) -> Drive:
-        """Set a run out that starts from the first outputs of a recording.
-
-        Parameters
-        ----------
-        recording : Recording
-            Inputs and outputs.
-        first : int
-            The first sample to compute.
-        """
+        """Set a run out that starts from the first outputs of a recording. `first` the first sample to compute."""
         return cls(
             inputs=recording.inputs,
             outputs=recording.outputs,
@@ -119,26 +73,7 @@ class Drive:
 def require_suits(
     recording: Recording, *, sample_time: float, n_inputs: int, n_outputs: int | None, fewest: int
 ) -> None:
-    """Raise ModelError unless a recording suits a model.
-
-    Parameters
-    ----------
-    recording : Recording
-        The recording.
-    sample_time : float
-        Of the model, in s.
-    n_inputs : int
-        Number of inputs of the model.
-    n_outputs : int or None
-        Number of its outputs; None where those of the recording are not looked at.
-    fewest : int
-        Least number of samples.
-
-    Raises
-    ------
-    ModelError
-        With what does not suit.
-    """
+    """Raise ModelError unless a recording suits a model. `fewest` least number of samples."""
     if not math.isclose(recording.sample_time, sample_time, rel_tol=1e-6):
         raise ModelError(
             f"the recording has a sample time of {recording.sample_time:g} s, the model of {sample_time:g} s"

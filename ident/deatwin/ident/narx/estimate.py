@@ -18,8 +18,6 @@ from scipy.linalg import solve_triangular
 
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Centred", "Estimate", "Estimator", "LeastSquares", "least_squares"]
-
 Array = NDArray[np.float64]
 
 _DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it that rounding alone can make
@@ -27,43 +25,19 @@ _DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
-    """Parameters of a linear regression and how well they are known.
+    """Parameters of a linear regression and how well they are known."""
 
-    Parameters
-    ----------
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    theta_cov : ndarray, shape (n_terms, n_terms)
-        Their covariance.
-    noise_variance : float
-        Variance of what the regressors leave of the output.
-    dof : float
-        Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one.
-    """
-
-    theta: Array
-    theta_cov: Array
-    noise_variance: float
-    dof: float = inf
+    theta: Array  # shape (n_terms,): Parameters
+    theta_cov: Array  # shape (n_terms, n_terms): Their covariance
+    noise_variance: float  # Variance of what the regressors leave of the output
+    dof: float = inf  # Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one
 
 
 class Estimator(Protocol):
     """What estimates the parameters of given regressors."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors, one row a term.
-        target : ndarray, shape (n_samples,)
-            Output.
-
-        Returns
-        -------
-        Estimate
-        """
+        """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
 
 
 @dataclass(frozen=True)
@@ -72,18 +46,7 @@ class LeastSquares:
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1`` with s^2 the residual sum of squares over n_samples - n_terms.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors, linearly independent.
-        target : ndarray, shape (n_samples,)
-            Output.
-
-        Raises
-        ------
-        ModelError
-            If there are not more samples than terms, or the regressors depend on each other.
+        Shapes: `rows` (n_terms, n_samples); `target` (n_samples,).
         """
         n_terms, n = rows.shape
         if n <= n_terms:
@@ -107,41 +70,19 @@ least_squares = LeastSquares()
 
 @dataclass(frozen=True, eq=False)
 class Centred:
-    """A regression without its constant regressor, whose parameter follows from the others.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_others, n_samples)
-        The other regressors, less their means; all of them as they are where none is constant.
-    target : ndarray, shape (n_samples,)
-        The output, likewise.
-    constant : int or None
-        Position of the constant regressor.
-    level : float
-        Its value.
-    means : ndarray, shape (n_others,)
-        Of the other regressors.
-    mean : float
-        Of the output.
-    """
+    """A regression without its constant regressor, whose parameter follows from the others."""
 
     rows: Array
-    target: Array
-    constant: int | None
-    level: float
-    means: Array
+    target: Array  # shape (n_samples,): The output, likewise
+    constant: int | None  # Position of the constant regressor
+    level: float  # Its value
+    means: Array  # shape (n_others,): Of the other regressors
     mean: float
 
     @classmethod
     def of(cls, rows: Array, target: Array) -> Centred:
-        """Take the constant regressor out, if there is one.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors.
-        target : ndarray, shape (n_samples,)
-            Output.
+        """Take the constant regressor out, if there is one. Shapes: `rows` (n_terms, n_samples); `target`
+        (n_samples,).
         """
         constants = np.flatnonzero((np.ptp(rows, axis=1) == 0) & (rows[:, 0] != 0))
         if constants.size == 0:
@@ -157,16 +98,8 @@ class Centred:
         return self.target.size - (self.constant is not None)
 
     def complete(self, theta: Array, root: Array, variance: float) -> Estimate:
-        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, put back in its place.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (n_others,)
-            Parameters of the other regressors.
-        root : ndarray, shape (n_others, n_others)
-            Root R of their covariance R R': of what is formed from it rounding makes no indefinite one.
-        variance : float
-            Of what is left of the output.
+        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, put back in its place. Shapes:
+        `theta` (n_others,); `root` (n_others, n_others).
         """
         if self.constant is None:
             return Estimate(theta=theta, theta_cov=root @ root.T, noise_variance=variance)

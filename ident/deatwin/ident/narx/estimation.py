@@ -16,20 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.estimate import Centred, Estimate, Estimator, LeastSquares, least_squares
-from deatwin.ident.narx.shrinkage import Bayesian, BayesianEstimate, Ridge
+from deatwin.ident.narx.estimate import Centred, Estimate
 from deatwin.plant.errors import ModelError
-
-__all__ = [
-    "Bayesian",
-    "BayesianEstimate",
-    "Estimate",
-    "Estimator",
-    "LeastSquares",
-    "Ridge",
-    "TotalLeastSquares",
-    "least_squares",
-]
 
 Array = NDArray[np.float64]
 
@@ -56,20 +44,7 @@ class TotalLeastSquares:
     """
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors, linearly independent.
-        target : ndarray, shape (n_samples,)
-            Output.
-
-        Raises
-        ------
-        ModelError
-            If there are not more samples than terms, or the problem has no solution.
-        """
+        """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         centred = Centred.of(rows, target)
         n_terms, n = centred.rows.shape
         if centred.freedom <= n_terms:

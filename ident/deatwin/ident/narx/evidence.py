@@ -32,8 +32,6 @@ from scipy.special import gammaln
 
 from deatwin.ident.narx.bayes import Statistics
 
-__all__ = ["Move", "climb", "log_evidence", "log_odds", "log_prior"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
@@ -44,19 +42,8 @@ _LEAST_SHARE = 1e-14
 
 
 def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
-    """Return ln p(y | structure) - ln p(y | no term) under the unit-information prior.
-
-    Parameters
-    ----------
-    share : float or ndarray
-        Share of y'y that the least-squares fit of the structure leaves, 0 to 1.
-    n_terms, n_samples : int
-        k and n.
-
-    Returns
-    -------
-    ndarray
-        In nats, of the shape of ``share``.
+    """Return ln p(y | structure) - ln p(y | no term) under the unit-information prior. returns In nats, of the shape
+    of ``share``.
     """
     return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
 
@@ -64,24 +51,10 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 def log_prior(n_terms: int, n_candidates: int) -> float:
     """Return ln p(structure): every number of terms is equally probable, and so are all structures of one number.
 
-    Each candidate makes the others less probable, so that the odds against any false term among hundreds are those
-    among few. Beyond half of the candidates there are fewer structures of one number the larger it is; they are given
-    the probability of those of half, or else a further term would come as a gain.
+    Source: Scott, Berger, "Bayes and empirical-Bayes multiplicity adjustment in the variable-selection problem", Ann.
+    Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
 
-    Parameters
-    ----------
-    n_terms, n_candidates : int
-        Terms of the structure, and candidates for them.
-
-    Returns
-    -------
-    float
-        In nats.
-
-    References
-    ----------
-    Scott, Berger, "Bayes and empirical-Bayes multiplicity adjustment in the variable-selection problem", Ann. Statist.
-    38 (2010) 2587-2619, doi:10.1214/10-AOS792.
+    returns In nats.
     """
     m = n_candidates
     k = min(n_terms, m // 2)
@@ -90,39 +63,16 @@ def log_prior(n_terms: int, n_candidates: int) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Move:
-    """One change of a structure.
+    """One change of a structure."""
 
-    Parameters
-    ----------
-    chosen : ndarray of int, shape (n_terms,)
-        The structure after it, as increasing positions among the candidates.
-    removed, added : int or None
-        What it changed: one of them, or both for an exchange; None and None for the start.
-    log_odds : float
-        ln p(structure | y) after it, less that of the structure without any term, in nats.
-    """
-
-    chosen: Indices
-    removed: int | None
+    chosen: Indices  # shape (n_terms,): The structure after it, as increasing positions among the candidates
+    removed: int | None  # What it changed: one of them, or both for an exchange; None and None for the start
     added: int | None
-    log_odds: float
+    log_odds: float  # ln p(structure | y) after it, less that of the structure without any term, in nats
 
 
 def log_odds(data: Statistics, chosen: Indices) -> float:
-    """Return ln p(structure | y) - ln p(no term | y).
-
-    Parameters
-    ----------
-    data : Statistics
-        Of all candidates.
-    chosen : ndarray of int, shape (n_terms,)
-        Positions of the terms of the structure.
-
-    Returns
-    -------
-    float
-        In nats; minus infinity for no term, terms that are linearly dependent, or as many as there are samples.
-    """
+    """Return ln p(structure | y) - ln p(no term | y). Shapes: `chosen` (n_terms,)."""
     try:
         return float(_posterior(data, _Fit.of(data, chosen).left, chosen.size))
     except LinAlgError:
@@ -130,21 +80,8 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Change a structure term by term, always to its most probable neighbour, until none is more probable.
-
-    Neighbours are all structures with one term less, one more, or one exchanged for any other candidate.
-
-    Parameters
-    ----------
-    data : Statistics
-        Of all candidates.
-    start : ndarray of int, shape (n_terms,)
-        Positions of the terms to begin with.
-
-    Yields
-    ------
-    Move
-        From the start, which changes nothing, to the local maximum. A start without probability stays alone.
+    """Change a structure term by term, always to its most probable neighbour, until none is more probable. Shapes:
+    `start` (n_terms,).
     """
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
@@ -188,33 +125,15 @@ def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Fit:
-    """Least squares on some terms, and of every candidate the part beyond them.
+    """Least squares on some terms, and of every candidate the part beyond them."""
 
-    Parameters
-    ----------
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    inverse : ndarray, shape (n_terms,)
-        Diagonal of (Phi'Phi)^-1.
-    left : float
-        Sum of squares that is left.
-    shares : ndarray, shape (n_terms, n_candidates)
-        Each candidate as a combination of the terms.
-    beyond : ndarray, shape (n_candidates,)
-        Sum of squares of what that combination leaves of it.
-    moment : ndarray, shape (n_candidates,)
-        Product of the same with y.
-    squares : ndarray, shape (n_candidates,)
-        Sum of squares of the candidate itself.
-    """
-
-    theta: Array
-    inverse: Array
-    left: float
-    shares: Array
-    beyond: Array
-    moment: Array
-    squares: Array
+    theta: Array  # shape (n_terms,): Parameters
+    inverse: Array  # shape (n_terms,): Diagonal of (Phi'Phi)^-1
+    left: float  # Sum of squares that is left
+    shares: Array  # shape (n_terms, n_candidates): Each candidate as a combination of the terms
+    beyond: Array  # shape (n_candidates,): Sum of squares of what that combination leaves of it
+    moment: Array  # shape (n_candidates,): Product of the same with y
+    squares: Array  # shape (n_candidates,): Sum of squares of the candidate itself
 
     @classmethod
     def of(cls, data: Statistics, chosen: Indices) -> _Fit:
@@ -246,11 +165,7 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """The same when one term has gone, shape (n_terms, n_candidates).
-
-        A candidate gets back its share of that part of the term that the others do not have, of which 1 / inverse is
-        the sum of squares and theta / inverse the product with y.
-        """
+        """The same when one term has gone, shape (n_terms, n_candidates)."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

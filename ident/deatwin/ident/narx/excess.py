@@ -12,8 +12,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.recording import Recording
 
-__all__ = ["excess_errors", "excess_notes"]
-
 Array = NDArray[np.float64]
 
 _WORTH_SAYING = 0.01
@@ -24,19 +22,8 @@ _RESOLVED = float(np.sqrt(np.finfo(float).eps))
 
 
 def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
-    """Return by which share the error one step ahead exceeds that of least squares on the model's own terms.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Fitted to the recordings. Its noise terms take part in its own prediction only.
-    recordings : sequence of Recording
-        The training data.
-
-    Returns
-    -------
-    ndarray, shape (n_outputs,)
-        0 where both are rounding, or an equation has no terms.
+    """Return by which share the error one step ahead exceeds that of least squares on the model's own terms. Shapes:
+    returns (n_outputs,).
     """
     predicted = [model.predict(record) for record in recordings]
     own = np.sqrt(np.mean(np.concatenate([response.residuals for response in predicted], axis=1) ** 2, axis=1))
@@ -61,13 +48,7 @@ def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
 
 
 def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence for each output whose error one step ahead is more than 1 % above that of least squares.
-
-    Parameters
-    ----------
-    model, recordings
-        As for `excess_errors`.
-    """
+    """Return a sentence for each output whose error one step ahead is more than 1 % above that of least squares."""
     return tuple(
         f"one step ahead {name}'s error on the training data is {100 * share:.3g} % above that of least squares on the "
         "same terms: the estimator holds the parameters back; compare with Fixed(terms=model), which is least squares"

@@ -11,8 +11,6 @@ from deatwin.ident.narx.written import origins, written
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
 
-__all__ = ["narx_source"]
-
 _SOURCE = """
 #ifndef ${N}_REAL
 #define ${N}_REAL double /* compile with -D${N}_REAL=float for single precision */

@@ -11,25 +11,15 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse
 
-__all__ = ["Fit"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """How well the outputs of a model agree with the measured ones, over all recordings together.
-
-    Parameters
-    ----------
-    mean_square : ndarray, shape (n_outputs,)
-        sum (y - yhat)^2 / N, in squared units of the outputs; infinite where a free run diverged.
-    nrmse : ndarray, shape (n_outputs,)
-        sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 ).
-    """
+    """How well the outputs of a model agree with the measured ones, over all recordings together."""
 
     mean_square: Array
-    nrmse: Array
+    nrmse: Array  # shape (n_outputs,): sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 )
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -37,13 +27,7 @@ class Fit:
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:
-        """Return the fit over all recordings; of a free run that diverged there is none.
-
-        Parameters
-        ----------
-        responses : sequence of NarxResponse
-            One for each recording.
-        """
+        """Return the fit over all recordings; of a free run that diverged there is none."""
         residuals = np.concatenate([response.residuals for response in responses], axis=1)
         measured = np.concatenate([response.measured[:, response.first :] for response in responses], axis=1)
         square = np.sum(residuals**2, axis=1)

@@ -11,8 +11,6 @@ from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Fixed"]
-
 
 class Fixed(NarxIdentifier):
     """Estimate the parameters of given terms, by least squares or otherwise.

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["SelectionStep", "forward_selection"]
-
 Array = NDArray[np.float64]
 
 # A candidate is taken as dependent on the chosen ones where its squared norm has been reduced by this factor: what is
@@ -25,24 +23,11 @@ _ROWS = 64  # orthogonalised at once: of 10,000 samples they are 5 MB
 
 @dataclass(frozen=True, kw_only=True)
 class SelectionStep:
-    """One choice of a forward selection.
+    """One choice of a forward selection."""
 
-    Parameters
-    ----------
-    candidate : int
-        Row that was chosen.
-    err : float
-        Its error reduction ratio, the share of y'y that it explains.
-    residual : float
-        Sum of squares of what is left, square of the output's unit.
-    press : float
-        Sum of squares of the leave-one-out errors: each sample predicted by the fit to all others (least squares on
-        the rows chosen so far); infinite where a sample is needed to determine the parameters.
-    """
-
-    candidate: int
-    err: float
-    residual: float
+    candidate: int  # Row that was chosen
+    err: float  # Its error reduction ratio, the share of y'y that it explains
+    residual: float  # Sum of squares of what is left, square of the output's unit
     press: float
 
 
@@ -51,34 +36,12 @@ def forward_selection(
 ) -> Iterator[SelectionStep]:
     """Choose rows one by one by the error reduction ratio.
 
-    The ratio of a candidate p, orthogonalised against the chosen rows to w, is ``(w'y)^2 / (w'w y'y)``. Each step costs
-    one product of the candidates with the new orthonormal direction q: w'w falls by (p'q)^2 and w'y by (p'q)(q'y).
-    Chosen directions are orthogonalised twice, and norms and products are computed afresh before cancellation hurts.
-    Of candidates that explain equally, to rounding, the first is chosen: by the order of candidates, one of the lowest
-    degree. The selection ends early where no independent candidate is left or nothing is left to explain.
+    Source: Chen, Billings, Luo, "Orthogonal least squares methods and their application to non-linear system
+    identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472. Hong, Sharkey, Warwick,
+    "Automatic nonlinear predictive model-construction algorithm using forward regression and the PRESS statistic",
+    IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n_candidates, n_samples)
-        Candidate regressors; used as working memory and overwritten.
-    target : ndarray, shape (n_samples,)
-        Output.
-    max_terms : int
-        Largest number to choose.
-    given : ndarray, shape (n_given, n_samples), optional
-        Independent regressors that are in the model from the start.
-
-    Yields
-    ------
-    SelectionStep
-        Choice after choice.
-
-    References
-    ----------
-    Chen, Billings, Luo, "Orthogonal least squares methods and their application to non-linear system
-    identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472.
-    Hong, Sharkey, Warwick, "Automatic nonlinear predictive model-construction algorithm using forward regression and
-    the PRESS statistic", IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
+    Shapes: `rows` (n_candidates, n_samples); `target` (n_samples,); `given` (n_given, n_samples).
     """
     power = float(target @ target)
     sizes = np.einsum("ij,ij->i", rows, rows)

@@ -31,29 +31,8 @@ _BLOCK = 256  # as in the kernel
 def free_run(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, limit: float, equations: Sequence[int] | None = None
 ) -> tuple[Array, int | None]:
-    """Run a model free: only the inputs and the first outputs are used, and the noise is zero.
-
-    Parameters
-    ----------
-    table : TermTable
-        The terms; those with noise factors e(k-l) count for nothing.
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    outputs : ndarray, shape (n_outputs, n)
-        Outputs; only the first ``table.max_lag`` samples are used.
-    limit : float
-        Outputs beyond ± this are divergence, in the outputs' unit.
-    equations : sequence of int, length n_terms, optional
-        The output, from 0, that each term belongs to; the first when not given.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n_outputs, n)
-        After a divergence the last values are held.
-    failed : int or None
-        Sample of the divergence.
+    """Run a model free: only the inputs and the first outputs are used, and the noise is zero. Shapes: `theta`
+    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n).
     """
     quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
     belongs = [0] * len(table.terms) if equations is None else equations
@@ -71,26 +50,8 @@ def free_run(
 def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
-    """Return e(k) = y(k) - sum_m theta_m term_m(k), the terms being functions of measured signals and past e.
-
-    Parameters
-    ----------
-    table : TermTable
-        The terms.
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    outputs : ndarray, shape (n_outputs, n)
-        Measured outputs.
-    equations : sequence of int, length n_terms, optional
-        The output, from 0, that each term belongs to; the first when not given.
-
-    Returns
-    -------
-    ndarray, shape (n_outputs, n)
-        One-step prediction errors in the outputs' unit; zero for the first ``table.max_lag`` samples. Of a noise model
-        that is not invertible they grow; once beyond the range of floating-point numbers they hold the last value.
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), the terms being functions of measured signals and past e. Shapes:
+    `theta` (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n).
     """
     march = March.of(
         table.terms,
@@ -105,33 +66,15 @@ def innovations(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
-    """Terms over one recording, set out for marching.
+    """Terms over one recording, set out for marching."""
 
-    Parameters
-    ----------
-    known : ndarray, shape (n_known, n)
-        Signals that are known beforehand.
-    start : ndarray, shape (n_marched, n)
-        The marched signals, of which the samples before ``first`` are used.
-    first : int
-        The first sample to compute.
-    parts : tuple of Factors, length n_terms
-        The known factors of each term.
-    monomials : tuple of Factors
-        The products of marched signals that occur.
-    monomial : ndarray of int, shape (n_terms,)
-        The monomial of each term.
-    equations : ndarray of int, shape (n_terms,)
-        The marched signal that each term belongs to.
-    """
-
-    known: Array
-    start: Array
-    first: int
-    parts: tuple[Factors, ...]
-    monomials: tuple[Factors, ...]
-    monomial: Integers
-    equations: Integers
+    known: Array  # shape (n_known, n): Signals that are known beforehand
+    start: Array  # shape (n_marched, n): The marched signals, of which the samples before ``first`` are used
+    first: int  # The first sample to compute
+    parts: tuple[Factors, ...]  # The known factors of each term
+    monomials: tuple[Factors, ...]  # The products of marched signals that occur
+    monomial: Integers  # shape (n_terms,): The monomial of each term
+    equations: Integers  # shape (n_terms,): The marched signal that each term belongs to
 
     @classmethod
     def of(
@@ -145,26 +88,7 @@ class March:
         equations: Sequence[int] | None = None,
         alone: int | None = None,
     ) -> March:
-        """Set terms out.
-
-        Parameters
-        ----------
-        terms : sequence of Term
-            The terms.
-        known : mapping of str to ndarray of shape (n_channels, n)
-            The signals that are known, by kind: "u", "y".
-        marched : str
-            The kind that is marched: "y" or "e".
-        start : ndarray, shape (n_marched, n)
-            The marched signals, of which the samples before ``first`` are used.
-        first : int
-            The first sample to compute; at least the largest lag.
-        equations : sequence of int, length n_terms, optional
-            The marched signal that each term belongs to; the first when not given.
-        alone : int, optional
-            Row of the only channel of that kind that is marched, and is ``start``'s only row; the others are among the
-            known signals. All are marched when not given.
-        """
+        """Set terms out. `known` (n_channels, n); `start` (n_marched, n); `first` the first sample to compute."""
         heights = [signal.shape[0] for signal in known.values()]
         row = dict(zip(known, accumulate([0, *heights]), strict=False))
 
@@ -187,24 +111,7 @@ class March:
         )
 
     def run(self, theta: Array, *, limit: float = math.inf, base: Array | None = None) -> tuple[Array, int | None]:
-        """March one model of all terms.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (n_terms,)
-            Parameters.
-        limit : float
-            Values beyond ± this are divergence.
-        base : ndarray, shape (n_marched, n), optional
-            Added to the sum of the terms.
-
-        Returns
-        -------
-        marched : ndarray, shape (n_marched, n)
-            After a divergence the last values are held.
-        failed : int or None
-            Sample of the divergence.
-        """
+        """March one model of all terms. Shapes: `theta` (n_terms,); `base` (n_marched, n); returns (n_marched, n)."""
         x = self.start.copy()
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
@@ -232,22 +139,7 @@ class March:
 
     def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, sections: int = 1) -> Array:
         """Return sums of squared simulation errors of many models of the first output, each run from ``first``.
-
-        Parameters
-        ----------
-        chosen : ndarray of int, shape (n_models, n_terms)
-            Positions of the terms of each model.
-        theta : ndarray, shape (n_models, n_terms)
-            Parameters of each model.
-        limit : float
-            Outputs beyond ± this are divergence, in the output's unit.
-        sections : int
-            Number of stretches, of equal length up to one sample, that get a sum each.
-
-        Returns
-        -------
-        ndarray, shape (n_models, sections)
-            In squares of the output's unit; infinite for models that diverged.
+        Shapes: `chosen` (n_models, n_terms); `theta` (n_models, n_terms); returns (n_models, sections).
         """
         chosen = np.ascontiguousarray(chosen, dtype=np.int64)
         theta = np.ascontiguousarray(theta, dtype=np.float64)

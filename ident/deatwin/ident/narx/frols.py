@@ -22,7 +22,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Frols"]
 
 Array = NDArray[np.float64]
 
@@ -163,10 +162,7 @@ class Frols(NarxIdentifier):
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
-        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples.
-
-        An interrupt leaves it infinite for models that were not run; the smallest is always run.
-        """
+        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples."""
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
         try:

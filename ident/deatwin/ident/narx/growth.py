@@ -22,8 +22,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.residual_tests import whiteness_of
 from deatwin.plant.errors import ModelError
 
-__all__ = ["grown", "held_out_errors", "run_errors", "smallest_adequate", "white", "worse"]
-
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
@@ -37,15 +35,7 @@ _UNDETERMINED = 1e-9
 
 
 def white(model: NarxModel, data: Regression) -> bool:
-    """Whether the one-step errors of a model are white, as its least squares supposes.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one output.
-    data : Regression
-        What it was fitted to.
-    """
+    """Whether the one-step errors of a model are white, as its least squares supposes."""
     residuals = [model.predict(record).residuals for record in data.recordings]
     shortest = min(e.shape[1] for e in residuals)
     lags = min(_LAGS, shortest // 5)
@@ -58,29 +48,7 @@ def white(model: NarxModel, data: Regression) -> bool:
 def grown(
     model: NarxModel, data: Regression, sections: Sequence[int], *, max_terms: int, level: float, progress: Progress
 ) -> tuple[NarxModel, ...]:
-    """Refine a model and add terms by the free-run error, as far as the free run over held-out sections gains by it.
-
-    Parameters
-    ----------
-    model : NarxModel
-        By least squares, of one output, in physical units.
-    data : Regression
-        On all candidates.
-    sections : sequence of int
-        Number of sections of each recording.
-    max_terms : int
-        Largest number of terms.
-    level : float
-        One-sided level of the test between errors.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    tuple of NarxModel
-        The models after the given one, up to the adequate one; empty if that is the given one, or no better than the
-        best of so many candidates is by chance.
-    """
+    """Refine a model and add terms by the free-run error, as far as the free run over held-out sections gains by it."""
     try:
         path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
     except ModelError:  # the free run of the model given diverges: there is nothing to refine
@@ -92,11 +60,7 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Whether a larger model is better by more than the best of so many candidates is by chance.
-
-    By the extended Bayesian criterion, with as many samples as there would be if the larger model's errors were
-    independent: n over their correlation time.
-    """
+    """Whether a larger model is better by more than the best of so many candidates is by chance."""
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -108,16 +72,8 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """Return the first model of a path from which on none is significantly worse than the best.
-
-    A first addition that helps by chance only, or not at all, does not end the path if what follows helps.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (n_models, n_sections)
-        Sums of squares along the path.
-    level : float
-        One-sided level of the test between them.
+    """Return the first model of a path from which on none is significantly worse than the best. Shapes: `errors`
+    (n_models, n_sections).
     """
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
@@ -127,15 +83,7 @@ def smallest_adequate(errors: Array, level: float) -> int:
 
 
 def worse(errors: Array, than: Array, level: float) -> Booleans:
-    """Whether errors are larger, by a paired t test over the sections.
-
-    Parameters
-    ----------
-    errors, than : ndarray, shape (..., n_sections)
-        Sums of squares; at least two sections.
-    level : float
-        One-sided, above 0; 0.5 takes every difference as real.
-    """
+    """Whether errors are larger, by a paired t test over the sections. Shapes: `errors, than` (..., n_sections)."""
     from scipy.special import stdtrit
 
     difference = errors - than
@@ -147,23 +95,7 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
     """Return the sums of squared free-run errors over sections, each as if the parameters were refined on the others.
-
-    To first order in the parameters: with the sensitivities S = Q R of all samples, and q of a section, its errors
-    become ``(I - q q')^-1 e``, the leave-one-out errors of a linear regression.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one output, refined on all of the recordings.
-    data : Regression
-        The recordings.
-    sections : sequence of int
-        Number of sections of each recording.
-
-    Returns
-    -------
-    ndarray, shape (n_sections,)
-        Infinite where the other sections do not determine the parameters.
+    Shapes: returns (n_sections,).
     """
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
@@ -183,15 +115,7 @@ def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int])
 
 
 def run_errors(model: NarxModel, data: Regression) -> list[Array]:
-    """Return the free-run errors of each recording from its first fitted sample on, shape (n - first,) each.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one output.
-    data : Regression
-        The recordings.
-    """
+    """Return the free-run errors of each recording from its first fitted sample on, shape (n - first,) each."""
     later = data.first - model.table.max_lag
     return [model.simulate(record).residuals[0][later:] for record in data.recordings]
 

@@ -11,8 +11,6 @@ from deatwin.ident.narx.free_run import innovations
 from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.errors import ModelError
 
-__all__ = ["require_steps", "steps_ahead"]
-
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
@@ -20,21 +18,8 @@ _BLOCK = 4096  # runs marched at once: their regressors stay in the processor's 
 
 
 def require_steps(steps: int, first: int, n_samples: int) -> None:
-    """Raise ModelError unless a recording leaves room for a prediction so many steps ahead.
-
-    Parameters
-    ----------
-    steps : int
-        Number of samples ahead.
-    first : int
-        First sample that can be predicted one step ahead.
-    n_samples : int
-        Length of the recording.
-
-    Raises
-    ------
-    ModelError
-        If steps is not an integer of at least 1, or is too large.
+    """Raise ModelError unless a recording leaves room for a prediction so many steps ahead. `steps` number of samples
+    ahead; `first` first sample that can be predicted one step ahead.
     """
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps = {steps!r}; it must be an integer of at least 1")
@@ -51,32 +36,10 @@ def steps_ahead(
     limit: float,
     equations: Sequence[int] | None = None,
 ) -> tuple[Array, Booleans]:
-    """Predict each sample from the outputs measured until ``steps`` samples before it, and all inputs.
-
-    Parameters
-    ----------
-    table : TermTable
-        The terms.
-    theta : ndarray, shape (n_terms,)
-        Parameters.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    outputs : ndarray, shape (n_outputs, n)
-        Measured outputs.
-    steps : int
-        Number of samples ahead, from 1 to ``n - table.max_lag``.
-    limit : float
-        Outputs beyond ± this are divergence, in the outputs' unit.
-    equations : sequence of int, length n_terms, optional
-        The output, from 0, that each term belongs to; the first when not given.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n_outputs, n - table.max_lag - steps + 1)
-        Predictions of the samples from ``table.max_lag + steps - 1`` on. The noise is the innovation until the
-        last measured sample and zero after it. A run that diverges holds its last value.
-    failed : ndarray of bool, shape (n - table.max_lag - steps + 1,)
-        Which of these runs diverged.
+    """Predict each sample from the outputs measured until ``steps`` samples before it, and all inputs. `theta`
+    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); `steps` number of samples ahead, from 1 to ``n -
+    table.max_lag``; returns (n_outputs, n - table.max_lag - steps + 1), Predictions of the samples from
+    ``table.max_lag + steps - 1`` on; returns (n - table.max_lag - steps + 1,).
     """
     belongs = np.array([0] * len(table.terms) if equations is None else equations)
     weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)

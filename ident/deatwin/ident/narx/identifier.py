@@ -18,8 +18,6 @@ from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
-__all__ = ["FitStatus", "Identifier", "NarxIdentifier", "Progress", "silent"]
-
 Progress = Callable[[float, str], None]
 """Takes the share that is done, 0 to 1, and what is being done."""
 
@@ -263,15 +261,7 @@ class NarxIdentifier(Identifier, ABC):
 
 
 def silent(share: float, doing: str) -> None:
-    """Take progress and say nothing.
-
-    Parameters
-    ----------
-    share : float
-        Done, 0 to 1.
-    doing : str
-        What is being done.
-    """
+    """Take progress and say nothing."""
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:

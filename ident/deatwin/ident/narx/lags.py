@@ -9,8 +9,6 @@ import numpy as np
 
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["ChannelLags", "Lags", "channel_lags", "lag_list", "lags_anywhere"]
-
 ChannelLags = int | Sequence[int]
 """A number n for the lags 1..n, or the lags themselves, in samples."""
 Lags = ChannelLags | Sequence[ChannelLags] | Mapping[str, ChannelLags]
@@ -20,19 +18,8 @@ _KINDS = {"u": "input", "y": "output"}
 
 
 def lag_list(lags: ChannelLags, *, smallest: int) -> tuple[int, ...]:
-    """Return lags as an increasing tuple.
-
-    Parameters
-    ----------
-    lags : int or sequence of int
-        A number n for 1..n (0 for none), or the lags themselves, in samples.
-    smallest : int
-        Smallest lag that is allowed: 1 for outputs, 0 for inputs.
-
-    Raises
-    ------
-    ModelError
-        If a lag is not an integer or too small.
+    """Return lags as an increasing tuple. Shapes: `lags` A number n for 1..n (0 for none), or the lags themselves, in
+    samples.
     """
     if not isinstance(lags, int | np.integer | Iterable):
         raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
@@ -45,25 +32,7 @@ def lag_list(lags: ChannelLags, *, smallest: int) -> tuple[int, ...]:
 
 
 def channel_lags(lags: Lags, kind: str, count: int, names: Sequence[str] = ()) -> tuple[tuple[int, ...], ...]:
-    """Return the lags of each channel as an increasing tuple.
-
-    Parameters
-    ----------
-    lags : int, sequence, or mapping of str to int or sequence of int
-        As one number or sequence for all channels, as a sequence with one of these for each, or by name.
-    kind : str
-        "y" for outputs, whose smallest lag is 1, or "u" for inputs, whose smallest is 0.
-    count : int
-        Number of channels.
-    names : sequence of str, length count, optional
-        Their names; the names by position, as u1 and u2 (u of a single one), are always understood, but a name of a
-        channel goes before.
-
-    Raises
-    ------
-    ModelError
-        If a lag is not an integer or too small, a name is unknown, or a channel is left out.
-    """
+    """Return the lags of each channel as an increasing tuple."""
     smallest = 1 if kind == "y" else 0
     if isinstance(lags, Mapping):
         values = _by_name(lags, kind, count, names)
@@ -77,13 +46,7 @@ def channel_lags(lags: Lags, kind: str, count: int, names: Sequence[str] = ()) -
 
 
 def lags_anywhere(lags: Lags) -> tuple[int, ...]:
-    """Return all lags of all channels one after another, each as often as it occurs.
-
-    Parameters
-    ----------
-    lags : int, sequence, or mapping
-        As in `channel_lags`.
-    """
+    """Return all lags of all channels one after another, each as often as it occurs."""
     if isinstance(lags, Mapping) or _is_nested(lags):
         values: Iterable[Any] = lags.values() if isinstance(lags, Mapping) else lags  # type: ignore[assignment]
         return tuple(lag for value in values for lag in lag_list(value, smallest=0))

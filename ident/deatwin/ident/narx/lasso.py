@@ -24,7 +24,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Lasso", "LassoPath"]
 
 Array = NDArray[np.float64]
 
@@ -34,43 +33,16 @@ _SAMPLES = 4096  # standardised at once
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LassoPath:
-    """Where the LASSO's path bends: a term enters or leaves at each knot.
+    """Where the LASSO's path bends: a term enters or leaves at each knot."""
 
-    Parameters
-    ----------
-    terms : tuple of Term
-        The candidates that take part; the constant does not, for it is not penalised.
-    penalties : ndarray, shape (n_knots,)
-        Penalty of each knot, falling, for the standardised regression ``mean((y - Z b)^2)/2 + penalty sum |b|``.
-    coefficients : ndarray, shape (n_terms, n_knots)
-        b, for regressors and output of mean 0 (where the constant is a candidate) and standard deviation 1.
-    errors : ndarray, shape (n_knots,)
-        Root mean square free-run error over the held-out samples after the refit, in the output's unit; infinite where
-        it diverges, is not judged for its number of terms, or was not reached.
-    chosen : int
-        The knot of the model.
-    """
-
-    terms: tuple[Term, ...]
+    terms: tuple[Term, ...]  # The candidates that take part; the constant does not, for it is not penalised
     penalties: Array
     coefficients: Array
     errors: Array
-    chosen: int
+    chosen: int  # The knot of the model
 
     def plot(self, ax: Axes | None = None, *, most: int = 10) -> Axes:
-        """Draw the coefficients over the penalty, with the chosen knot.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-        most : int
-            How many terms of the chosen knot are named, the largest first.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the coefficients over the penalty, with the chosen knot."""
         axes = axes_or_new(ax)
         held = self.coefficients[:, self.chosen]
         named = [i for i in np.argsort(-np.abs(held), kind="stable")[:most] if held[i]]
@@ -209,32 +181,8 @@ class Lasso(NarxIdentifier):
 
 
 def lasso_path(rows: Array, target: Array, *, centred: bool, max_knots: int) -> tuple[NDArray[np.intp], Array, Array]:
-    """Follow the LASSO's path on standardised regressors.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_candidates, n_samples)
-        Regressors.
-    target : ndarray, shape (n_samples,)
-        Output.
-    centred : bool
-        Whether means are taken away, which is what a constant that is not penalised does.
-    max_knots : int
-        Largest number of knots.
-
-    Returns
-    -------
-    taking_part : ndarray of int, shape (n_terms,)
-        Positions of the regressors that vary.
-    penalties : ndarray, shape (n_knots,)
-        Falling.
-    coefficients : ndarray, shape (n_terms, n_knots)
-        Standardised.
-
-    Raises
-    ------
-    ModelError
-        If nothing varies.
+    """Follow the LASSO's path on standardised regressors. Shapes: `rows` (n_candidates, n_samples); `target`
+    (n_samples,); returns (n_terms,); returns (n_knots,); returns (n_terms, n_knots).
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.linear_model import lars_path_gram

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.recording import Recording
 
-__all__ = ["few_levels", "remarks_on_levels", "said_of_levels", "without_repeated_powers"]
-
 Array = NDArray[np.float64]
 
 _GLANCE = 256  # samples that show at once that a signal has many levels
@@ -19,21 +17,7 @@ _ROUNDING = 1e-12  # of the largest value: what arithmetic and decimal files mak
 
 
 def few_levels(values: Array, most: int) -> Array:
-    """Return the levels of a signal, if it has few.
-
-    Parameters
-    ----------
-    values : ndarray
-        The signal.
-    most : int
-        Largest number of levels.
-
-    Returns
-    -------
-    ndarray, shape (n_levels,)
-        Increasing, in the signal's unit; empty if there are more than that. Values are one level if they are equal to
-        rounding.
-    """
+    """Return the levels of a signal, if it has few. Shapes: returns (n_levels,)."""
     flat = np.ravel(values)
     for part in (flat[:_GLANCE], flat):
         distinct = np.unique(part)
@@ -44,22 +28,8 @@ def few_levels(values: Array, most: int) -> Array:
 
 
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
-    """Leave out the candidates that are sums of candidates of lower degree on every sample, as inputs have few levels.
-
-    An input of m levels l obeys ``prod(u - l) = 0``: u^m is a sum of lower powers. Of two levels 0 and 1 the square is
-    the input itself, of -1 and 1 the constant. Of terms that explain equally, those of the lowest degree are left.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Candidates.
-    recordings : sequence of Recording
-        All of the training data.
-
-    Returns
-    -------
-    tuple of Term
-        Those that are left, in their order. One of which a lower one is no candidate stays.
+    """Leave out the candidates that are sums of candidates of lower degree on every sample, as inputs have few
+    levels.
     """
     degree = max((term.degree for term in terms), default=0)
     relations: dict[int, Array] = {}
@@ -72,15 +42,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
 
 
 def said_of_levels(name: str, count: int) -> str:
-    """Return the sentence that says what an input of few levels cannot show.
-
-    Parameters
-    ----------
-    name : str
-        Of the input.
-    count : int
-        Number of its levels.
-    """
+    """Return the sentence that says what an input of few levels cannot show."""
     if count == 1:
         return f"{name} is constant: the recording does not show what it does"
     shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
@@ -91,15 +53,7 @@ def said_of_levels(name: str, count: int) -> str:
 
 
 def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str, ...]:
-    """Return what is to be said of the inputs of recordings before models of a degree are fitted to them.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        All of the training data.
-    degree : int
-        Largest degree of a term.
-    """
+    """Return what is to be said of the inputs of recordings before models of a degree are fitted to them."""
     names = recordings[0].input_names
     together = np.concatenate([record.inputs for record in recordings], axis=1)
     counts = [few_levels(values, degree).size for values in together]

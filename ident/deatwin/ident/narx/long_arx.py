@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LongArx", "Signals", "answer_chance", "enough_lags", "n_residuals"]
-
 Array = NDArray[np.float64]
 Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
@@ -31,37 +29,17 @@ _RESOLVED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LongArx:
-    """The regression on the lags `shortest` to `longest` of each input.
-
-    Parameters
-    ----------
-    signals : sequence of (ndarray, ndarray)
-        Of each recording.
-    shortest, longest : int
-        Smallest and largest lag of the inputs.
-    n_output_lags : int
-        Lags 1 to this of the output.
-    a : ndarray, shape (n_output_lags + 1,)
-        A, from q^0 on.
-    b : ndarray, shape (n_inputs, longest + 1)
-        B of each input, from lag 0 on; zero before the shortest lag.
-    b_std : ndarray, shape (n_inputs, longest + 1)
-        Standard deviation of each coefficient.
-    variance : float
-        Of e.
-    n_samples : int
-        Number of residuals.
-    """
+    """The regression on the lags `shortest` to `longest` of each input."""
 
     signals: Signals
-    shortest: int
+    shortest: int  # Smallest and largest lag of the inputs
     longest: int
-    n_output_lags: int
-    a: Array
-    b: Array
-    b_std: Array
+    n_output_lags: int  # Lags 1 to this of the output
+    a: Array  # shape (n_output_lags + 1,): A, from q^0 on
+    b: Array  # shape (n_inputs, longest + 1): B of each input, from lag 0 on; zero before the shortest lag
+    b_std: Array  # shape (n_inputs, longest + 1): Standard deviation of each coefficient
     variance: float
-    n_samples: int
+    n_samples: int  # Number of residuals
 
     @property
     def lags(self) -> range:
@@ -75,17 +53,7 @@ class LongArx:
 
     @classmethod
     def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
-        """Fit it by least squares; of collinear regressors the shortest solution.
-
-        Parameters
-        ----------
-        signals : sequence of (ndarray, ndarray)
-            Of each recording.
-        longest : int
-            Largest lag of the inputs.
-        shortest : int
-            Smallest one.
-        """
+        """Fit it by least squares; of collinear regressors the shortest solution."""
         n_inputs = signals[0][0].shape[0]
         lags = range(longest, shortest - 1, -1)
         inputs = [_inputs(signals, i, lags) for i in range(n_inputs)]
@@ -109,17 +77,8 @@ class LongArx:
         return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
 
     def chances(self, which: int) -> Array:
-        """How probable it is that chance makes each of an input's coefficients as large as it is.
-
-        Parameters
-        ----------
-        which : int
-            Row of the input.
-
-        Returns
-        -------
-        ndarray, shape (longest + 1,)
-            At each lag the p-value of "the input does not act at this lag, nor at shorter ones".
+        """How probable it is that chance makes each of an input's coefficients as large as it is. Shapes: returns
+        (longest + 1,).
         """
         others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
         past, target = _outputs(self.signals, self.longest)
@@ -135,17 +94,8 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
     """Return the chance that an input which does not answer to the output seems to answer to it this much.
 
     Given the past of all inputs, the past of the output must not foretell an input that is independent of it
-    (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37 (1969)
-    424-438, doi:10.2307/1912791).
-
-    Parameters
-    ----------
-    signals : sequence of (ndarray, ndarray)
-        Of each recording.
-    which : int
-        Row of the input.
-    longest : int
-        Largest lag of the inputs.
+    (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37
+    (1969) 424-438, doi:10.2307/1912791).
     """
     n_inputs = signals[0][0].shape[0]
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
@@ -157,24 +107,12 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Scores:
-    """The last columns of a regression, each less what the columns before it explain, against the target.
+    """The last columns of a regression, each less what the columns before it explain, against the target."""
 
-    Parameters
-    ----------
-    total : ndarray, shape (n,)
-        Their products with the target.
-    products : ndarray, shape (n_samples, n)
-        Their products with the residual, sample by sample.
-    variance : float
-        Of the residual.
-    freedom : int
-        Samples less unknowns.
-    """
-
-    total: Array
-    products: Array
+    total: Array  # shape (n,): Their products with the target
+    products: Array  # shape (n_samples, n): Their products with the residual, sample by sample
     variance: float
-    freedom: int
+    freedom: int  # Samples less unknowns
 
     @classmethod
     def of(cls, rows: Array, target: Array, n_last: int) -> _Scores:
@@ -210,17 +148,7 @@ class _Scores:
 
 
 def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
-    """Return the most lags of each input, up to those wanted, for which there are samples enough; 0 for none.
-
-    Parameters
-    ----------
-    signals : sequence of (ndarray, ndarray)
-        Of each recording.
-    n_inputs : int
-        Number of inputs that move.
-    wanted : int
-        Largest lag.
-    """
+    """Return the most lags of each input, up to those wanted, for which there are samples enough; 0 for none."""
     for longest in range(wanted if n_inputs else 0, 0, -1):
         if n_residuals(signals, longest) >= _FOR_EACH * (1 + _OUTPUT_LAGS + n_inputs * (longest + 1)):
             return longest
@@ -228,15 +156,7 @@ def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
 
 
 def n_residuals(signals: Signals, longest: int) -> int:
-    """Return the number of samples whose lags and next inputs are all measured.
-
-    Parameters
-    ----------
-    signals : sequence of (ndarray, ndarray)
-        Of each recording.
-    longest : int
-        Largest lag of the inputs.
-    """
+    """Return the number of samples whose lags and next inputs are all measured."""
     return sum(max(0, output.size - _first(longest)) for _, output in signals)
 
 

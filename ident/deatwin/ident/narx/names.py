@@ -9,8 +9,6 @@ from functools import cached_property
 
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["SignalNames", "symbols_of"]
-
 _NAMED = re.compile(r"\s*\*?\s*([^\W\d][^()*^|]*?)\s*\(\s*k\s*(?:-\s*\d+\s*)?\)")
 _WORD = re.compile(r"[^\W\d]\w*")
 # Names that recordings and models give to signals of which no name was told.
@@ -19,15 +17,9 @@ _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
 
 @dataclass(frozen=True)
 class SignalNames:
-    """What signals may be called in a term.
+    """What signals may be called in a term."""
 
-    Parameters
-    ----------
-    inputs, outputs : tuple of str
-        Names of the channels; none where only the names by position are understood.
-    """
-
-    inputs: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()  # Names of the channels; none where only the names by position are understood
     outputs: tuple[str, ...] = ()
 
     @cached_property
@@ -47,18 +39,7 @@ class SignalNames:
         return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
     def signal(self, name: str) -> tuple[str, int]:
-        """Return kind and channel of a name.
-
-        Parameters
-        ----------
-        name : str
-            One of the names.
-
-        Raises
-        ------
-        ModelError
-            If several signals bear it.
-        """
+        """Return kind and channel of a name."""
         kind, channel = self._signals[name][0]
         if len(self._signals[name]) > 1:
             placed = ", ".join(f"{kind}{channel or ''}" for kind, channel in self._signals[name])
@@ -66,15 +47,7 @@ class SignalNames:
         return kind, channel
 
     def unread(self, text: str, position: int) -> str:
-        """Return what is wrong with a term.
-
-        Parameters
-        ----------
-        text : str
-            The term.
-        position : int
-            Where no factor can be read.
-        """
+        """Return what is wrong with a term."""
         named = _NAMED.match(text, position)
         if named is None or not self._signals:
             return (
@@ -96,21 +69,7 @@ class SignalNames:
 
 
 def symbols_of(input_names: Sequence[str], output_names: Sequence[str]) -> dict[tuple[str, int], str]:
-    """Return how to write the signals of a model: by their names, or by position.
-
-    The names of a side are written if they are words, and somebody gave them. Where two signals, or a signal and the
-    noise, would be written alike, all are written by position.
-
-    Parameters
-    ----------
-    input_names, output_names : sequence of str
-        Names of the channels.
-
-    Returns
-    -------
-    dict of (str, int) to str
-        Symbol of each signal by its kind, "y", "u" or "e", and its row.
-    """
+    """Return how to write the signals of a model: by their names, or by position."""
     placed = {
         (kind, row): f"{kind}{number}"
         for kind, names in (("y", output_names), ("u", input_names), ("e", output_names))

@@ -11,8 +11,6 @@ from scipy.linalg import qr, solve_triangular
 
 from deatwin.ident.narx.regression import Regression
 
-__all__ = ["CompressedRegression", "Neighbours"]
-
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -22,41 +20,17 @@ _DEPENDENT = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Neighbours:
-    """Models that differ from a chosen one by a single term.
-
-    Parameters
-    ----------
-    candidate : ndarray of int, shape (n_models,)
-        The term that each has more, or less, than the chosen one, or than that without one of its terms.
-    chosen : ndarray of int, shape (n_models, n_terms)
-        The terms of each.
-    theta : ndarray, shape (n_models, n_terms)
-        Their least-squares parameters.
-    squares : ndarray, shape (n_models,)
-        Their sums of squared one-step errors, square of the scaled output.
-    f_ratio : ndarray, shape (n_models,)
-        By how much the sum of squared one-step errors differs because of that term, over the variance of the errors of
-        the larger model. If the term is false and the larger model true, it follows, for long records, the F
-        distribution with 1 and `freedom` degrees.
-    freedom : int
-        Number of samples less terms of the larger model.
-    """
+    """Models that differ from a chosen one by a single term."""
 
     candidate: Integers
-    chosen: Integers
-    theta: Array
-    squares: Array
+    chosen: Integers  # shape (n_models, n_terms): The terms of each
+    theta: Array  # shape (n_models, n_terms): Their least-squares parameters
+    squares: Array  # shape (n_models,): Their sums of squared one-step errors, square of the scaled output
     f_ratio: Array
-    freedom: int
+    freedom: int  # Number of samples less terms of the larger model
 
     def only(self, kept: NDArray[np.bool_]) -> Neighbours:
-        """Return some of them.
-
-        Parameters
-        ----------
-        kept : ndarray of bool, shape (n_models,)
-            Which.
-        """
+        """Return some of them. Shapes: `kept` (n_models,)."""
         return Neighbours(
             candidate=self.candidate[kept],
             chosen=self.chosen[kept],
@@ -69,31 +43,15 @@ class Neighbours:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CompressedRegression:
-    """A regression turned by an orthogonal matrix so that few rows are left: least squares on any terms is the same.
+    """A regression turned by an orthogonal matrix so that few rows are left: least squares on any terms is the same."""
 
-    Parameters
-    ----------
-    rows : ndarray, shape (n_terms, n_rows)
-        Regressors, at most n_terms + 1 numbers each.
-    target : ndarray, shape (n_rows,)
-        Output.
-    n_samples : int
-        Number of samples before.
-    """
-
-    rows: Array
-    target: Array
-    n_samples: int
+    rows: Array  # shape (n_terms, n_rows): Regressors, at most n_terms + 1 numbers each
+    target: Array  # shape (n_rows,): Output
+    n_samples: int  # Number of samples before
 
     @classmethod
     def of(cls, data: Regression) -> CompressedRegression:
-        """Compress by QR, block by block: no digits are lost to a Gram matrix.
-
-        Parameters
-        ----------
-        data : Regression
-            The candidates.
-        """
+        """Compress by QR, block by block: no digits are lost to a Gram matrix."""
         triangle: Array = np.empty((0, len(data.table.terms) + 1))
         for rows, target in data.blocks():
             triangle = _triangle(np.vstack([triangle, np.column_stack([rows.T, target])]))
@@ -101,29 +59,14 @@ class CompressedRegression:
         return cls(rows=columns[:-1], target=columns[-1], n_samples=data.n_samples)
 
     def fit(self, chosen: Sequence[int]) -> tuple[Array, float]:
-        """Return the parameters of a model, shape (n_terms,), and its sum of squared one-step errors.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Its terms, independent.
-        """
+        """Return the parameters of a model, shape (n_terms,), and its sum of squared one-step errors."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         left = self.target - basis @ moments
         return solve_triangular(triangle, moments), max(float(left @ left), self._rounding)
 
     def larger(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one candidate more; candidates that depend on the chosen terms are left out.
-
-        With the chosen terms Q R and a candidate p = Q c + w, w orthogonal to Q, the candidate's parameter is w'y/w'w
-        and those of the others solve R theta = Q'y - c w'y/w'w.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Terms of the chosen model.
-        """
+        """Return the models with one candidate more; candidates that depend on the chosen terms are left out."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         along = self.rows @ basis
         across = self.rows - along @ basis.T
@@ -149,15 +92,7 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one of the chosen terms less.
-
-        With the chosen terms Q R and G = (R'R)^-1, term i is taken out by theta - G_i theta_i / G_ii.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Terms of the chosen model, at least two.
-        """
+        """Return the models with one of the chosen terms less."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)
@@ -179,13 +114,7 @@ class CompressedRegression:
         )
 
     def exchanged(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one of the chosen terms exchanged for a candidate, which is the one that they name.
-
-        Parameters
-        ----------
-        chosen : sequence of int
-            Terms of the chosen model.
-        """
+        """Return the models with one of the chosen terms exchanged for a candidate, which is the one that they name."""
         rests = [[other for other in chosen if other != term] for term in chosen]
         found = [self.larger(rest) for rest in rests]
         parts = [models.only(models.candidate != term) for models, term in zip(found, chosen, strict=True)]

@@ -21,8 +21,6 @@ from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["Narmax"]
-
 Array = NDArray[np.float64]
 
 _KNOWN = ("ebic", "bic", "aic", "none")

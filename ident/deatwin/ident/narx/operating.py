@@ -11,13 +11,7 @@ Array = NDArray[np.float64]
 
 
 def read_only(values: ArrayLike) -> Array:
-    """Return a read-only float copy.
-
-    Parameters
-    ----------
-    values : array_like
-        Any shape.
-    """
+    """Return a read-only float copy."""
     array = np.array(values, dtype=np.float64)
     array.setflags(write=False)
     return array

@@ -10,32 +10,9 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["panels_or_new"]
-
 
 def panels_or_new(axes: Sequence[Axes] | None, count: int, *, height: float, sharex: bool = False) -> list[Axes]:
-    """Axes to draw in; matplotlib is loaded only now.
-
-    Parameters
-    ----------
-    axes : sequence of matplotlib Axes, or None
-        The user's, if any.
-    count : int
-        How many are needed.
-    height : float
-        Height of a new panel in inches.
-    sharex : bool
-        Whether new panels share their horizontal axis.
-
-    Returns
-    -------
-    list of matplotlib Axes, length ``count``
-
-    Raises
-    ------
-    ModelError
-        If the user gives too few.
-    """
+    """Axes to draw in; matplotlib is loaded only now."""
     if axes is None:
         from matplotlib import pyplot
 

@@ -18,25 +18,16 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-__all__ = ["ThetaDraws", "ThetaPosterior", "covariance_root", "quantile"]
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThetaDraws:
-    """Joint draws of parameters and noise.
+    """Joint draws of parameters and noise."""
 
-    Parameters
-    ----------
-    theta : ndarray, shape (n_draws, n_terms)
-        Parameters in SI units.
-    noise_variance : ndarray, shape (n_draws, n_outputs)
-        Variances of e(k), squares of the outputs' units.
-    """
-
-    theta: Array
-    noise_variance: Array
+    theta: Array  # shape (n_draws, n_terms): Parameters in SI units
+    noise_variance: Array  # shape (n_draws, n_outputs): Variances of e(k), squares of the outputs' units
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,20 +164,7 @@ class ThetaPosterior:
 
 
 def quantile(level: float, dof: float) -> float:
-    """Return the half width, in scales, of the central interval of a Student-t or normal law.
-
-    Parameters
-    ----------
-    level : float
-        Its probability.
-    dof : float
-        Degrees of freedom; infinite for a normal law.
-
-    Raises
-    ------
-    ModelError
-        If the level lies outside 0 to 1.
-    """
+    """Return the half width, in scales, of the central interval of a Student-t or normal law."""
     from scipy import special
 
     if not 0 < level < 1:

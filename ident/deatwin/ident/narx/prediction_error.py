@@ -15,8 +15,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 
-__all__ = ["NoiseFit", "NoiseStatus", "noise_rows", "prediction_error_fit", "spread"]
-
 Array = NDArray[np.float64]
 
 # Newton's method for errors that enter their own recursion nonlinearly doubles its digits in each round; where a dozen
@@ -46,24 +44,12 @@ class NoiseStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFit:
-    """Estimates of process and noise terms together.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        Of the process terms and, after them, the noise terms; scaled.
-    noise : tuple of ndarray, each of shape (n_outputs, n)
-        e of each recording, scaled; before the first fitted sample its estimated start, for other outputs zero.
-    changes : tuple of float
-        By how much the undamped step of each iteration would change e: root mean square, relative to e.
-    status : NoiseStatus
-        Whether e settled.
-    """
+    """Estimates of process and noise terms together."""
 
     estimate: Estimate
     noise: tuple[Array, ...]
     changes: tuple[float, ...]
-    status: NoiseStatus
+    status: NoiseStatus  # Whether e settled
 
 
 def prediction_error_fit(
@@ -71,40 +57,8 @@ def prediction_error_fit(
 ) -> NoiseFit:
     """Estimate process and noise terms together, by the least sum of squared prediction errors.
 
-    e(k) is what the terms leave of y(k), with the earlier e in the noise terms. The few e before the first fitted
-    sample of a recording are unknowns too, and their squares count in the sum (unconditional least squares): zeros
-    in their place would stay in all errors that a noise model with little damping makes of them. The slopes of e
-    are the terms, filtered by the noise model: ``s(k) = -de(k)/dtheta = z(k) - sum_l c_l(k) s(k-l)`` with the terms z
-    and the slopes c_l of the noise terms by e(k-l). Steps are those of Gauss and Newton, damped where the sum of
-    squares would rise (Levenberg, Marquardt). The covariance is ``s^2 (SS')^-1``.
-
-    The noise model stays invertible: a step after which e would not forget its start is damped like one that
-    raises the sum of squares.
-
-    Parameters
-    ----------
-    process : Regression
-        On the process terms; its first sample must allow for the lags of the noise.
-    noise_terms : sequence of Term
-        Each with a factor e(k-l); none gives plain least squares.
-    tolerance : float
-        e has settled when an undamped step would change it by less than this share of it, root mean square.
-    max_iterations : int
-        Largest number of steps, accepted or not.
-
-    Returns
-    -------
-    NoiseFit
-
-    Raises
-    ------
-    ModelError
-        If there are too few samples.
-
-    References
-    ----------
-    Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 9.3 and 10.2.
-    Box, Jenkins, Reinsel, "Time Series Analysis", 4th ed. (2008), section 7.1.3 (unconditional least squares),
+    Source: Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 9.3 and 10.2. Box, Jenkins,
+    Reinsel, "Time Series Analysis", 4th ed. (2008), section 7.1.3 (unconditional least squares),
     doi:10.1002/9781118619193.
     """
     rows, target = process.matrix()
@@ -132,21 +86,7 @@ def prediction_error_fit(
 
 
 def noise_rows(data: Regression, table: TermTable, noise: Sequence[Array]) -> Array:
-    """Evaluate noise terms over all fitted samples.
-
-    Parameters
-    ----------
-    data : Regression
-        Of the process.
-    table : TermTable
-        The noise terms.
-    noise : sequence of ndarray, each of shape (n_outputs, n)
-        e of each recording, scaled.
-
-    Returns
-    -------
-    ndarray, shape (n_terms, n_samples)
-    """
+    """Evaluate noise terms over all fitted samples. Shapes: `noise` (n_outputs, n); returns (n_terms, n_samples)."""
     return np.concatenate(
         [
             table.rows(*data.scaled(record), data.first, record.n_samples, e)
@@ -171,27 +111,12 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _PredictionErrors:
-    """The prediction errors as a function of the parameters.
-
-    Each recording is led by as many samples as the longest lag of e: their output is zero, and all that they hold is a
-    parameter of their own, so that their errors are the unknown start of e.
-
-    Parameters
-    ----------
-    process : Regression
-        On the process terms.
-    table : TermTable
-        The noise terms.
-    rows : ndarray, shape (n_terms + n_starts, n_samples)
-        Process terms, then the samples of the start, one each.
-    target : ndarray, shape (n_samples,)
-        Output.
-    """
+    """The prediction errors as a function of the parameters."""
 
     process: Regression
-    table: TermTable
-    rows: Array
-    target: Array
+    table: TermTable  # The noise terms
+    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then the samples of the start, one each
+    target: Array  # shape (n_samples,): Output
 
     @classmethod
     def of(cls, process: Regression, table: TermTable) -> _PredictionErrors:
@@ -289,21 +214,9 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """Return e of all fitted samples, and of some that lead them, as one array a recording.
-
-    Parameters
-    ----------
-    data : Regression
-        Of the process.
-    errors : ndarray, shape (n_samples + n_recordings lead,)
-        Recording by recording.
-    lead : int
-        Number of samples before the first fitted one of each recording.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (n_outputs, n)
-        Zero elsewhere.
+    """Return e of all fitted samples, and of some that lead them, as one array a recording. `errors` (n_samples +
+    n_recordings lead,); `lead` number of samples before the first fitted one of each recording; returns
+    (n_outputs, n).
     """
     noise, begin = [], 0
     for record in data.recordings:
@@ -342,10 +255,7 @@ def _filtered(bands: Sequence[Array], rows: Array) -> Array:
 
 
 def _forgets(band: Array) -> bool:
-    """Whether e forgets its start: repeated for ever, the recording would let a disturbance of e die out.
-
-    With constant coefficients this says that all roots of the noise polynomial lie inside of the unit circle.
-    """
+    """Whether e forgets its start: repeated for ever, the recording would let a disturbance of e die out."""
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True

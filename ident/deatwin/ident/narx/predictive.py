@@ -21,7 +21,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["BandStatus", "PredictiveBand", "free_run_band", "one_step_band", "regressors"]
 
 Array = NDArray[np.float64]
 
@@ -246,20 +245,7 @@ def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_dr
 
 
 def regressors(model: NarxModel, recording: Recording) -> Array:
-    """Return the terms of a model over a recording.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Whose terms.
-    recording : Recording
-        Measured inputs and outputs, in the model's units.
-
-    Returns
-    -------
-    ndarray, shape (n_terms, n - max_lag)
-        From the first sample that the lags allow; where terms hold noise, with the model's innovations.
-    """
+    """Return the terms of a model over a recording. Shapes: returns (n_terms, n - max_lag)."""
     noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
     signals = model.about_origin(recording.inputs, recording.outputs)
     return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)

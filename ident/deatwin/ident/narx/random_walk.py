@@ -16,8 +16,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["ThetaSmoother"]
-
 _PRIOR_SAMPLES = 1e-4  # the start is worth so much of one sample
 # Drift is measured by the variance that a term's contribution gains in a sample, over that of the noise, times the
 # square of the number of samples; a local level with a value of 1 would be averaged over the whole record.
@@ -153,10 +151,7 @@ class ThetaSmoother(VaryingParameters):
 
 
 class _Search:
-    """Minus the log likelihood of logarithmic drift variances, as a minimiser calls it; keeps the best.
-
-    Each logarithm times the exponent is added to the log likelihood.
-    """
+    """Minus the log likelihood of logarithmic drift variances, as a minimiser calls it; keeps the best."""
 
     def __init__(self, walk: _Walk, groups: Array, exponent: float, progress: Progress) -> None:
         self.walk, self.groups, self.exponent, self.progress = walk, groups, exponent, progress

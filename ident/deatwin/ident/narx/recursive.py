@@ -19,8 +19,6 @@ from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["Rls", "Structure", "VaryingParameters", "regressor_sizes", "sample_times", "trajectory_of"]
-
 Terms = Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
 Structure = NarxModel | Terms
 """A fixed structure: that of a model, or terms as `Fixed` takes them."""
@@ -172,10 +170,7 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve a beginning of the record whose weighted regressors are independent.
-
-    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted sum of squares that is left.
-    """
+    """Solve a beginning of the record whose weighted regressors are independent."""
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)
@@ -193,18 +188,7 @@ def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array
 
 
 def regressor_sizes(rows: Array) -> Array:
-    """Return the root mean square of each regressor, shape (n_terms,).
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_terms, n)
-        Regressors.
-
-    Raises
-    ------
-    ModelError
-        If one is zero throughout.
-    """
+    """Return the root mean square of each regressor, shape (n_terms,). Shapes: `rows` (n_terms, n)."""
     sizes = np.sqrt(np.mean(rows**2, axis=1))
     if not np.all(sizes > 0):
         raise ModelError(f"term {int(np.argmin(sizes)) + 1} is zero throughout these recordings")
@@ -212,13 +196,7 @@ def regressor_sizes(rows: Array) -> Array:
 
 
 def sample_times(data: Regression) -> Array:
-    """Return the times of a regression's samples on the experiment's clock in s, shape (n_samples,).
-
-    Parameters
-    ----------
-    data : Regression
-        On recordings in the order of their times.
-    """
+    """Return the times of a regression's samples on the experiment's clock in s, shape (n_samples,)."""
     return np.concatenate([record.timepts[data.first :] for record in data.recordings])
 
 
@@ -234,32 +212,8 @@ def trajectory_of(
     drift_variance: Array | None = None,
     log_likelihood: float | None = None,
 ) -> ThetaTrajectory:
-    """Return a trajectory in physical units.
-
-    Parameters
-    ----------
-    data : Regression
-        Of one equation, scaled.
-    identifier : VaryingParameters
-        The estimator, for the provenance.
-    times : ndarray, shape (n,)
-        In s.
-    theta : ndarray, shape (n_terms, n)
-        Parameters of the scaled regressors divided by their sizes.
-    theta_cov : ndarray, shape (n, n_terms, n_terms)
-        Their covariance.
-    sizes : ndarray, shape (n_terms,)
-        The sizes.
-    noise_variance : float
-        Of the scaled output.
-    drift_variance : ndarray, shape (n_terms,), optional
-        Of these parameters in a sample interval; zero by default.
-    log_likelihood : float, optional
-        Of the scaled outputs.
-
-    Returns
-    -------
-    ThetaTrajectory
+    """Return a trajectory in physical units. Shapes: `times` (n,); `theta` (n_terms, n); `theta_cov` (n, n_terms,
+    n_terms); `sizes` (n_terms,); `drift_variance` (n_terms,).
     """
     last = data.model(
         theta[:, -1] / sizes, theta_cov[-1] / np.outer(sizes, sizes), noise_variance, identifier=identifier

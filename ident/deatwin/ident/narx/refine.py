@@ -29,8 +29,6 @@ from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["extend", "prune", "refine", "sensitivities"]
-
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
@@ -244,27 +242,8 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Return the derivatives of a free run by the parameters.
-
-    Of y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l) with the slopes a_l of f by
-    y(k-l) along the run, and no sensitivity before its start: a banded triangular system for all samples at once.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one output and without noise terms.
-    recording : Recording
-        Its inputs and first lags make the run.
-
-    Returns
-    -------
-    ndarray, shape (n - first, n_terms)
-        For each computed sample, output's unit over that of the parameter.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, or its free run diverges.
+    """Return the derivatives of a free run by the parameters. Shapes: returns (n - first, n_terms), For each computed
+    sample, output's unit over that of the parameter.
     """
     _require_simple(model)
     return _responses(model, recording, _run(model, recording), model.table)

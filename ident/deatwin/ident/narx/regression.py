@@ -27,29 +27,12 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
+    """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals."""
 
-    Each signal, less its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds
-    1, whatever the units, and the way back to physical units is exact in binary arithmetic.
-
-    Parameters
-    ----------
-    table : TermTable
-        Candidate terms.
-    recordings : tuple of Recording
-        Training data.
-    first : int
-        The sample at which each recording starts to be fitted, so that all its lags are its own.
-    output : int
-        Row of the output whose equation this is.
-    input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,), or None
-        What is taken from the signals before they are scaled, in their units, as in `NarxModel`; None for nothing.
-    """
-
-    table: TermTable
-    recordings: tuple[Recording, ...]
-    first: int
-    output: int = 0
+    table: TermTable  # Candidate terms
+    recordings: tuple[Recording, ...]  # Training data
+    first: int  # The sample at which each recording starts to be fitted, so that all its lags are its own
+    output: int = 0  # Row of the output whose equation this is
     input_origin: Array | None = None
     output_origin: Array | None = None
 
@@ -65,24 +48,7 @@ class Regression:
         output: int = 0,
     ) -> Regression:
         """Set up all candidates of given lags and degree, without powers of inputs that have too few levels for them.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data.
-        output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-            Lags in samples, a number n for 1..n; for every output and input, or for each, in order or by name.
-        degree : int
-            Largest degree.
-        rule : callable, optional
-            Takes a `Term` and says whether it is a candidate.
-        output : int
-            Row of the output whose equation is wanted.
-
-        Raises
-        ------
-        ModelError
-            If the recordings do not fit together or are too short.
+        `output_lags, input_lags` lags in samples, a number n for 1..n.
         """
         chosen = flatten(recordings)
         n_inputs, n_outputs = len(chosen[0].inputs), len(chosen[0].outputs)
@@ -102,22 +68,7 @@ class Regression:
 
     @classmethod
     def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:
-        """Set up the regression on given terms.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Training data.
-        table : TermTable
-            The terms, without noise.
-        output : int
-            Row of the output whose equation is wanted.
-
-        Raises
-        ------
-        ModelError
-            If the recordings do not fit together or are too short.
-        """
+        """Set up the regression on given terms."""
         chosen = flatten(recordings)
         times = [record.sample_time for record in chosen]
         channels = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
@@ -135,18 +86,7 @@ class Regression:
         return cls(table, chosen, table.max_lag, output)
 
     def require_samples_for(self, n_terms: int) -> None:
-        """Raise ModelError unless there are more samples than terms that may be chosen.
-
-        Parameters
-        ----------
-        n_terms : int
-            Largest number of terms; no more than there are candidates count.
-
-        Raises
-        ------
-        ModelError
-            With the number that is needed.
-        """
+        """Raise ModelError unless there are more samples than terms that may be chosen."""
         most = min(n_terms, len(self.table.terms))
         if self.n_samples <= most:
             raise ModelError(
@@ -154,24 +94,12 @@ class Regression:
             )
 
     def only(self, indices: Iterable[int]) -> Regression:
-        """Return the regression on some of the terms, over the same samples.
-
-        Parameters
-        ----------
-        indices : iterable of int
-            Their positions in ``table.terms``, in the order wanted.
-        """
+        """Return the regression on some of the terms, over the same samples."""
         table = TermTable(tuple(self.table.terms[i] for i in indices))
         return replace(self, table=table)
 
     def about(self, model: NarxModel) -> Regression:
-        """Return the regression of the signals less the origins of a model.
-
-        Parameters
-        ----------
-        model : NarxModel
-            Of the same signals.
-        """
+        """Return the regression of the signals less the origins of a model."""
         return replace(self, input_origin=model.input_origin, output_origin=model.output_origin)
 
     @property
@@ -202,13 +130,7 @@ class Regression:
         return self.output_scale / self.table.at(values)
 
     def scaled(self, record: Recording) -> tuple[Array, Array]:
-        """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), less their origins and divided by the scales.
-
-        Parameters
-        ----------
-        record : Recording
-            With the signals of the training data.
-        """
+        """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), less their origins and divided by the scales."""
         inputs, outputs = self._about_origin(record)
         return inputs / self.input_scales[:, None], outputs / self.output_scales[:, None]
 
@@ -218,14 +140,8 @@ class Regression:
         return inputs, outputs
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """Yield regressors and outputs block by block.
-
-        Yields
-        ------
-        rows : ndarray, shape (n_terms, n)
-            Scaled regressors of up to 4096 samples, transposed.
-        target : ndarray, shape (n,)
-            Scaled outputs of these samples.
+        """Yield regressors and outputs block by block. Shapes: yields (n_terms, n), Scaled regressors of up to 4096
+        samples, transposed; yields (n,), Scaled outputs of these samples.
         """
         for record in self.recordings:
             inputs, outputs = self.scaled(record)
@@ -257,25 +173,8 @@ class Regression:
     def model(
         self, theta: Array, theta_cov: Array, noise_variance: float, *, identifier: Any, theta_dof: float = math.inf
     ) -> NarxModel:
-        """Return the model of all terms of this regression, in physical units.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (n_terms,)
-            Scaled parameters.
-        theta_cov : ndarray, shape (n_terms, n_terms)
-            Scaled covariance.
-        noise_variance : float
-            Scaled noise variance.
-        identifier : object
-            The estimator, which prints for the provenance.
-        theta_dof : float
-            Degrees of freedom of a Student-t posterior.
-
-        Returns
-        -------
-        NarxModel
-            Of one equation: with several outputs it is to be joined with those of the others.
+        """Return the model of all terms of this regression, in physical units. Shapes: `theta` (n_terms,);
+        `theta_cov` (n_terms, n_terms).
         """
         scale = self.term_scales
         record = self.recordings[0]
@@ -306,18 +205,7 @@ class Regression:
 
 
 def flatten(recordings: Recordings) -> tuple[Recording, ...]:
-    """Return the recordings of whatever was given.
-
-    Parameters
-    ----------
-    recordings : Recording, Experiment, or several
-        Training data.
-
-    Raises
-    ------
-    ModelError
-        If there is none.
-    """
+    """Return the recordings of whatever was given."""
     if isinstance(recordings, Recording):
         return (recordings,)
     if isinstance(recordings, Experiment):

@@ -15,8 +15,6 @@ from deatwin.ident.narx.validate import ValidationStatus, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["Reliance", "assess_reliance"]
-
 Array = NDArray[np.float64]
 
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"

@@ -29,7 +29,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["TESTS", "CorrelationTest", "Whiteness", "correlation", "correlation_tests", "whiteness_of"]
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -140,49 +139,19 @@ class CorrelationTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Whiteness:
-    """Portmanteau test of Ljung and Box [2]_ of one output's residual.
+    """Portmanteau test of Ljung and Box [2]_ of one output's residual."""
 
-    Parameters
-    ----------
-    output : int
-        Row of the output.
-    statistic : float
-        N (N + 2) sum of phi_ee(tau)^2 / N_tau over the lags, N_tau of N products being summed at a lag.
-    dof : int
-        Number of lags: degrees of freedom of the chi-square law that the statistic follows for white noise. On
-        training data it tends to be smaller, for the parameters were fitted to them.
-    p_value : float
-        Chance of a larger statistic for white noise.
-    share_outside : float
-        Share of the lags outside of ±1.96 / sqrt(N).
-    usual_outside : tuple of float
-        The share for white noise lies in between in 95 % of all cases (binomial).
-    """
-
-    output: int
+    output: int  # Row of the output
     statistic: float
-    dof: int
-    p_value: float
-    share_outside: float
-    usual_outside: tuple[float, float]
+    dof: int  # Number of lags: degrees of freedom of the chi-square law that the statistic follows for white noise
+    p_value: float  # Chance of a larger statistic for white noise
+    share_outside: float  # Share of the lags outside of ±1.96 / sqrt(N)
+    usual_outside: tuple[float, float]  # The share for white noise lies in between in 95 % of all cases (binomial)
 
 
 def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
-    """Return phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), without products across recordings.
-
-    Parameters
-    ----------
-    delayed : sequence of ndarray, shape (n_r,) each
-        The signal a, one stretch for each recording; its mean is not removed.
-    signal : sequence of ndarray, shape (n_r,) each
-        The signal b, likewise.
-    lags : ndarray of int, shape (n_lags,)
-        Lags tau in samples; at a negative one a is ahead of b.
-
-    Returns
-    -------
-    ndarray, shape (n_lags,)
-        Between -1 and 1.
+    """Return phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), without products across recordings. Shapes:
+    `delayed` (n_r,); `signal` (n_r,); `lags` (n_lags,); returns (n_lags,).
     """
     sums = np.zeros(len(lags))
     for a, b in zip(delayed, signal, strict=True):
@@ -195,31 +164,8 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test the residuals of a model by the correlations of Billings and Voon [1]_.
-
-    With e the residual, u the input less its mean, and ' the removal of the mean: phi_ee for lags from 1, phi_ue,
-    phi_(u2)'e and phi_(u2)'e2 for lags of both signs, and phi_e(eu), between e(k) and e(k-1-tau) u(k-1-tau), for
-    lags from 0 to ``max_lag - 1``. The mean of e is not removed: it is a fault if there is one. The estimates at
-    different lags are correlated where u is slow, and wider spread where u and e are both coloured; what chance
-    gives takes that into account by Bartlett's formula [3]_, so that the tests with u test dependence on the input
-    and nothing else. Where both signals are skewed, as u^2 and e^2, their correlations are taken to follow a gamma law.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray, shape (n_outputs, n_r) each
-        Residuals of each recording.
-    inputs : sequence of ndarray, shape (n_inputs, n_r) each
-        Inputs at the same samples.
-    max_lag : int
-        Largest lag in samples.
-    level : float
-        Chance of failing when nothing is left.
-
-    Returns
-    -------
-    tuple of CorrelationTest
-        For each output phi_ee and, for each input that is not constant, the other four (two where only two levels,
-        as far above the mean as below, occur); at the end phi_ee' for each pair of outputs.
+    """Test the residuals of a model by the correlations of Billings and Voon [1]_. `residuals` (n_outputs, n_r);
+    `inputs` (n_inputs, n_r); `max_lag` largest lag in samples.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -245,21 +191,7 @@ def correlation_tests(
 
 
 def whiteness_of(residuals: Sequence[Array], output: int, *, max_lag: int) -> Whiteness:
-    """Test whether one output's residual is white.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray, shape (n_outputs, n_r) each
-        Residuals of each recording.
-    output : int
-        Row of the output.
-    max_lag : int
-        Number of lags.
-
-    Returns
-    -------
-    Whiteness
-    """
+    """Test whether one output's residual is white. Shapes: `residuals` (n_outputs, n_r)."""
     from scipy.stats import binom, chi2
 
     e, lags = _row(residuals, output), np.arange(1, max_lag + 1)
@@ -305,11 +237,7 @@ def _standardised(values: Array, series: Series, lags: Integers) -> Array:
 
 
 def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
-    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1.
-
-    It is the sum over s of rho_b(s) rho_a(s + d); rho_b is tapered to zero beyond ``reach`` (Bartlett's window, which
-    keeps the result a covariance).
-    """
+    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1."""
     shifts = np.arange(-reach, reach + 1)
     of_b = correlation(b, b, np.abs(shifts)) * (1.0 - np.abs(shifts) / (reach + 1))
     of_a = correlation(a, a, np.arange(count + reach))
@@ -325,11 +253,7 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return the normal quantiles of scores that follow a Pearson law of type III, a gamma law, of some skewness.
-
-    A sum of products of two skewed signals, as u^2 and e^2, is still skewed at some hundred samples: its far tail,
-    which decides on the largest of many lags, then is several times that of the normal law.
-    """
+    """Return the normal quantiles of scores that follow a Pearson law of type III, a gamma law, of some skewness."""
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:
@@ -341,11 +265,7 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the chance of scores as large, for a normal law with the Toeplitz correlation ``spread``.
-
-    Their sum of squares follows a chi-square law scaled to the right variance (Satterthwaite); the largest one is
-    bounded by Sidak's inequality [4]_, exact where the lags are independent.
-    """
+    """Return the chance of scores as large, for a normal law with the Toeplitz correlation ``spread``."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

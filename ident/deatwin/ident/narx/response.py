@@ -129,16 +129,8 @@ def _one(units: tuple[str, ...]) -> str:
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
-    """Return the magnitude beyond which a free run has diverged, in the unit of the largest output.
-
-    Parameters
-    ----------
-    operating : OperatingRange or None
-        Of the training data, where it is known.
-    measured : ndarray, shape (n_outputs, n)
-        Outputs of the recording.
-    origin : ndarray, shape (n_outputs,), or float
-        Output from which the magnitude counts.
+    """Return the magnitude beyond which a free run has diverged, in the unit of the largest output. Shapes:
+    `measured` (n_outputs, n); `origin` (n_outputs,).
     """
     about = np.asarray(origin)
     largest = float(np.abs(measured - about[..., None]).max())

@@ -27,8 +27,6 @@ from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.plant.errors import ModelError
 
-__all__ = ["BLOCKS", "Cosines", "pseudovalues", "robust", "robust_covariance"]
-
 Array = NDArray[np.float64]
 
 BLOCKS = 64
@@ -39,42 +37,14 @@ _FEWEST = 8  # cosines of the scatter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """The cosine coefficients of short series, and what they say of the mean and of a drift.
-
-    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
-    mean.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (n - 1, n_series)
-        Of cosines of unit norm with 1, 2, ... half periods in the series, in the unit of the series.
-    n_slow : int
-        The first of them, which belong to a drift and do not count as scatter.
-    """
+    """The cosine coefficients of short series, and what they say of the mean and of a drift."""
 
     coefficients: Array
-    n_slow: int
+    n_slow: int  # The first of them, which belong to a drift and do not count as scatter
 
     @classmethod
     def of(cls, series: ArrayLike, n_slow: int = 0) -> Cosines:
-        """Transform series.
-
-        Parameters
-        ----------
-        series : array_like, shape (n, n_series)
-            In order of time, of any unit.
-        n_slow : int
-            As many coefficients are set apart as drift.
-
-        Returns
-        -------
-        Cosines
-
-        Raises
-        ------
-        ModelError
-            If too few are left for the scatter.
-        """
+        """Transform series. Shapes: `series` (n, n_series)."""
         values = np.asarray(series, dtype=np.float64)
         n = len(values)
         if n_slow < 0 or n - 1 - n_slow < _FEWEST:
@@ -105,45 +75,18 @@ class Cosines:
         return np.asarray(self.fast.T @ self.fast / (self.dof * self._count), dtype=np.float64)
 
     def projected(self, directions: ArrayLike) -> Cosines:
-        """Return the cosines of linear combinations of the series.
-
-        Parameters
-        ----------
-        directions : array_like, shape (n_combinations, n_series)
-            One combination a row.
-
-        Returns
-        -------
-        Cosines
-        """
+        """Return the cosines of linear combinations of the series. Shapes: `directions` (n_combinations, n_series)."""
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Return by how much the series lie off their means, as the slow cosines have it.
-
-        Parameters
-        ----------
-        shares : array_like, shape (n_times,)
-            Times, as shares of the series from 0 to 1.
-
-        Returns
-        -------
-        ndarray, shape (n_times, n_series)
-            In the unit of the series.
+        """Return by how much the series lie off their means, as the slow cosines have it. Shapes: `shares`
+        (n_times,); returns (n_times, n_series).
         """
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
     def drift_scales(self, shares: ArrayLike) -> Array:
-        """Return the squared scales of mean plus drift at some times.
-
-        Parameters
-        ----------
-        shares : array_like, shape (n_times,)
-            Times, as shares of the series from 0 to 1.
-
-        Returns
-        -------
-        ndarray, shape (n_times, n_series, n_series)
+        """Return the squared scales of mean plus drift at some times. Shapes: `shares` (n_times,); returns (n_times,
+        n_series, n_series).
         """
         larger = 1 + self._count * (self._slow_shapes(shares) ** 2).sum(axis=0)
         return np.asarray(larger[:, None, None] * self.scale, dtype=np.float64)
@@ -164,33 +107,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Compute what each block of samples says of the parameters, beside what all say.
-
-    With regressors P and residuals e of a least-squares fit, leaving out block k changes the parameters by
-    -(P P' - P_k P_k')^-1 P_k e_k exactly. n_blocks - 1 times the opposite is what the block has by itself, corrected
-    for its leverage.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one output and without noise terms; fitted to the recordings by least squares, or about so.
-    recordings : Recording, Experiment, or several
-        What it was fitted to; several are cut as if one followed the other.
-    n_blocks : int
-        Number of blocks of equal length.
-    instruments : Recording, Experiment, or several, optional
-        Where the model was fitted with instruments, the recordings whose regressors Z these are: Z takes the place of
-        the first P of each product.
-
-    Returns
-    -------
-    ndarray, shape (n_blocks, n_terms)
-        In the units of the parameters, as deviations from those of the model.
-
-    Raises
-    ------
-    ModelError
-        If the recordings do not suit the model, or do not determine its parameters without a block.
+    """Compute what each block of samples says of the parameters, beside what all say. Shapes: returns (n_blocks,
+    n_terms).
     """
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:

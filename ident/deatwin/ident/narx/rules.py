@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 from deatwin.ident.narx.terms import Rule, Term
 
-__all__ = ["AllOf", "AtMost", "NoConstant", "SameSignal", "WithinLags"]
-
 
 def _degree(term: Term, kind: str) -> int:
     return sum(power for variable, power in term.factors if variable.kind == kind)
@@ -23,13 +21,7 @@ def _degree(term: Term, kind: str) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class AtMost:
-    """Bounds the degree in each kind of signal; ``AtMost(output=1)`` keeps models that are affine in the output.
-
-    Parameters
-    ----------
-    output, input, noise : int or None
-        Largest sum of powers of the lagged outputs, inputs and noise of a term; None for no bound.
-    """
+    """Bounds the degree in each kind of signal; ``AtMost(output=1)`` keeps models that are affine in the output."""
 
     output: int | None = None
     input: int | None = None
@@ -58,13 +50,7 @@ class SameSignal:
 
 @dataclass(frozen=True, kw_only=True)
 class WithinLags:
-    """Drops products whose factors lie far apart in time.
-
-    Parameters
-    ----------
-    spread : int
-        Largest difference between the lags of a term, in samples; 0 keeps powers and products of one instant.
-    """
+    """Drops products whose factors lie far apart in time."""
 
     spread: int
 
@@ -75,15 +61,9 @@ class WithinLags:
 
 @dataclass(frozen=True)
 class AllOf:
-    """Keeps what every one of several rules keeps.
+    """Keeps what every one of several rules keeps."""
 
-    Parameters
-    ----------
-    rules : tuple of callable
-        Each takes a `Term`.
-    """
-
-    rules: tuple[Rule, ...]
+    rules: tuple[Rule, ...]  # Each takes a `Term`
 
     def __call__(self, term: Term) -> bool:
         return all(rule(term) for rule in self.rules)

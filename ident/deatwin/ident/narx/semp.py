@@ -20,7 +20,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Semp", "SempStep"]
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,6 @@ from deatwin.ident.narx.terms import Term
 if TYPE_CHECKING:
     from deatwin.ident.narx.semp import Semp
 
-__all__ = ["SempSearch", "SempStep"]
 
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -58,17 +57,7 @@ class SempStep:
 
 
 class SempSearch:
-    """The search of `Semp`, step by step.
-
-    Simulation errors are sums of squares over each section of the records, in squares of the scaled output.
-
-    Parameters
-    ----------
-    settings : Semp
-        Its arguments.
-    data : Regression
-        On all candidates.
-    """
+    """The search of `Semp`, step by step."""
 
     def __init__(self, settings: Semp, data: Regression) -> None:
         self.settings = settings
@@ -216,10 +205,7 @@ class SempSearch:
         )
 
     def _as_good(self, errors: Array) -> Booleans:
-        """Whether errors are not larger than those of the present model, nor than those of no model.
-
-        The test finds nothing in a run that goes wild in one section alone; such a run is worse than none.
-        """
+        """Whether errors are not larger than those of the present model, nor than those of no model."""
         return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
 
     def _worse(self, errors: Array, than: Array) -> Booleans:

@@ -14,7 +14,6 @@ from deatwin.plant.prefixes import prefixed
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["ShownUnits", "shown_units"]
 
 Array = NDArray[np.float64]
 _PLAIN = (1e-4, 1e6)
@@ -23,35 +22,14 @@ _PLAIN = (1e-4, 1e6)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownUnits:
-    """How the parameters of a model are shown.
+    """How the parameters of a model are shown."""
 
-    Parameters
-    ----------
-    factors : ndarray, shape (n_terms,)
-        Each parameter is to be multiplied by its own.
-    legend : str
-        As ``y in mm, u in kV``; empty where the parameters are those of the signals in SI.
-    """
-
-    factors: Array
-    legend: str
+    factors: Array  # shape (n_terms,): Each parameter is to be multiplied by its own
+    legend: str  # As ``y in mm, u in kV``; empty where the parameters are those of the signals in SI
 
 
 def shown_units(model: NarxModel) -> ShownUnits:
-    """Return the units for the signals in which the parameters of a model are shown.
-
-    SI, unless a parameter would need an exponent. Then each signal gets the prefix that its training data would be
-    written with, if fewer parameters need an exponent so.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Without known training data it is shown in SI.
-
-    Returns
-    -------
-    ShownUnits
-    """
+    """Return the units for the signals in which the parameters of a model are shown."""
     plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
     trained = model.operating
     exponents = _exponents(model.theta)

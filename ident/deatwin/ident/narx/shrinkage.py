@@ -21,32 +21,14 @@ from deatwin.ident.narx.bayes import Posterior, Priors, Statistics, posterior
 from deatwin.ident.narx.estimate import Centred, Estimate
 from deatwin.plant.errors import ModelError, nearest
 
-__all__ = ["Bayesian", "BayesianEstimate", "Ridge"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BayesianEstimate(Estimate):
-    """A posterior with its evidence.
+    """A posterior with its evidence."""
 
-    Parameters
-    ----------
-    theta : ndarray, shape (n_terms,)
-        Posterior mean.
-    theta_cov : ndarray, shape (n_terms, n_terms)
-        Posterior covariance.
-    noise_variance : float
-        Posterior mean of the noise variance.
-    dof : float
-        Degrees of freedom of the Student-t posterior of theta.
-    log_evidence : float
-        ln p(y), the marginal likelihood in nats, of the outputs as they were given.
-    precision : float
-        Prior precision of the parameters relative to the noise's, for regressors of root mean square about 1.
-    """
-
-    log_evidence: float
+    log_evidence: float  # ln p(y), the marginal likelihood in nats, of the outputs as they were given
     precision: float
 
 
@@ -83,15 +65,7 @@ class Ridge:
             raise ModelError(f"penalty = {self.penalty}; it must be positive")
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors; they may depend on each other.
-        target : ndarray, shape (n_samples,)
-            Output.
-        """
+        """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         centred = Centred.of(rows, target)
         sizes = np.sqrt(np.mean(centred.rows**2, axis=1))
         sizes[sizes == 0] = 1.0
@@ -138,15 +112,7 @@ class Bayesian:
             raise ModelError(f"precision = {self.precision}; it must be positive")
 
     def __call__(self, rows: Array, target: Array) -> BayesianEstimate:
-        """Estimate.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_terms, n_samples)
-            Regressors.
-        target : ndarray, shape (n_samples,)
-            Output; its size should be that which the prior of the noise is made for, about 1.
-        """
+        """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         given = Statistics(
             gram=rows @ rows.T, moment=rows @ target, power=float(target @ target), n_samples=target.size
         )

@@ -24,7 +24,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["CleanUpMove", "PruningStep", "SvbNarx"]
 
 Array = NDArray[np.float64]
 
@@ -317,11 +316,7 @@ class SvbNarx(NarxIdentifier):
         )
 
     def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> list[Move]:
-        """Return the moves to the most probable structure that is reached; an interrupt keeps those that are done.
-
-        A climb ends where no single move helps. A term lost early can leave others that no one exchange gives back for
-        it, so that a second climb begins at the last step, with one term.
-        """
+        """Return the moves to the most probable structure that is reached; an interrupt keeps those that are done."""
         best: list[Move] = []
         made = 0
         try:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.narx.svb import PruningStep
 
-__all__ = ["draw_bounds", "draw_densities", "draw_iterations", "draw_relevance", "draw_relevance_paths"]
 
 Array = NDArray[np.float64]
 
@@ -26,19 +25,7 @@ _NAMED = 10  # paths with a label of their own, as many as there are colours
 
 
 def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
-    """Draw the lower bound over the pruning steps, with the largest marked.
-
-    Parameters
-    ----------
-    path : sequence of PruningStep
-        Of one fit.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the lower bound over the pruning steps, with the largest marked."""
     axes = axes_or_new(ax)
     bounds = np.array([step.lower_bound for step in path])
     best = int(np.argmax(bounds))
@@ -61,19 +48,7 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
 
 
 def draw_iterations(step: PruningStep, ax: Axes | None = None) -> Axes:
-    """Draw the lower bound over the updates of one step.
-
-    Parameters
-    ----------
-    step : PruningStep
-        Of a fit.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the lower bound over the updates of one step."""
     axes = axes_or_new(ax)
     axes.plot(np.arange(1, len(step.bounds) + 1), step.bounds, marker=".")
     axes.set_xlabel("update")
@@ -83,21 +58,7 @@ def draw_iterations(step: PruningStep, ax: Axes | None = None) -> Axes:
 
 
 def draw_relevance(step: PruningStep, ax: Axes | None = None, *, truth: Sequence[Term] = ()) -> Axes:
-    """Draw the relevance of each term of a step, with the threshold and those that it prunes.
-
-    Parameters
-    ----------
-    step : PruningStep
-        Of a fit.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-    truth : sequence of Term
-        True terms, to be marked where they are known.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the relevance of each term of a step, with the threshold and those that it prunes."""
     axes = axes_or_new(ax)
     kept = step.relevance > step.threshold
     for chosen, style, label in ((kept, "o", "kept"), (~kept, "x", "pruned")):
@@ -117,21 +78,7 @@ def draw_relevance(step: PruningStep, ax: Axes | None = None, *, truth: Sequence
 
 
 def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
-    """Draw the relevance of every candidate over the pruning steps, up to the one that prunes it.
-
-    The terms that stay longest have a colour and a label of their own.
-
-    Parameters
-    ----------
-    path : sequence of PruningStep
-        Of one fit.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the relevance of every candidate over the pruning steps, up to the one that prunes it."""
     axes = axes_or_new(ax)
     relevance = np.full((len(path), len(path[0].terms)), np.nan)
     for row, step in zip(relevance, path, strict=True):
@@ -154,23 +101,7 @@ def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) ->
 def draw_densities(
     posterior: ThetaPosterior, axes: Sequence[Axes] | None, truth: Array | None, level: float
 ) -> list[Axes]:
-    """Draw the marginal density of each parameter, its central interval shaded.
-
-    Parameters
-    ----------
-    posterior : ThetaPosterior
-        Of a model.
-    axes : sequence of matplotlib Axes or None
-        One for each term; new ones otherwise.
-    truth : ndarray, shape (n_terms,), or None
-        True values, where they are known.
-    level : float
-        Probability of the interval.
-
-    Returns
-    -------
-    list of matplotlib Axes
-    """
+    """Draw the marginal density of each parameter, its central interval shaded. Shapes: `truth` (n_terms,)."""
     model = posterior.model
     panels = panels_or_new(axes, len(model.terms), height=1.3)
     intervals = posterior.interval(level)

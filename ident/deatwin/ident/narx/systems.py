@@ -22,8 +22,6 @@ from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-__all__ = ["SYSTEMS", "BenchmarkSystem", "Draw"]
-
 Array = NDArray[np.float64]
 
 _MOST_REDRAWS = 100  # a system that needs more of them for one recording has no stable runs worth a name
@@ -31,54 +29,26 @@ _MOST_REDRAWS = 100  # a system that needs more of them for one recording has no
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Draw:
-    """A recording of a system.
-
-    Parameters
-    ----------
-    recording : Recording
-        Of one input and one output, without units.
-    redraws : int
-        How many runs diverged before this one and were thrown away, with their input and noise.
-    """
+    """A recording of a system."""
 
     recording: Recording
-    redraws: int
+    redraws: int  # How many runs diverged before this one and were thrown away, with their input and noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchmarkSystem:
-    """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found.
+    """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found."""
 
-    Parameters
-    ----------
-    name : str
-        Short, as "S3".
-    equation : mapping of str to float
-        Parameter of each term, noise terms e(k-l) included; e(k) itself is always added.
-    draw_input : callable
-        Takes a generator and the number of samples n, returns the input, shape (n,).
-    noise_std : float
-        Standard deviation of the white normal e(k).
-    n_samples : int
-        Usual length of a recording.
-    output_lags, input_lags, degree : int
-        Of the candidates.
-    source : str
-        Where the system comes from, and what is chosen here.
-    sample_time : float
-        s.
-    """
-
-    name: str
-    equation: Mapping[str, float]
+    name: str  # Short, as "S3"
+    equation: Mapping[str, float]  # Parameter of each term, noise terms e(k-l) included; e(k) itself is always added
     draw_input: Callable[[np.random.Generator, int], Array]
-    noise_std: float
-    n_samples: int = 500
+    noise_std: float  # Standard deviation of the white normal e(k)
+    n_samples: int = 500  # Usual length of a recording
     output_lags: int = 4
     input_lags: int = 4
     degree: int = 3
-    source: str = ""
-    sample_time: float = 1.0
+    source: str = ""  # Where the system comes from, and what is chosen here
+    sample_time: float = 1.0  # s
 
     @cached_property
     def model(self) -> NarxModel:
@@ -103,26 +73,7 @@ class BenchmarkSystem:
         return tuple(Term.parse(text) for text in self.equation if text not in self._known)
 
     def draw(self, rng: np.random.Generator, n_samples: int | None = None) -> Draw:
-        """Record the system from rest, y = 0 before the run, with new input and noise.
-
-        A run that diverges is replaced by another one and counted.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Of input and noise.
-        n_samples : int, optional
-            Length; by default the usual one.
-
-        Returns
-        -------
-        Draw
-
-        Raises
-        ------
-        ModelError
-            If 100 runs on end diverge.
-        """
+        """Record the system from rest, y = 0 before the run, with new input and noise."""
         n = n_samples or self.n_samples
         for redraws in range(_MOST_REDRAWS):
             inputs = self.draw_input(rng, n)

@@ -25,7 +25,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ThetaTrajectory"]
 
 SCHEMA = "deatwin/theta/1"
 

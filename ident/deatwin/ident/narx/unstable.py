@@ -12,8 +12,6 @@ from deatwin.ident.narx.fit import Fit
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.recording import Recording
 
-__all__ = ["Unstable", "poles_at", "unstable_model"]
-
 Array = NDArray[np.float64]
 
 _STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
@@ -73,20 +71,7 @@ class Unstable:
 
 
 def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
-    """Return the unstable pole of a model, or None where it has none for sure.
-
-    The recordings set the point at which the model is linearised. A nonlinear model may be unstable there and bounded
-    all the same, so that only a diverged free run counts against it.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    recordings : sequence of Recording
-        In the model's units.
-    diverged : bool
-        Whether a free run over them did.
-    """
+    """Return the unstable pole of a model, or None where it has none for sure."""
     nonlinear = any(sum(power for _, power in term.factors) > 1 for term in model.terms)
     if nonlinear and not diverged:
         return None
@@ -103,15 +88,7 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
 
 
 def poles_at(model: NarxModel, recordings: Sequence[Recording]) -> NDArray[np.complex128]:
-    """Return the poles of a model that is linearised at the mean of recordings, largest magnitude first.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-    recordings : sequence of Recording
-        In the model's units.
-    """
+    """Return the poles of a model that is linearised at the mean of recordings, largest magnitude first."""
     longest = max((v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"), default=0)
     lags = sorted({v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"})
     m = model.n_outputs

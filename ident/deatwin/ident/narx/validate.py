@@ -24,7 +24,6 @@ from deatwin.plant.errors import ModelError, nearest
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Fit", "Validation", "ValidationStatus", "validate"]
 
 Array = NDArray[np.float64]
 

@@ -12,22 +12,9 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["require_terms", "require_values"]
-
 
 def require_terms(model: NarxModel) -> None:
-    """Raise ModelError unless terms, equations and signals of a model belong together.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-
-    Raises
-    ------
-    ModelError
-        With what is wrong.
-    """
+    """Raise ModelError unless terms, equations and signals of a model belong together."""
     n = len(model.terms)
     if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
         raise ModelError(f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}")
@@ -46,18 +33,7 @@ def require_terms(model: NarxModel) -> None:
 
 
 def require_values(model: NarxModel) -> None:
-    """Raise ModelError unless shapes and numbers of a model can be; its covariance is not judged.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-
-    Raises
-    ------
-    ModelError
-        With what is wrong.
-    """
+    """Raise ModelError unless shapes and numbers of a model can be; its covariance is not judged."""
     n = len(model.terms)
     if model.theta.shape != (n,) or model.theta_cov.shape != (n, n):
         raise ModelError(

@@ -15,7 +15,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
 
-__all__ = ["by_equation", "name_signals", "origins", "written"]
 
 Array = NDArray[np.float64]
 
@@ -23,24 +22,7 @@ Array = NDArray[np.float64]
 def by_equation(
     terms: Mapping[str, float] | Mapping[str, Mapping[str, float]], output_names: Sequence[str] = ()
 ) -> list[tuple[int, str, float]]:
-    """Return row of the output, text and parameter of each written term.
-
-    Parameters
-    ----------
-    terms : mapping of str to float, or of str to such mappings
-        Of one output, or by output: "y1", "y2", ..., or their names in order.
-    output_names : sequence of str, optional
-        Names of the outputs.
-
-    Returns
-    -------
-    list of (int, str, float)
-
-    Raises
-    ------
-    ModelError
-        If there are none, or the outputs are named otherwise.
-    """
+    """Return row of the output, text and parameter of each written term."""
     if not terms:
         raise ModelError("no terms are given; a NARX model needs at least one")
     equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
@@ -64,17 +46,7 @@ def _number(text: str, value: Any) -> float:
 
 
 def name_signals(details: dict[str, Any], side: str, count: int) -> None:
-    """Number the signals of one side where there are several and they have no names yet.
-
-    Parameters
-    ----------
-    details : dict
-        Fields of a model; names and units are set in it.
-    side : str
-        "input" or "output".
-    count : int
-        Number of signals.
-    """
+    """Number the signals of one side where there are several and they have no names yet."""
     if count > 1:
         details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
         details.setdefault(f"{side}_units", ("",) * count)
@@ -87,24 +59,7 @@ def written(
     input_names: Sequence[str],
     output_names: Sequence[str],
 ) -> str:
-    """Return the equations of a model as text, a line each.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        Of all equations.
-    theta : ndarray, shape (n_terms,)
-        Their parameters.
-    equations : sequence of int
-        For each term the row of its output.
-    input_names, output_names : sequence of str
-        Names of the signals, which are written as `symbols_of` says.
-
-    Returns
-    -------
-    str
-        As ``y(k) = 0.5 y(k-1) - 2 u(k-1) + e(k)``.
-    """
+    """Return the equations of a model as text, a line each. Shapes: `theta` (n_terms,)."""
     symbols = symbols_of(input_names, output_names)
     right: list[list[str]] = [[] for _ in output_names]
     for term, value, row in zip(terms, theta, equations, strict=True):
@@ -114,18 +69,7 @@ def written(
 
 
 def origins(model: NarxModel) -> str:
-    """Return a line that says from where the signals of the terms count, and nothing where that is zero.
-
-    Parameters
-    ----------
-    model : NarxModel
-        The model.
-
-    Returns
-    -------
-    str
-        As ``\\nwhere y is the output less 300.012 K``, with a line feed before it.
-    """
+    """Return a line that says from where the signals of the terms count, and nothing where that is zero."""
     said, symbols = [], symbols_of(model.input_names, model.output_names)
     for kind, names, units, values in (
         ("y", model.output_names, model.output_units, model.output_origin),

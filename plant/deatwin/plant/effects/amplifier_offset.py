@@ -11,8 +11,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["AmplifierOffset"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierOffset(Effect):

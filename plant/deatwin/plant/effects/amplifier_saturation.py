@@ -12,8 +12,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["AmplifierSaturation"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierSaturation(Effect):

@@ -13,8 +13,6 @@ from deatwin.plant.parameters import Parameter, Scale
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["AmplifierSlew"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierSlew(Effect):

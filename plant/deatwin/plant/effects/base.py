@@ -16,8 +16,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Effect", "Family", "Place"]
-
 
 class Family(Enum):
     """Which part of physics an effect belongs to."""

@@ -11,8 +11,6 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.errors import RigError, nearest
 
-__all__ = ["catalogue", "effect_from", "effect_named"]
-
 GROUP = "deatwin.effects"
 
 
@@ -62,21 +60,5 @@ def effect_named(name: str) -> Effect:
 
 
 def effect_from(entry: str | Mapping[str, Any]) -> Effect:
-    """The effect that a model file has.
-
-    Parameters
-    ----------
-    entry : str or mapping
-        A canonical name, or a free form as data.
-
-    Returns
-    -------
-    Effect
-        The values of its parameters are in the model file too.
-
-    Raises
-    ------
-    RigError
-        If there is no effect of that name, or the data are malformed.
-    """
+    """The effect that a model file has."""
     return effect_named(entry) if isinstance(entry, str) else FreeForm.from_entry(entry)

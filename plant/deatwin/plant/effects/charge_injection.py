@@ -11,8 +11,6 @@ from deatwin.plant.parameters import Parameter, Scale
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["ChargeInjection"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ChargeInjection(Effect):

@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.film import Film
 
-__all__ = ["Creep"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Creep(Effect):

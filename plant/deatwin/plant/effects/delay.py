@@ -15,7 +15,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Delay"]
 
 LONGEST = 0.1
 """Upper end of the dead time, s."""

@@ -15,8 +15,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["ElectrodeLoss"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ElectrodeLoss(Effect):

@@ -14,39 +14,12 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["FreeForm"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class FreeForm(Effect):
     r"""A sum of functions, with and without memory, added to one signal of a plant.
 
     .. math:: \text{signal} \to \text{signal} + S\sum_k c_k\,\varphi_k
-
-    Not in the catalogue: it stands for no physics, names no cause, and neither conserves nor dissipates energy by
-    construction. A discovery makes it where the catalogue explains nothing; a model file keeps its terms as data.
-    One state for each term with a memory. A calibration moves the coefficients :math:`c_k` and the shapes of the
-    terms; the size S is held, since it only gives them their unit. Off at S = 0.
-
-    Parameters
-    ----------
-    size : float
-        S, in the unit of the signal.
-    terms : tuple of Primitive
-        :math:`\varphi_k`, pure numbers.
-    coefficients : tuple of float
-        :math:`c_k`, one for each term.
-    enters : Place
-        Where in the plant the signal lives.
-    node : str
-        Name of the signal there.
-    unit : str
-        Of the signal.
-
-    Raises
-    ------
-    RigError
-        If there are no terms, or not as many coefficients.
 
     Examples
     --------
@@ -55,11 +28,11 @@ class FreeForm(Effect):
     3
     """
 
-    size: float = 1e-3
+    size: float = 1e-3  # S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
-    coefficients: tuple[float, ...] = (-1.0,)
-    enters: Place = Place.BALL
-    node: str = "force"
+    coefficients: tuple[float, ...] = (-1.0,)  # :math:`c_k`, one for each term
+    enters: Place = Place.BALL  # Where in the plant the signal lives
+    node: str = "force"  # Name of the signal there
     unit: str = "N"
 
     name: ClassVar[str] = "free_form"
@@ -137,23 +110,7 @@ class FreeForm(Effect):
 
     @classmethod
     def from_entry(cls, data: Mapping[str, Any]) -> Self:
-        """The free form that a model file has.
-
-        Parameters
-        ----------
-        data : mapping
-            As `entry` gives it.
-
-        Returns
-        -------
-        FreeForm
-            Of size 0, with coefficients of 0.
-
-        Raises
-        ------
-        RigError
-            If a term is of no known kind, or the data are malformed.
-        """
+        """The free form that a model file has."""
         try:
             described, enters = tuple(data["terms"]), Place(data["place"])
             node, unit = str(data["signal"]), str(data["unit"])

@@ -14,8 +14,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Leakage"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Leakage(Effect):

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Tone", "slow_cycles", "spectral_peaks", "tone_at", "tones"]
-
 NEIGHBOURS = 101
 """Bins of the spectrum from whose median a line must stand out: 25 times the resolution, as the spectrum is taken
 four times finer."""
@@ -17,45 +15,20 @@ CYCLES = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Tone:
-    r"""A line, :math:`a\cos(2\pi ft + \varphi)`.
+    r"""A line, :math:`a\cos(2\pi ft + \varphi)`."""
 
-    Parameters
-    ----------
-    amplitude : float
-        a, in the unit of the residual.
-    frequency : float
-        f in Hz.
-    phase : float
-        :math:`\varphi` at clock 0, rad, between -pi and pi.
-    explained : float
-        Share of the variance that it takes away, 0 to 1.
-    """
-
-    amplitude: float
-    frequency: float
-    phase: float
-    explained: float
+    amplitude: float  # a, in the unit of the residual
+    frequency: float  # f in Hz
+    phase: float  # :math:`\varphi` at clock 0, rad, between -pi and pi
+    explained: float  # Share of the variance that it takes away, 0 to 1
 
 
 def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
     """The line of a given frequency that fits best beside a constant, by least squares.
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        Clock times, s; gaps do no harm.
-    values : ndarray, shape (n,)
-        Any unit.
-    frequency : float
-        Hz.
+    Source: Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577, doi:10.1051/0004-6361:200811296.
 
-    Returns
-    -------
-    Tone
-
-    References
-    ----------
-    Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577, doi:10.1051/0004-6361:200811296.
+    `timepts` (n,); `values` (n,); `frequency` hz.
     """
     angle = 2 * np.pi * frequency * timepts
     columns = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
@@ -72,23 +45,8 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 
 
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
-    """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first.
-
-    A drift has more power than a weak tone, but no line. Each line found is taken out before the next is sought.
-
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        Clock times, s; gaps count as zeros in the search and not at all in the fit.
-    residual : ndarray, shape (n,)
-        Any unit.
-    count : int
-        At most so many.
-
-    Returns
-    -------
-    tuple of Tone
-        Up to half the sampling rate; none where there are fewer than 16 samples.
+    """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first. Shapes:
+    `timepts` (n,); `residual` (n,).
     """
     from scipy.ndimage import median_filter
 
@@ -113,24 +71,7 @@ def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[To
 def slow_cycles(
     timepts: np.ndarray, residual: np.ndarray, periods: tuple[float, float], count: int = 3
 ) -> tuple[Tone, ...]:
-    """Slow cycles that explain most of a residual, best first.
-
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        Clock times, s.
-    residual : ndarray, shape (n,)
-        Any unit.
-    periods : pair of float
-        Shortest and longest, s; none longer than twice the record is tried.
-    count : int
-        At most so many.
-
-    Returns
-    -------
-    tuple of Tone
-        Local maxima of the share explained; none where the record is shorter than half the shortest period.
-    """
+    """Slow cycles that explain most of a residual, best first. Shapes: `timepts` (n,); `residual` (n,)."""
     shortest, longest = periods[0], min(periods[1], 2 * float(np.ptp(timepts)))
     if longest <= shortest:
         return ()
@@ -144,25 +85,10 @@ def spectral_peaks(
 ) -> tuple[float, ...]:
     """Frequencies at which a residual's averaged spectrum peaks, first what rises most above what is around it.
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        Clock times, s.
-    residual : ndarray, shape (n,)
-        Any unit.
-    band : pair of float
-        Lowest and highest, Hz.
-    count : int
-        At most so many.
+    Source: Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
 
-    Returns
-    -------
-    tuple of float
-        Hz; none where there are fewer than 64 samples.
-
-    References
-    ----------
-    Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
+    `timepts` (n,); `residual` (n,); `band` lowest and highest, Hz; returns Hz; none where there are fewer than 64
+    samples.
     """
     from scipy.signal import find_peaks, welch
 

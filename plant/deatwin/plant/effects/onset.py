@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["LATEST", "steps_of"]
-
 LATEST = 3e4
 """Latest time of an event on the clock of the recordings, s: a day in the laboratory."""
 APART = 0.02
@@ -15,27 +13,9 @@ APART = 0.02
 def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:
     r"""Times at which one step would explain most of a residual, best first.
 
-    A step after sample k takes :math:`n_1n_2(\bar r_2 - \bar r_1)^2/n` off the sum of squares. The measure has no
-    scale, so nothing is to be tuned to the noise.
+    Source: Hinkley, Biometrika 57 (1970) 1, doi:10.1093/biomet/57.1.1.
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        Clock times, ascending, s.
-    residual : ndarray, shape (n,)
-        Any unit.
-    count : int
-        At most so many.
-
-    Returns
-    -------
-    tuple of (time, height)
-        s, halfway between two samples, and the step's height in the unit of the residual; only local maxima of
-        the measure, at times that an event may have, none where there are fewer than two samples or none that steps.
-
-    References
-    ----------
-    Hinkley, Biometrika 57 (1970) 1, doi:10.1093/biomet/57.1.1.
+    Shapes: `timepts` (n,); `residual` (n,).
     """
     n = residual.size
     if n < 2:

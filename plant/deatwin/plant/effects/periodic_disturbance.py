@@ -16,8 +16,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["PeriodicDisturbance"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PeriodicDisturbance(Effect):

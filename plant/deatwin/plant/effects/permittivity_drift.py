@@ -12,8 +12,6 @@ from deatwin.plant.parameters import Parameter, Scale
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["PermittivityDrift"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PermittivityDrift(Effect):

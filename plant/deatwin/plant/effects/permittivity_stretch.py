@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm, FilmPoint
 
-__all__ = ["PermittivityStretch"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PermittivityStretch(Effect):

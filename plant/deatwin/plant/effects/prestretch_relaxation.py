@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
-__all__ = ["PrestretchRelaxation"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PrestretchRelaxation(Effect):

@@ -20,20 +20,6 @@ from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.parameters import Parameter, Scale
 
-__all__ = [
-    "PRIMITIVES",
-    "DeadBand",
-    "Largest",
-    "LowPass",
-    "Magnitude",
-    "Play",
-    "Power",
-    "Primitive",
-    "SignedSquare",
-    "Smallest",
-    "primitive_from",
-]
-
 Symbol = Any
 
 CORNER = 0.001
@@ -44,18 +30,10 @@ PURSUIT = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Primitive(ABC):
-    """A function of one signal.
+    """A function of one signal."""
 
-    Parameters
-    ----------
-    variable : str
-        ``"command"``, ``"command_rate"``, ``"time"``, or a signal of the plant.
-    scale : float
-        Size of the signal, SI; above 0.
-    """
-
-    variable: str
-    scale: float
+    variable: str  # ``"command"``, ``"command_rate"``, ``"time"``, or a signal of the plant
+    scale: float  # Size of the signal, SI; above 0
 
     kind: ClassVar[str]
     shape: ClassVar[str] = ""
@@ -74,57 +52,14 @@ class Primitive(ABC):
 
     @abstractmethod
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
-        """The function.
-
-        Parameters
-        ----------
-        signal : symbol
-            s, in units of the scale.
-        memory : symbol
-            m; anything where it has none.
-        shape : symbol
-            Value of the shape parameter; anything where it has none.
-
-        Returns
-        -------
-        symbol
-            A pure number.
-        """
+        """The function."""
 
     def at_rest(self, signal: Symbol) -> Symbol:
-        """The memory at rest.
-
-        Parameters
-        ----------
-        signal : symbol
-            s at rest.
-
-        Returns
-        -------
-        symbol
-        """
+        """The memory at rest."""
         return signal
 
     def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
-        """How fast the memory changes.
-
-        Parameters
-        ----------
-        signal, memory, shape : symbol
-            As in `value`.
-        sample_time : float
-            s.
-
-        Returns
-        -------
-        symbol
-            1/s.
-
-        Raises
-        ------
-        NotImplementedError
-            If it has no memory.
-        """
+        """How fast the memory changes."""
         raise NotImplementedError(f"{self.kind} has no memory")
 
     def to_dict(self) -> dict[str, Any]:
@@ -134,17 +69,9 @@ class Primitive(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Power(Primitive):
-    r"""A power, :math:`s^n`.
+    r"""A power, :math:`s^n`."""
 
-    Parameters
-    ----------
-    order : int
-        n.
-    variable, scale
-        As for every `Primitive`.
-    """
-
-    order: int = 1
+    order: int = 1  # n
 
     kind: ClassVar[str] = "power"
 
@@ -158,13 +85,7 @@ class Power(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Magnitude(Primitive):
-    r"""The magnitude, :math:`\sqrt{s^2 + 0.001^2} - 0.001`.
-
-    Parameters
-    ----------
-    variable, scale
-        As for every `Primitive`.
-    """
+    r"""The magnitude, :math:`\sqrt{s^2 + 0.001^2} - 0.001`."""
 
     kind: ClassVar[str] = "magnitude"
 
@@ -174,13 +95,7 @@ class Magnitude(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class SignedSquare(Primitive):
-    r"""The square with its sign, :math:`s|s|`.
-
-    Parameters
-    ----------
-    variable, scale
-        As for every `Primitive`.
-    """
+    r"""The square with its sign, :math:`s|s|`."""
 
     kind: ClassVar[str] = "signed_square"
 
@@ -194,17 +109,9 @@ class SignedSquare(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class DeadBand(Primitive):
-    r"""What lies beyond a band about zero, :math:`p(s - w) - p(-s - w)`.
+    r"""What lies beyond a band about zero, :math:`p(s - w) - p(-s - w)`."""
 
-    Parameters
-    ----------
-    width : float
-        w, half the band, in units of the scale.
-    variable, scale
-        As for every `Primitive`.
-    """
-
-    width: float = 1.0
+    width: float = 1.0  # w, half the band, in units of the scale
 
     kind: ClassVar[str] = "dead_band"
     shape: ClassVar[str] = "width"
@@ -219,20 +126,10 @@ class DeadBand(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class LowPass(Primitive):
-    r"""A low-pass of first order of a power, :math:`T\dot m = s^n - m`.
+    r"""A low-pass of first order of a power, :math:`T\dot m = s^n - m`."""
 
-    Parameters
-    ----------
-    time : float
-        T in s.
-    order : int
-        n.
-    variable, scale
-        As for every `Primitive`.
-    """
-
-    time: float = 1.0
-    order: int = 1
+    time: float = 1.0  # T in s
+    order: int = 1  # n
 
     kind: ClassVar[str] = "low_pass"
     shape: ClassVar[str] = "time"
@@ -250,18 +147,7 @@ class LowPass(Primitive):
         return memory
 
     def at_rest(self, signal: Symbol) -> Symbol:
-        """The memory at rest.
-
-        Parameters
-        ----------
-        signal : symbol
-            s at rest.
-
-        Returns
-        -------
-        symbol
-            Its power.
-        """
+        """The memory at rest."""
         return signal**self.order
 
     def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
@@ -274,22 +160,10 @@ class Play(Primitive):
 
     .. math:: T\dot m = p(s - m - w) - p(m - s - w)
 
-    T is a tenth of a sample. The play has the loops of backlash; the signal less its play those of dry friction in
-    series with a spring.
-
-    Parameters
-    ----------
-    width : float
-        w, half the clearance, in units of the scale.
-    variable, scale
-        As for every `Primitive`.
-
-    References
-    ----------
-    Visintin, Differential Models of Hysteresis (1994), chapter III.
+    Source: Visintin, Differential Models of Hysteresis (1994), chapter III.
     """
 
-    width: float = 1.0
+    width: float = 1.0  # w, half the clearance, in units of the scale
 
     kind: ClassVar[str] = "play"
     shape: ClassVar[str] = "width"
@@ -308,13 +182,7 @@ class Play(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Largest(Primitive):
-    r"""The largest value so far, :math:`T\dot m = p(s - m)`, T a tenth of a sample.
-
-    Parameters
-    ----------
-    variable, scale
-        As for every `Primitive`.
-    """
+    r"""The largest value so far, :math:`T\dot m = p(s - m)`, T a tenth of a sample."""
 
     kind: ClassVar[str] = "largest"
     remembers: ClassVar[bool] = True
@@ -328,13 +196,7 @@ class Largest(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Smallest(Largest):
-    r"""The smallest value so far, :math:`T\dot m = -p(m - s)`, T a tenth of a sample.
-
-    Parameters
-    ----------
-    variable, scale
-        As for every `Primitive`.
-    """
+    r"""The smallest value so far, :math:`T\dot m = -p(m - s)`, T a tenth of a sample."""
 
     kind: ClassVar[str] = "smallest"
 
@@ -349,23 +211,7 @@ PRIMITIVES: Mapping[str, type[Primitive]] = {
 
 
 def primitive_from(data: Mapping[str, Any]) -> Primitive:
-    """The primitive that `Primitive.to_dict` described.
-
-    Parameters
-    ----------
-    data : mapping
-        Plain data.
-
-    Returns
-    -------
-    Primitive
-        Its shape parameter, which is a parameter of the plant, at its default.
-
-    Raises
-    ------
-    RigError
-        If it is of no known kind, or its data are malformed.
-    """
+    """The primitive that `Primitive.to_dict` described."""
     own = dict(data)
     kind = own.pop("kind", None)
     if kind not in PRIMITIVES:

@@ -13,8 +13,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["QuadraticDamping"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class QuadraticDamping(Effect):

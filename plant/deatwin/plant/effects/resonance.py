@@ -14,8 +14,6 @@ from deatwin.plant.parameters import Parameter, Scale
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Resonance"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance(Effect):

@@ -17,7 +17,6 @@ from deatwin.plant.parameters import Parameter
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Sizes"]
 
 MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
 """Of the diaphragm, SI: a usual displacement, the force that makes it, the period of its ringing, command and volts."""

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
-__all__ = ["StrainStiffening"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StrainStiffening(Effect):

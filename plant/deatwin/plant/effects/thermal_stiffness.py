@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.film import AnyFilm
 
-__all__ = ["ThermalStiffness"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ThermalStiffness(Effect):

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
-__all__ = ["odd_harmonics", "random_odd_harmonics", "random_phase_multisine"]
-
 ATTEMPTS = 100
 """Draws of the phases before limits are said to be too narrow."""
 

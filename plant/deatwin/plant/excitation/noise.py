@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import command_array, sample_count
 
-__all__ = ["band_limited_noise", "share_above_band", "two_level_noise"]
-
 
 def band_limited_noise(
     rng: np.random.Generator,

@@ -5,8 +5,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.excitation.samples import command_array, sample_count
 
-__all__ = ["with_alternating_polarity", "with_rests"]
-
 
 def with_rests(
     commands: ArrayLike, sample_time: float, every: float, rest: float, level: float = 0.0

@@ -7,35 +7,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["command_array", "sample_count"]
-
 
 def sample_count(name: str, time: float, sample_time: float) -> int:
     """Return the whole number of samples in a time.
-
-    Parameters
-    ----------
-    name : str
-        What an error text calls the time.
-    time : float
-        s.
-    sample_time : float
-        Time between two samples, s.
-
-    Returns
-    -------
-    int
-        At least one.
-
-    Raises
-    ------
-    DataError
-        If that is less than one sample, or not a finite number of them.
 
     Examples
     --------
     >>> sample_count("duration", 2.0, 0.02)
     100
+
+    `sample_time` time between two samples, s.
     """
     samples = time / sample_time if sample_time > 0.0 else 0.0
     n = round(samples) if math.isfinite(samples) else 0
@@ -45,23 +26,7 @@ def sample_count(name: str, time: float, sample_time: float) -> int:
 
 
 def command_array(commands: ArrayLike) -> NDArray[np.float64]:
-    """Return commands as an array, or say that they are none.
-
-    Parameters
-    ----------
-    commands : (n,) array_like
-        Commands, V.
-
-    Returns
-    -------
-    (n,) array
-        Commands, V.
-
-    Raises
-    ------
-    DataError
-        If they are not a row of at least one finite number.
-    """
+    """Return commands as an array, or say that they are none. `commands` commands, V; returns Commands, V."""
     array = np.asarray(commands, dtype=np.float64)
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
         raise DataError(f"commands of shape {array.shape}: need one row of at least one finite number")

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
-__all__ = ["binary_sequence", "random_holds", "staircase", "triangles"]
-
 
 def random_holds(
     rng: np.random.Generator,

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
-__all__ = ["linear_chirp", "logarithmic_chirp"]
-
 
 def linear_chirp(
     duration: float,

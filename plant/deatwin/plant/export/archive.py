@@ -14,8 +14,6 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.files.replacing import replacing
 from deatwin.plant.integrator.compiled import compiler
 
-__all__ = ["compiled", "headers", "write_fmu"]
-
 _ENDINGS = {"Linux": "so", "Darwin": "dylib"}
 _PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 _FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared", "-fvisibility=hidden")
@@ -24,17 +22,7 @@ _SAID = 300
 
 
 def headers() -> Path:
-    """Folder of the FMI headers, which fmpy brings.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    ModelError
-        If fmpy is not installed.
-    """
+    """Folder of the FMI headers, which fmpy brings."""
     found = find_spec("fmpy")
     if found is None or found.origin is None:
         raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "fmpy>=0.3.20"')
@@ -42,24 +30,7 @@ def headers() -> Path:
 
 
 def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
-    """The files of an FMU with a binary for this computer.
-
-    Parameters
-    ----------
-    contents : mapping of str to bytes
-        Files by their place in the archive; those in ``sources/`` that end in ``.c`` are compiled.
-    name : str
-        Model identifier.
-
-    Returns
-    -------
-    dict of str to bytes
-
-    Raises
-    ------
-    ModelError
-        If there is no C compiler, it fails, or the headers are missing.
-    """
+    """The files of an FMU with a binary for this computer."""
     include, program, system = headers(), compiler(), platform.system()
     if program is None or system not in _ENDINGS:
         raise ModelError("an FMU needs a C compiler, and none was found (deatwin doctor): install gcc or clang")
@@ -79,25 +50,7 @@ def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
 
 
 def write_fmu(path: str | Path, contents: Mapping[str, bytes]) -> Path:
-    """Zip the files of an FMU beside its target, then rename it.
-
-    Parameters
-    ----------
-    path : path
-        File to write; replaced as a whole.
-    contents : mapping of str to bytes
-        Files by their place in the archive.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    DataError
-        If it cannot be written.
-    """
+    """Zip the files of an FMU beside its target, then rename it."""
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
         for place, content in sorted(contents.items()):
             archive.writestr(place, content)

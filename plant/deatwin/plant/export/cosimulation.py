@@ -18,8 +18,6 @@ from deatwin.plant.export.archive import compiled, write_fmu
 from deatwin.plant.export.description import sampled_description
 from deatwin.plant.export.sampled import SampledSource, table
 
-__all__ = ["export_cosimulation"]
-
 _NAMES = """
 #define MODEL_TOKEN "{token}"
 #define MODEL_INPUTS {upper}_INPUTS

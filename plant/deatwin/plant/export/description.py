@@ -11,8 +11,6 @@ from importlib.metadata import version
 
 from deatwin.plant.export.sampled import SampledSource, Signal, number
 
-__all__ = ["Description", "sampled_description"]
-
 _BASE_UNITS = {
     "m": {"m": 1},
     "s": {"s": 1},
@@ -30,41 +28,18 @@ _TOLERANCE = 1e-8
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """The model description that CasADi writes, and what it lacks.
+    """The model description that CasADi writes, and what it lacks."""
 
-    Parameters
-    ----------
-    name : str
-        Model identifier.
-    plain : bytes
-        As CasADi wrote it.
-    inputs, outputs : tuple of Signal
-        With their units.
-    start : mapping of str to float
-        Values of the states at the start, by the names of their variables.
-    sample_time : float
-        Advised step, s.
-    text : str
-        What the model is, in one line.
-    """
-
-    name: str
+    name: str  # Model identifier
     plain: bytes
-    inputs: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]  # With their units
     outputs: tuple[Signal, ...]
-    start: Mapping[str, float]
-    sample_time: float
-    text: str
+    start: Mapping[str, float]  # Values of the states at the start, by the names of their variables
+    sample_time: float  # Advised step, s
+    text: str  # What the model is, in one line
 
     def tidied(self) -> bytes:
-        """With units, default experiment and texts, without variables of CasADi's own, which are never computed.
-
-        CasADi writes start values with six digits and counts no state as known at the start.
-
-        Returns
-        -------
-        bytes
-        """
+        """With units, default experiment and texts, without variables of CasADi's own, which are never computed."""
         root = ET.fromstring(self.plain)
         variables = root.find("ModelVariables")
         units = {s.name: s.unit for s in (*self.inputs, *self.outputs) if s.unit}
@@ -87,17 +62,7 @@ class Description:
 
 
 def sampled_description(source: SampledSource) -> bytes:
-    """The model description of a sampled system for co-simulation.
-
-    Parameters
-    ----------
-    source : SampledSource
-        Value references are 0 for time, then inputs, then outputs.
-
-    Returns
-    -------
-    bytes
-    """
+    """The model description of a sampled system for co-simulation."""
     step = number(source.sample_time)
     root = ET.Element(
         "fmiModelDescription",

@@ -35,8 +35,6 @@ from deatwin.plant.export.sampled import Signal, require_identifier
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
 
-__all__ = ["export_model_exchange", "require_no_memory"]
-
 _TOLERANCE = 1e-12
 """Of the algebraic equations, which are in units of the unknowns' typical sizes."""
 _UPDATES = 50
@@ -99,18 +97,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
 
 
 def require_no_memory(plant: Plant) -> None:
-    """Refuse a plant that needs the commands of earlier samples, or the time at which a sample begins.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-
-    Raises
-    ------
-    ModelError
-        With the names of the effects.
-    """
+    """Refuse a plant that needs the commands of earlier samples, or the time at which a sample begins."""
     if not _has_memory(plant):
         return
     at_fault = [e.name for e in plant.effects if _has_memory(plant.without_effects().with_effects(e))] or ["the rig"]
@@ -149,10 +136,7 @@ def _builder(parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tupl
 
 
 class _Parts:
-    """The equations, with the states in units of their sizes, apart from what is solved algebraically.
-
-    `start` holds the states at rest by the names of their variables.
-    """
+    """The equations, with the states in units of their sizes, apart from what is solved algebraically."""
 
     def __init__(self, plant: Plant, rest: RestState) -> None:
         equations, values = plant.equations, plant.free_values

@@ -19,8 +19,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
 
-__all__ = ["describe", "plant_signals", "plant_source", "rest_of"]
-
 Signals = tuple[Signal, ...]
 
 _STATE = """
@@ -150,38 +148,12 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
 
 
 def describe(plant: Plant) -> str:
-    """A plant in a few words.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-
-    Returns
-    -------
-    str
-        Rig and effects.
-    """
+    """A plant in a few words."""
     return f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}"
 
 
 def rest_of(plant: Plant) -> RestState:
-    """The state of rest in which an export starts.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-
-    Returns
-    -------
-    RestState
-
-    Raises
-    ------
-    ModelError
-        If there is none.
-    """
+    """The state of rest in which an export starts."""
     rest = rest_state(plant.equations, plant.rig.start.rest_command, plant.free_values)
     if not rest.found:
         raise ModelError(f"the plant cannot be exported: {rest.fault}")
@@ -189,22 +161,7 @@ def rest_of(plant: Plant) -> RestState:
 
 
 def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
-    """Inputs and outputs of a plant with their values at rest.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-    rest : RestState
-        Where it starts.
-
-    Returns
-    -------
-    inputs : tuple of Signal
-        The command, then the measured channels.
-    outputs : tuple of Signal
-        The reading, then the watched signals, as ``signal.name``.
-    """
+    """Inputs and outputs of a plant with their values at rest."""
     rig, equations = plant.rig, plant.equations
     inputs = [Signal(name=rig.input_name, unit=rig.input_unit, start=rig.start.rest_command)]
     inputs += [Signal(name=c, start=v) for c, v in equations.channels.items() if c not in KNOWN]

@@ -30,29 +30,17 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import ModelError
 
-__all__ = ["SampledSource", "Signal", "comment", "filled", "number", "require_identifier", "table"]
-
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 _WIDTH = 116
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """An input or output of a system.
-
-    Parameters
-    ----------
-    name : str
-        As the system calls it.
-    unit : str
-        Its unit, empty where none is known.
-    start : float
-        Value at rest, in that unit.
-    """
+    """An input or output of a system."""
 
     name: str
-    unit: str = ""
-    start: float = 0.0
+    unit: str = ""  # Its unit, empty where none is known
+    start: float = 0.0  # Value at rest, in that unit
 
     def __str__(self) -> str:
         return f"{self.name} ({self.unit})" if self.unit else self.name
@@ -88,22 +76,7 @@ class SampledSource:
 
 
 def require_identifier(name: str) -> str:
-    """The name, if it can stand before the names of C functions.
-
-    Parameters
-    ----------
-    name : str
-        For example ``"narx"``.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If it cannot.
-    """
+    """The name, if it can stand before the names of C functions."""
     if _IDENTIFIER.fullmatch(name) is None:
         raise ModelError(
             f"{name!r} cannot stand before the names of C functions: take a letter, then at most 40 letters, digits "
@@ -113,22 +86,7 @@ def require_identifier(name: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number in C, which reads back as the same one.
-
-    Parameters
-    ----------
-    value : float
-        Finite.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ModelError
-        If it is not finite.
-    """
+    """A number in C, which reads back as the same one."""
     if not isfinite(value):
         raise ModelError(f"a number of the model is {value}; only finite ones can be written as C")
     return repr(float(value))
@@ -136,18 +94,6 @@ def number(value: float) -> str:
 
 def table(declaration: str, values: ArrayLike) -> str:
     """A constant array in C; one without entries gets one, since C has none without.
-
-    Parameters
-    ----------
-    declaration : str
-        Type and name, for example ``"narx_real theta"``.
-    values : array_like
-        One or two-dimensional.
-
-    Returns
-    -------
-    str
-        A line, or several.
 
     Examples
     --------
@@ -169,34 +115,12 @@ def _braces(array: np.ndarray) -> str:
 
 
 def comment(lines: Sequence[str]) -> str:
-    """Lines as a comment of C.
-
-    Parameters
-    ----------
-    lines : sequence of str
-        Of any length and content.
-
-    Returns
-    -------
-    str
-    """
+    """Lines as a comment of C."""
     safe = [part for line in lines for part in (wrap(line.replace("*/", "* /"), _WIDTH - 3) or [""])]
     return "/* " + "\n * ".join(safe) + "\n */\n"
 
 
 def filled(template: str, **fields: object) -> str:
-    """A template of C with ``$name`` and ``$NAME`` replaced.
-
-    Parameters
-    ----------
-    template : str
-        With ``$field`` for each field, of `string.Template`.
-    **fields
-        Numbers are written so that they read back as the same ones.
-
-    Returns
-    -------
-    str
-    """
+    """A template of C with ``$name`` and ``$NAME`` replaced."""
     texts = {key: number(value) if isinstance(value, float) else str(value) for key, value in fields.items()}
     return Template(template).substitute(texts)

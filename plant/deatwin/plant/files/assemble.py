@@ -28,7 +28,6 @@ from deatwin.plant.rigs.rigfile import RigFile
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["on_one_clock", "recordings_of"]
 
 Floats = NDArray[np.float64]
 _LIKE_TIMES = re.compile("(?i)time|stamp|clock|millis|zeit|temps|^t$|^ts$")
@@ -45,36 +44,7 @@ def recordings_of(
     rig: RigFile | None,
     named_times: str | None = None,
 ) -> tuple[Recording, ...]:
-    """Return the recordings of a table.
-
-    Parameters
-    ----------
-    table : Table
-        What a file holds.
-    chosen : mapping of str to tuple of int
-        The columns of the ``input`` and of the ``output``.
-    allow_gaps : bool
-        Split the record at its gaps. Else a gap is an error.
-    dt : float or None
-        Sample time, s, that the user states.
-    resample : float or None
-        Sample time, s, of the even clock onto which the samples are to be brought.
-    reading : ReadingTime
-        When, within its row, a reading is taken.
-    rig : RigFile or None
-        Refuse commands far outside of this rig's range.
-    named_times : str, optional
-        The column of the times that the user asks for.
-
-    Returns
-    -------
-    tuple of Recording
-
-    Raises
-    ------
-    DataError
-        If nothing says the times, two statements of them contradict each other, or the values are at fault.
-    """
+    """Return the recordings of a table."""
     taken = [column for columns in chosen.values() for column in columns]
     declared = [column for role in ("input", "output", "extra") for column in table.columns_of(role)]
     needed = dt is None and table.timing(taken or declared) is None
@@ -134,19 +104,7 @@ def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return recordings on the clock of the earliest, if all of them say at which date their own clock began.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        From several files.
-
-    Returns
-    -------
-    tuple of Recording
-        The same ones where not all have a date or the date is one; else shifted, the earliest date in their
-        provenance as ``clock_began``.
-    """
+    """Return recordings on the clock of the earliest, if all of them say at which date their own clock began."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)

@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.resampling import resampling_options
 
-__all__ = ["Piece", "even_pieces"]
-
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -42,59 +40,22 @@ _SLACK = 1.1  # for the fit of the clock, which rounded times move a little
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Piece:
-    """Samples of a file without a gap between them.
+    """Samples of a file without a gap between them."""
 
-    Parameters
-    ----------
-    first, last : int
-        The rows are ``first`` to ``last - 1``, counted from the first row of samples.
-    timepts : (m,) array
-        Times of these rows as the file has them, s.
-    clock : (k,) array
-        The even clock, s.
-    interpolated : bool
-        Whether the rows are off the even clock and have to be interpolated on it.
-    """
-
-    first: int
+    first: int  # The rows are ``first`` to ``last - 1``, counted from the first row of samples
     last: int
-    timepts: Floats
-    clock: Floats
-    interpolated: bool
+    timepts: Floats  # Times of these rows as the file has them, s
+    clock: Floats  # The even clock, s
+    interpolated: bool  # Whether the rows are off the even clock and have to be interpolated on it
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
-        """Return a whole file whose clock is stated, not measured.
-
-        Parameters
-        ----------
-        samples : int
-            How many rows the file has.
-        sample_time : float
-            Time between two samples, s.
-        start : float
-            Time of the first, s.
-
-        Returns
-        -------
-        Piece
-        """
+        """Return a whole file whose clock is stated, not measured. `sample_time` time between two samples, s."""
         clock = start + sample_time * np.arange(samples, dtype=np.float64)
         return cls(first=0, last=samples, timepts=clock, clock=clock, interpolated=False)
 
     def take(self, values: Floats) -> Floats:
-        """Return a channel on the clock of this piece, (k,).
-
-        Parameters
-        ----------
-        values : (n,) array
-            The channel of the whole file, in any unit.
-
-        Returns
-        -------
-        (k,) array
-            In the same unit.
-        """
+        """Return a channel on the clock of this piece, (k,)."""
         rows = values[self.first : self.last]
         return np.interp(self.clock, self.timepts, rows) if self.interpolated else rows
 
@@ -102,30 +63,9 @@ class Piece:
 def even_pieces(
     timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool, stated: float | None = None
 ) -> tuple[float, list[Piece]]:
-    """Return the sample time of a record and its pieces between gaps.
-
-    Parameters
-    ----------
-    timepts : (n,) array
-        Times of the samples, s.
-    where : callable
-        Takes a sample number and returns how an error text names its place.
-    allow_gaps : bool
-        Split the record at gaps. Else a gap is an error.
-    stated : float, optional
-        The sample time that the file or its user states, s; the times must keep it.
-
-    Returns
-    -------
-    sample_time : float
-        Time between two samples, s; the same for all pieces.
-    pieces : list of Piece
-        One where there is no gap.
-
-    Raises
-    ------
-    DataError
-        If there are fewer than two samples, times do not increase, there is a gap, or the sampling is uneven.
+    """Return the sample time of a record and its pieces between gaps. `timepts` times of the samples, s; `where`
+    takes a sample number and returns how an error text names its place; `stated` the sample time that the file or
+    its user states, s; returns Time between two samples, s; the same for all pieces.
     """
     if len(timepts) == 1 and stated:
         return stated, [Piece.even(1, stated, float(timepts[0]))]
@@ -154,10 +94,7 @@ def even_pieces(
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
-    """Yield the pieces between edges; one that holds a short step is to be interpolated.
-
-    A piece that lies on the clock of the first one as well as its times tell begins on that clock.
-    """
+    """Yield the pieces between edges; one that holds a short step is to be interpolated."""
     origin = None
     for first, last in pairwise(edges):
         rows = timepts[first:last]
@@ -178,10 +115,7 @@ def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float,
 
 
 def _start(rows: Floats, sample_time: float) -> float:
-    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise.
-
-    Where times are rounded or jitter, the first alone may be a quarter of a sample off, all together are not.
-    """
+    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise."""
     late = rows - rows[0] - sample_time * np.arange(len(rows))
     shift = 0.5 * float(late.max() + late.min())
     return float(rows[0]) + (shift if abs(shift) > _AGREE * sample_time else 0.0)

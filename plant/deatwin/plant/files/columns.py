@@ -11,8 +11,6 @@ from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.intake import clipped
 
-__all__ = ["chosen_columns", "data_columns", "extra_columns", "works"]
-
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
@@ -22,27 +20,7 @@ _MISSPELT = 0.85
 def chosen_columns(
     table: Table, asked: Mapping[str, str | None], units: Mapping[str, str | None]
 ) -> dict[str, tuple[int, ...]]:
-    """Return the columns of the inputs and the outputs.
-
-    Parameters
-    ----------
-    table : Table
-    asked : mapping of str to (str or None)
-        What the user asked for as ``input``, ``output`` and ``time``, by header or by place; a role that is left
-        out is not looked for.
-    units : mapping of str to (str or None)
-        The units in which ``input`` and ``output`` are wanted, where not in SI.
-
-    Returns
-    -------
-    dict of str to tuple of int
-        Of ``input`` and ``output``, counted from 0; no column has two roles.
-
-    Raises
-    ------
-    DataError
-        If there is no such column, the usual one has a unit of another kind, or one column would have two roles.
-    """
+    """Return the columns of the inputs and the outputs."""
     if table.nameless:
         _require_places(table, asked)
     known = {role: _quietly(table, role, wanted) for role, wanted in asked.items()}
@@ -105,20 +83,7 @@ def _others(table: Table, role: str, asked: Mapping[str, str | None]) -> set[int
 
 
 def works(table: Table, column: int, unit: str | None = None) -> bool:
-    """Return whether a column can be an input or output: numbers, in a known unit or none.
-
-    Parameters
-    ----------
-    table : Table
-    column : int
-        Counted from 0.
-    unit : str, optional
-        In which it is wanted, where not in SI.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a column can be an input or output: numbers, in a known unit or none."""
     try:
         read = in_units(table, {} if unit is None else {column: unit})
         require_known_units(read, [column])
@@ -131,31 +96,7 @@ def works(table: Table, column: int, unit: str | None = None) -> bool:
 def data_columns(
     table: Table, role: str, wanted: str | None, busy: Collection[int] = frozenset(), unit: str | None = None
 ) -> tuple[int, ...]:
-    """Return the columns of the inputs or the outputs.
-
-    Parameters
-    ----------
-    table : Table
-    role : str
-        ``input`` or ``output``.
-    wanted : str, optional
-        The column that the user asked for, by header or by place. Else those that the file declares count, else
-        the usual one, ``command`` or ``displacement``.
-    busy : collection of int, optional
-        Columns that have another role, which no error text may offer.
-    unit : str, optional
-        In which it is wanted, where not in SI.
-
-    Returns
-    -------
-    tuple of int
-        Counted from 0; one, unless the file declares more or none.
-
-    Raises
-    ------
-    DataError
-        If there is no such column, or the usual one has a unit of another kind.
-    """
+    """Return the columns of the inputs or the outputs."""
 
     def offered(column: int) -> bool:
         return column not in busy and works(table, column, unit)
@@ -196,24 +137,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:
-    """Return the columns of the further channels: those that the file declares, else those with usual names.
-
-    Parameters
-    ----------
-    table : Table
-    taken : set of int
-        Columns that are the time, the input or the output.
-
-    Returns
-    -------
-    list of int
-        Counted from 0.
-
-    Raises
-    ------
-    DataError
-        If one has a unit of another kind, or a column that is passed over has nearly such a name.
-    """
+    """Return the columns of the further channels: those that the file declares, else those with usual names."""
     if table.declared.signals:
         return [column for column in table.columns_of("extra") if column not in taken]
     found = {name: column for name in _EXTRAS if (column := _usual_column(table, name, taken)) is not None}
@@ -229,11 +153,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
-
-    Of several it is the one with the usual header, else the only one of the right kind. Further channels that
-    cannot be told apart are left out: nobody asked for them.
-    """
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [column for column in range(len(table.names)) if table.names[column] == name]
     if set(taken).intersection(named):

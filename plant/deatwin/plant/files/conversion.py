@@ -6,26 +6,9 @@ from deatwin.plant.files.formats.description import KEY, describe, header_with_u
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Recording, label
 
-__all__ = ["as_data_frame", "as_dataset", "as_input_output_data"]
-
 
 def as_data_frame(recording: Recording) -> Any:
-    """Return a recording as a data frame.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    pandas.DataFrame
-        The index ``time_s`` and a column for each signal, named with its SI unit; `attrs` holds the description.
-
-    Raises
-    ------
-    DataError
-        If pandas is not installed.
-    """
+    """Return a recording as a data frame."""
     pandas = require("pandas", "a data frame")
     signals = signals_of(recording, header_with_unit, taken=["time_s"])
     frame = pandas.DataFrame(
@@ -37,23 +20,7 @@ def as_data_frame(recording: Recording) -> Any:
 
 
 def as_dataset(recording: Recording) -> Any:
-    """Return a recording as a dataset, which is also its form in NetCDF files.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    xarray.Dataset
-        The coordinate ``time`` in s and a variable for each signal, with the attributes ``units``, ``long_name``
-        and ``role``; its own attributes are the description and ``sample_time``, s.
-
-    Raises
-    ------
-    DataError
-        If xarray is not installed.
-    """
+    """Return a recording as a dataset, which is also its form in NetCDF files."""
     xarray = require("xarray", "a dataset")
     signals = signals_of(recording, plain_header, taken=["time"])
     variables = {}
@@ -68,22 +35,7 @@ def as_dataset(recording: Recording) -> Any:
 
 
 def as_input_output_data(recording: Recording) -> Any:
-    """Return a recording as the package nonlinear_benchmarks has it.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    nonlinear_benchmarks.Input_output_data
-        `u` and `y` of shape (n,), or (n, rows) where there are several; in SI units.
-
-    Raises
-    ------
-    DataError
-        If the package is not installed.
-    """
+    """Return a recording as the package nonlinear_benchmarks has it."""
     benchmarks = require("nonlinear_benchmarks", "Input_output_data")
     u, y = (rows[0] if len(rows) == 1 else rows.T for rows in (recording.inputs, recording.outputs))
     return benchmarks.Input_output_data(u=u, y=y, sampling_time=recording.sample_time, name=label(recording))

@@ -18,18 +18,6 @@ from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.units import Unit, split_unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
-__all__ = [
-    "DESCRIPTION",
-    "EXACT",
-    "CsvTable",
-    "decimal_relation",
-    "power_of_ten",
-    "read_bytes",
-    "read_table",
-    "reader",
-    "table_of",
-]
-
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -37,23 +25,11 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CsvTable(Table):
-    """The header of a CSV file and its lines of samples, not yet converted.
+    """The header of a CSV file and its lines of samples, not yet converted."""
 
-    Parameters
-    ----------
-    path, sha256, headers, names, units, declared, nameless, scales, said, wanted
-        As in `Table`.
-    lines : list of str
-        The lines that hold samples.
-    rows : list of int
-        The number of each in the file, as an editor shows it; the first line is 1.
-    delimiter : str
-        Comma, semicolon, tab or bar; a blank stands for any run of blanks and tabs.
-    """
-
-    lines: list[str]
-    rows: list[int]
-    delimiter: str
+    lines: list[str]  # The lines that hold samples
+    rows: list[int]  # The number of each in the file, as an editor shows it; the first line is 1
+    delimiter: str  # Comma, semicolon, tab or bar; a blank stands for any run of blanks and tabs
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, as an editor shows it."""
@@ -65,22 +41,7 @@ class CsvTable(Table):
         return row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
-
-        Units are converted as decimal numbers, so that each value is the one nearest to what the text says: 0.1 mm
-        is read as the literal 0.1e-3.
-
-        Parameters
-        ----------
-        columns : sequence of int
-            Their numbers, counted from 0.
-
-        Raises
-        ------
-        DataError
-            If a cell of them is missing, empty, text, or not finite, a row has more cells than the header, or
-            the decimal sign is not certain; the text names row and column.
-        """
+        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n)."""
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -179,28 +140,7 @@ class CsvTable(Table):
 
 
 def read_table(path: str | Path) -> CsvTable:
-    """Read a CSV file.
-
-    The encoding may be UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1; the delimiter comma,
-    semicolon, tab, bar or blanks (with the last four also a decimal comma); cells may be quoted. Blank lines are
-    passed over, and comments below the header (``#``, ``%``, ``//``). Of several header lines the last holds the
-    names, unless it holds nothing but units: then the one above does; a comment may be the header. Without a
-    header, columns are known by their places.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    CsvTable
-
-    Raises
-    ------
-    DataError
-        If the file is missing, empty, not text, without samples, or its delimiter is not certain.
-    """
+    """Read a CSV file."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
@@ -208,26 +148,7 @@ def read_table(path: str | Path) -> CsvTable:
 
 
 def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
-    """Return the table that lines of text hold.
-
-    Parameters
-    ----------
-    numbered : iterable of (int, str)
-        Each line with its number in the file.
-    name : str
-        The file, for error texts.
-    sha256 : str
-        Hash of its bytes.
-
-    Returns
-    -------
-    CsvTable
-
-    Raises
-    ------
-    DataError
-        As `read_table`.
-    """
+    """Return the table that lines of text hold."""
     filled = [(row, line) for row, line in numbered if line.strip()]
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
@@ -268,24 +189,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
 
 
 def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
-    """Return the bytes of a file of the user.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    limit : int
-        Most bytes that it may have.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    DataError
-        If it is missing, no plain file, too large, or cannot be read.
-    """
+    """Return the bytes of a file of the user."""
     try:
         return read_regular(path, limit, lambda fault: DataError(f"{path}: {fault}"))
     except FileNotFoundError:
@@ -301,14 +205,6 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
 
 def power_of_ten(unit: Unit) -> int | None:
     """Return the exponent by which a unit's values differ from SI values, or None for another relation.
-
-    Parameters
-    ----------
-    unit : Unit
-
-    Returns
-    -------
-    int or None
 
     Examples
     --------
@@ -329,17 +225,7 @@ def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
 
 
 def reader(unit: Unit) -> Callable[[str], float]:
-    """Return how to read a cell in a unit as an SI value, rounded once.
-
-    Parameters
-    ----------
-    unit : Unit
-
-    Returns
-    -------
-    callable
-        Takes a text that holds a number; raises ValueError for another one.
-    """
+    """Return how to read a cell in a unit as an SI value, rounded once."""
     exponent = power_of_ten(unit)
     if exponent is None:
         return _converted(unit)
@@ -359,16 +245,7 @@ def _converted(unit: Unit) -> Callable[[str], float]:
 
 
 def decimal_relation(unit: Unit) -> tuple[Decimal, Decimal, Decimal]:
-    """Return shift, numerator and denominator of a unit as the decimal numbers that they were written as.
-
-    Parameters
-    ----------
-    unit : Unit
-
-    Returns
-    -------
-    tuple of Decimal
-    """
+    """Return shift, numerator and denominator of a unit as the decimal numbers that they were written as."""
     return Decimal(repr(unit.shift)), Decimal(repr(unit.numerator)), Decimal(repr(unit.denominator))
 
 

@@ -13,18 +13,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import clipped
 
-__all__ = [
-    "BLANKS",
-    "Layout",
-    "decode",
-    "find_layout",
-    "is_comment",
-    "is_date",
-    "is_number",
-    "names_and_units",
-    "split_cells",
-]
-
 _WANTED = "time_s,command_V,displacement_mm"
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
@@ -38,42 +26,15 @@ _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?([T ]\d.*)?")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How the lines of a file are laid out.
+    """How the lines of a file are laid out."""
 
-    Parameters
-    ----------
-    delimiter : str
-        Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs.
-    first : int
-        Which of the lines is the first that holds samples.
-    head : tuple of (list of str)
-        The cells of the lines above, of which the last holds the names; empty where the file has no header.
-    """
-
-    delimiter: str
-    first: int
+    delimiter: str  # Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs
+    first: int  # Which of the lines is the first that holds samples
     head: tuple[list[str], ...] = ()
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1.
-
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    path : str
-        Its name, for error texts.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    DataError
-        If it is not text, or damaged.
-    """
+    """Return the text of a file in UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1."""
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return content.decode("utf-16")
@@ -90,26 +51,7 @@ def decode(content: bytes, path: str) -> str:
 
 
 def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
-    """Return delimiter and end of the header.
-
-    Parameters
-    ----------
-    lines : list of str
-        The lines of the file that are not blank.
-    rows : list of int
-        Their numbers in the file.
-    path : str
-        The file, for error texts.
-
-    Returns
-    -------
-    Layout
-
-    Raises
-    ------
-    DataError
-        If there are no header or no samples, no delimiter gives both as many cells, or several do.
-    """
+    """Return delimiter and end of the header."""
     widths = {mark: _width(lines, mark) for mark in _DELIMITERS}
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
@@ -131,31 +73,12 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line begins as comments do, with ``#``, ``%`` or ``//``.
-
-    Parameters
-    ----------
-    line : str
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a line begins as comments do, with ``#``, ``%`` or ``//``."""
     return _COMMENT.match(line) is not None
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Return the cells of a line without quotes and blanks around them, and without empty ones at its end.
-
-    Parameters
-    ----------
-    line : str
-    delimiter : str
-
-    Returns
-    -------
-    list of str
-    """
+    """Return the cells of a line without quotes and blanks around them, and without empty ones at its end."""
     if delimiter == BLANKS:
         if '"' not in line:
             return line.split()
@@ -170,16 +93,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a cell is a number, with decimal point.
-
-    Parameters
-    ----------
-    cell : str
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a cell is a number, with decimal point."""
     try:
         float(cell)
     except ValueError:
@@ -188,41 +102,12 @@ def is_number(cell: str) -> bool:
 
 
 def is_date(cell: str) -> bool:
-    """Return whether a cell begins as a date of ISO 8601 does: year, month, day.
-
-    Parameters
-    ----------
-    cell : str
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a cell begins as a date of ISO 8601 does: year, month, day."""
     return _DATE.fullmatch(cell) is not None
 
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
-    """Return headers and units from the header lines, and what the line of units says.
-
-    Parameters
-    ----------
-    head : list of list of str
-        The cells of each line. The last line holds the names, unless it holds nothing but units: then the one
-        above does.
-    path : str
-        The file, for error texts.
-
-    Returns
-    -------
-    headers, units, said : list of str
-        For each column; a unit is a key of `deatwin.plant.files.units.UNITS` or an empty text. What the line of units
-        says, in its own spelling; empty where it, or its cell, is missing.
-
-    Raises
-    ------
-    DataError
-        If a name and the line below it say different units.
-    """
+    """Return headers and units from the header lines, and what the line of units says."""
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = head[-2] if only_units else head[-1]
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
@@ -287,11 +172,7 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
 
 
 def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
-    """Return the cells of a line that may be a header, if possible as many as the samples have.
-
-    A mark of a comment before the names is none of them. Between blanks a name may hold some itself: before its
-    unit in brackets, or where the names are further apart. No name is a number.
-    """
+    """Return the cells of a line that may be a header, if possible as many as the samples have."""
     bare = _COMMENT.sub("", line, count=1)
     ways = [split_cells(bare, delimiter)] if is_comment(line) else []
     ways = [cells for cells in ways if cells[0]]  # else the mark is a name, such as # for the number
@@ -309,11 +190,7 @@ def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
 
 
 def _nameless(lines: list[str]) -> Layout | None:
-    """Return the layout of a file whose first line is a sample as the next ones are, or None.
-
-    One delimiter must part these lines into the same number of cells, each a number, a date, or a text where the
-    others have one, too.
-    """
+    """Return the layout of a file whose first line is a sample as the next ones are, or None."""
     first = next((k for k, line in enumerate(lines[:_HEAD]) if not is_comment(line)), 0)
     found = []
     for delimiter in (*_DELIMITERS, BLANKS):

@@ -14,24 +14,11 @@ from deatwin.plant.files.units import UNITS, Unit, split_unit
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.recording import Recording
 
-__all__ = ["csv_text"]
-
 _PLAIN = ("command", "displacement")
 
 
 def csv_text(recording: Recording) -> str:
-    """Return a recording as CSV.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    str
-        The header ``time_s,command_V,displacement_mm`` and further ones, and a row a sample. Above it stands the
-        description of the recording, if the columns alone would not be read as the same recording.
-    """
+    """Return a recording as CSV."""
     timepts = _times(recording)
     signals = signals_of(recording, _header, taken=[COLUMNS["time"]])
     columns = [

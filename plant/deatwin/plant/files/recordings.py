@@ -24,17 +24,6 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
 
-__all__ = [
-    "read_commands",
-    "read_csv",
-    "read_experiment",
-    "read_recording",
-    "read_recordings",
-    "write_csv",
-    "write_recording",
-    "write_text_atomic",
-]
-
 Way = TypeVar("Way")
 
 # A new format is a line in each: reader to a Table, writer of a Recording.

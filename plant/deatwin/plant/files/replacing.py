@@ -9,26 +9,9 @@ from pathlib import Path
 from deatwin.plant.errors import DataError
 from deatwin.plant.intake import kind_of_file
 
-__all__ = ["place_of", "replacing"]
-
 
 def place_of(path: str | os.PathLike[str]) -> Path:
-    """Return where a file will stand: of a link the file that it leads to.
-
-    Parameters
-    ----------
-    path : str or path
-        Of a file that is to be written.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    DataError
-        If something stands there that is no plain file: a device would be replaced by one.
-    """
+    """Return where a file will stand: of a link the file that it leads to."""
     target = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
     if kind := kind_of_file(target):
         raise DataError(f"{path}: is {kind}; give the name of a file")
@@ -37,23 +20,7 @@ def place_of(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside a file, and let it take the file's place if all went well.
-
-    Parameters
-    ----------
-    path : str or path
-        Of the file.
-
-    Yields
-    ------
-    Path
-        Of the file to write.
-
-    Raises
-    ------
-    DataError
-        If it cannot be written.
-    """
+    """Give a temporary file beside a file, and let it take the file's place if all went well."""
     target = place_of(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:

@@ -12,8 +12,6 @@ from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.intake import clipped
 from deatwin.plant.resampling import resampling_options
 
-__all__ = ["holds_times", "likely_times", "no_times", "time_column", "times_options", "with_times"]
-
 _TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
 _STAMP_NAMES = ("ts", "timestamp", "datetime", "unixtime", "times", "seconds", "timesec", "elapsedtime")
 _LISTED = 5  # columns that an error text names
@@ -22,33 +20,7 @@ _LISTED = 5  # columns that an error text names
 def time_column(
     table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
 ) -> tuple[int | None, str]:
-    """Return the column of the times, and its unit.
-
-    Unless the user names it, it is the one called ``time`` or the like, else the one with a unit of time, else, in a
-    file without a header, the first one if it rises evenly.
-
-    Parameters
-    ----------
-    table : Table
-    taken : set of int
-        Columns that are something else.
-    wanted : str, optional
-        The column that the user asked for, by header or by place; ``"Timestamp=ms"`` states its unit.
-    needed : bool, default True
-        Whether nothing else says the times.
-
-    Returns
-    -------
-    column : int or None
-        Counted from 0; None where there is none.
-    unit : str
-        A key of `deatwin.plant.files.units.UNITS`; empty where nothing states it.
-
-    Raises
-    ------
-    DataError
-        If the named one is not there or is in no unit of time, or several may be meant and the times are needed.
-    """
+    """Return the column of the times, and its unit."""
     if wanted is not None:
         return _named_times(table, taken, wanted)
     free = [column for column in range(len(table.headers)) if column not in taken]
@@ -105,54 +77,18 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
 
 
 def holds_times(table: Table, column: int, unit: str = "") -> bool:
-    """Return whether a column can be the times: increasing numbers or dates, in no unit of another kind.
-
-    Parameters
-    ----------
-    table : Table
-    column : int
-        Counted from 0.
-    unit : str, optional
-        What the user states as its unit.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a column can be the times: increasing numbers or dates, in no unit of another kind."""
     return _uneven(table, column, unit) is not None
 
 
 def likely_times(table: Table, taken: set[int]) -> list[int]:
-    """Return the columns that can be the times: those on an even clock, else those that can be brought onto one.
-
-    Parameters
-    ----------
-    table : Table
-    taken : set of int
-        Columns that are something else.
-
-    Returns
-    -------
-    list of int
-        Counted from 0.
-    """
+    """Return the columns that can be the times: those on an even clock, else those that can be brought onto one."""
     ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
     return [k for k, way in ways.items() if not way] or list(ways)
 
 
 def times_options(table: Table, column: int) -> str:
-    """Return the options of a command that take a column as the times.
-
-    Parameters
-    ----------
-    table : Table
-    column : int
-        Counted from 0; one for which `holds_times` is true.
-
-    Returns
-    -------
-    str
-    """
+    """Return the options of a command that take a column as the times."""
     more = _uneven(table, column)
     return f'--time-column "{table.unmistakable(column)}"{f" {more}" if more else ""}'
 
@@ -174,21 +110,7 @@ def _uneven(table: Table, column: int, unit: str = "") -> str | None:
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
-    """Return the table that reads a column as times.
-
-    Parameters
-    ----------
-    table : Table
-    column : int
-        Counted from 0.
-    unit : str
-        A key of `deatwin.plant.files.units.UNITS`; where it is empty, numbers are in s, unless their size tells
-        that they are Unix times.
-
-    Returns
-    -------
-    Table
-    """
+    """Return the table that reads a column as times."""
     # What deatwin wrote comes back as it was, whatever its clock.
     own = table.declared.signals or table.headers[column] == USUAL_TIMES
     scale = time_scale(table.first(column), unit)
@@ -199,18 +121,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:
-    """Return the error of a file that says nothing about its times.
-
-    Parameters
-    ----------
-    table : Table
-    taken : set of int
-        Columns that are something else.
-
-    Returns
-    -------
-    DataError
-    """
+    """Return the error of a file that says nothing about its times."""
     if table.nameless:
         others = likely_times(table, taken)
         example = times_options(table, others[0]) if others else "--time-column PLACE"

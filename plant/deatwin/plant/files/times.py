@@ -15,8 +15,6 @@ from deatwin.plant.files.csvtext import is_date
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.intake import clipped
 
-__all__ = ["BEGAN", "DATES", "TIME_UNITS", "TimeScale", "moment", "time_scale"]
-
 BEGAN = "clock_began"
 """The provenance that holds the date of a clock's zero."""
 DATES = "dates of ISO 8601"
@@ -28,20 +26,10 @@ _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScale:
-    """How a column of times is read: as seconds since its first value.
+    """How a column of times is read: as seconds since its first value."""
 
-    Parameters
-    ----------
-    unit : str
-        A key of `deatwin.plant.files.units.UNITS`; empty for dates.
-    began : datetime
-        The first value, which is the zero of the clock.
-    first : Decimal
-        The same in `unit`; zero for dates.
-    """
-
-    unit: str
-    began: datetime
+    unit: str  # A key of `deatwin.plant.files.units.UNITS`; empty for dates
+    began: datetime  # The first value, which is the zero of the clock
     first: Decimal = Decimal(0)
 
     @property
@@ -55,21 +43,7 @@ class TimeScale:
         return DATES if self.dates else f"Unix times in {self.unit}"
 
     def seconds(self, cells: Sequence[str]) -> list[float]:
-        """Return times as seconds since the first.
-
-        Parameters
-        ----------
-        cells : sequence of str
-
-        Returns
-        -------
-        list of float
-
-        Raises
-        ------
-        ValueError, ArithmeticError, TypeError
-            If a cell is none; `fault` says which.
-        """
+        """Return times as seconds since the first."""
         if self.dates:
             began = self.began
             return [_since(moment(cell), began) for cell in cells]
@@ -80,16 +54,7 @@ class TimeScale:
         return [float((Decimal(cell.strip()) - first) * factor) for cell in cells]
 
     def fault(self, cell: str) -> str:
-        """Return what is wrong with a cell, empty where nothing is.
-
-        Parameters
-        ----------
-        cell : str
-
-        Returns
-        -------
-        str
-        """
+        """Return what is wrong with a cell, empty where nothing is."""
         if not self.dates:
             return ""
         try:
@@ -103,20 +68,6 @@ class TimeScale:
 
 def moment(text: str) -> datetime:
     """Return a date of ISO 8601, with a stroke for each dash also.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    datetime
-        In UTC if it has an offset.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
 
     Examples
     --------
@@ -132,17 +83,6 @@ def moment(text: str) -> datetime:
 
 def time_scale(first: str, unit: str) -> TimeScale | None:
     """Return how a column of times is read, or None where it holds plain numbers.
-
-    Parameters
-    ----------
-    first : str
-        Its first value.
-    unit : str
-        What the file or its user states, a key of `deatwin.plant.files.units.UNITS`; empty where nothing is stated.
-
-    Returns
-    -------
-    TimeScale or None
 
     Examples
     --------

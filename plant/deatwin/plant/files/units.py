@@ -14,29 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["UNITS", "Unit", "find_unit", "for_name", "same_kind", "split_unit", "unknown_unit", "without_unit"]
-
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
+    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``."""
 
-    Two whole numbers instead of one factor: 35 / 1000 is the float nearest to 0.035, and 35 * 1e-3 is not.
-
-    Parameters
-    ----------
-    si : str
-        The SI unit of the same kind, or the one that is wanted instead.
-    numerator, denominator : float
-        Their quotient is the factor.
-    shift : float
-        Added before it; of degrees Celsius.
-    """
-
-    si: str
-    numerator: float = 1.0
+    si: str  # The SI unit of the same kind, or the one that is wanted instead
+    numerator: float = 1.0  # Their quotient is the factor
     denominator: float = 1.0
-    shift: float = 0.0
+    shift: float = 0.0  # Added before it; of degrees Celsius
 
     def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values of any shape, given in this unit, in the unit `si`."""
@@ -52,19 +38,7 @@ class Unit:
         return self.numerator == self.denominator and self.shift == 0.0
 
     def onto(self, wanted: "Unit", name: str) -> "Unit":
-        """Return the unit that leads from this one to another of its kind.
-
-        Parameters
-        ----------
-        wanted : Unit
-            Where its own `to_si` ends is not SI but this unit.
-        name : str
-            What the wanted unit is called; the `si` of the result.
-
-        Returns
-        -------
-        Unit
-        """
+        """Return the unit that leads from this one to another of its kind."""
         numerator, denominator = self.numerator * wanted.denominator, self.denominator * wanted.numerator
         return Unit(name, numerator, denominator, self.shift - wanted.shift * (denominator / numerator))
 
@@ -264,16 +238,6 @@ _SIGNS = str.maketrans(
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names.
 
-    Parameters
-    ----------
-    text : str
-        One cell of a header line.
-
-    Returns
-    -------
-    str
-        A key of `UNITS`, an empty text where the cell names no unit.
-
     Examples
     --------
     >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("N·m"), find_unit("force")
@@ -320,19 +284,6 @@ def _known(symbols: Counter[str]) -> str:
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header.
 
-    Parameters
-    ----------
-    header : str
-        The header, with the unit as its last part, in brackets, behind "in" or below a stroke (``U/mV``, but not
-        below the name of another unit, as in ``mm/s``), or without one.
-
-    Returns
-    -------
-    name : str
-        The name without the unit.
-    unit : str
-        A key of `UNITS`, an empty text where the header names none.
-
     Examples
     --------
     >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
@@ -351,18 +302,6 @@ def split_unit(header: str) -> tuple[str, str]:
 def for_name(name: str, unit: str) -> str:
     """Return the unit that is meant behind a name, where the name decides between two.
 
-    Parameters
-    ----------
-    name : str
-        Of a column, without its unit.
-    unit : str
-        A key of `UNITS`.
-
-    Returns
-    -------
-    str
-        A key of `UNITS`: that of a temperature difference or of standard gravity, else the one given.
-
     Examples
     --------
     >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("accel_x", "g"), for_name("mass", "g")
@@ -376,15 +315,6 @@ def for_name(name: str, unit: str) -> str:
 def same_kind(first: str, second: str) -> bool:
     """Return whether two SI units measure the same kind of quantity, so that numbers in one are numbers in the other.
 
-    Parameters
-    ----------
-    first, second : str
-        Values of `Unit.si`.
-
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> same_kind("Hz", "1/s"), same_kind("Hz", "rad/s")
@@ -395,17 +325,6 @@ def same_kind(first: str, second: str) -> bool:
 
 def without_unit(header: str, unit: str) -> str:
     """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
-
-    Parameters
-    ----------
-    header : str
-        Of a column.
-    unit : str
-        As a rig spells it.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -421,16 +340,6 @@ def without_unit(header: str, unit: str) -> str:
 
 def unknown_unit(header: str) -> str:
     """Return what a header gives as its unit where that is none, but was surely meant to be one.
-
-    Parameters
-    ----------
-    header : str
-        Of a column, of which `split_unit` knows no unit.
-
-    Returns
-    -------
-    str
-        As the header has it; empty where nothing tells that it is meant as a unit.
 
     Examples
     --------

@@ -2,8 +2,6 @@
 
 from deatwin.plant.files.units import UNITS, split_unit
 
-__all__ = ["COLUMNS", "USUAL_TIMES", "usual_unit"]
-
 USUAL_TIMES = "time_s"
 """The header of the times in the files that deatwin writes."""
 COLUMNS = {
@@ -20,14 +18,6 @@ COLUMNS = {
 
 def usual_unit(name: str) -> str:
     """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
 
     Examples
     --------

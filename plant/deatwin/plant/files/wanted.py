@@ -8,23 +8,9 @@ from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind, unknown_unit, without_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["header_like", "in_units", "require_known_units", "units_like"]
-
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
-    """Refuse columns whose headers give as their unit what is none.
-
-    Parameters
-    ----------
-    table : Table
-    columns : sequence of int
-        Counted from 0.
-
-    Raises
-    ------
-    DataError
-        With the known unit that is nearest, and those that would do.
-    """
+    """Refuse columns whose headers give as their unit what is none."""
     for column in columns:
         header = table.headers[column]
         if column not in table.wanted and not table.units[column] and (said := unknown_unit(header)):
@@ -36,27 +22,7 @@ def require_known_units(table: Table, columns: Sequence[int]) -> None:
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
-    """Return a table with columns in the units that are wanted instead of SI.
-
-    A column that says exactly the wanted unit, whatever that is, is taken as it is; one in another known unit of the
-    same kind is converted. A column without a unit is left as it is. ``"1"`` wants numbers without a unit: a column
-    in a unit is taken where its numbers are the same in SI, else nobody knows which of the two are meant.
-
-    Parameters
-    ----------
-    table : Table
-    wanted : mapping of int to str
-        Unit by column.
-
-    Returns
-    -------
-    Table
-
-    Raises
-    ------
-    DataError
-        If a column is in a unit of another kind.
-    """
+    """Return a table with columns in the units that are wanted instead of SI."""
     ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1"))}
     names = list(table.names)
     for column in ways:
@@ -85,15 +51,6 @@ def _way(table: Table, column: int, wanted: str) -> Unit | None:
 
 def units_like(wanted: str) -> list[str]:
     """Return the units in which a column may be that is wanted in this one, the wanted one first.
-
-    Parameters
-    ----------
-    wanted : str
-        As a rig spells it.
-
-    Returns
-    -------
-    list of str
 
     Examples
     --------
@@ -125,17 +82,6 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataErro
 
 def header_like(name: str, wanted: str) -> str:
     """Return a header under which a column is taken in the unit that is wanted, whatever that is.
-
-    Parameters
-    ----------
-    name : str
-        Of the column; what stands in brackets at its end is left out.
-    wanted : str
-        The unit.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -27,8 +27,6 @@ from deatwin.plant.integrator.newton import solved_stages
 from deatwin.plant.integrator.parts import halves
 from deatwin.plant.integrator.stages import Stages
 
-__all__ = ["STAGES", "StepFunctions", "radau", "step_functions"]
-
 STAGES = 5
 """Stages of a step; the order is ``2 * STAGES - 1``. At 50 samples a second four follow the ringing
 of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third more time (tests/validation)."""
@@ -37,22 +35,12 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and Butcher matrix of Radau IIA.
 
-    Parameters
-    ----------
-    stages : int
-        Number of stages s; the order is 2s - 1.
-
-    Returns
-    -------
-    nodes : ndarray, shape (s,)
-        In (0, 1], the last is 1.
-    matrix : ndarray, shape (s, s)
-        Butcher matrix A.
-
     Examples
     --------
     >>> radau(2)[1].round(12).tolist()
     [[0.416666666667, -0.083333333333], [0.75, 0.25]]
+
+    Shapes: returns (s,); returns (s, s).
     """
     legendre = np.polynomial.legendre.Legendre
     right = legendre.basis(stages) - legendre.basis(stages - 1)
@@ -66,17 +54,7 @@ def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepFunctions:
-    """One sample of the plant as CasADi Functions: one implicit step, or one for each of its parts.
-
-    Parameters
-    ----------
-    plain : casadi.Function
-        ``(x, z, d, u, t, h, p, c) -> (x, z, y, watched, error)`` with the estimate of what Newton's method left.
-    sensitive : casadi.Function
-        ``(x, z, X, D, d, u, t, h, p, c) -> (x, z, X, y, Y, error)`` with X = dx/dp, D = dd/dp, Y = dy/dp.
-    in_lanes : Exchange
-        C code for functions within these that acts on several stages at once, for `compile_functions`.
-    """
+    """One sample of the plant as CasADi Functions: one implicit step, or one for each of its parts."""
 
     plain: ca.Function
     sensitive: ca.Function
@@ -84,17 +62,7 @@ class StepFunctions:
 
 
 def step_functions(equations: Equations) -> StepFunctions:
-    """Write the implicit step over a sample, or those over its two parts.
-
-    Parameters
-    ----------
-    equations : Equations
-        The DAE.
-
-    Returns
-    -------
-    StepFunctions
-    """
+    """Write the implicit step over a sample, or those over its two parts."""
     stages = Stages.of(equations, *radau(STAGES))
     step = stages.symbols()
     x, z, *known = step

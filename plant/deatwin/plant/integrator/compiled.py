@@ -25,8 +25,6 @@ from deatwin.plant.files.replacing import replacing
 from deatwin.plant.integrator.lanes import Exchange
 from deatwin.plant.interrupts import obey
 
-__all__ = ["cache_folder", "compile_functions", "compile_source", "compiler", "key_of", "recalled"]
-
 logger = logging.getLogger(__name__)
 FLAGS = (
     "-O2",
@@ -101,20 +99,8 @@ def _compiler(wanted: str | None) -> str | None:
 def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
     """Key of the code that follows from some functions.
 
-    To differentiate a plant's equations and to write them in C takes half a second each time. What comes of it depends
-    on the equations, on this package's own code and on the compiler alone.
-
-    Parameters
-    ----------
-    origin : iterable of casadi.Function
-        What the code is made of.
-    numbers : ndarray
-        That enter besides.
-
-    Returns
-    -------
-    str or None
-        None where there is no compiler, or this package's code cannot be read.
+    To differentiate a plant's equations and to write them in C takes half a second each time. What comes of it
+    depends on the equations, on this package's own code and on the compiler alone.
     """
     program = compiler()
     try:
@@ -127,20 +113,7 @@ def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
 
 
 def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | None:
-    """Functions that were compiled before, under a key.
-
-    Parameters
-    ----------
-    names : iterable of str
-        Of the functions.
-    key : str or None
-        From `key_of`.
-
-    Returns
-    -------
-    dict of str to casadi.Function, or None
-        None where nothing is known.
-    """
+    """Functions that were compiled before, under a key."""
     if key is None:
         return None
     try:
@@ -154,22 +127,7 @@ def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | 
 def compile_functions(
     functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN, key: str | None = None
 ) -> dict[str, ca.Function]:
-    """The same functions, compiled if possible.
-
-    Parameters
-    ----------
-    functions : mapping of str to casadi.Function
-        Names are C identifiers.
-    in_lanes : Exchange, optional
-        Other C code for functions within them, where the processor has wide vectors.
-    key : str, optional
-        Under which `recalled` will find them.
-
-    Returns
-    -------
-    dict of str to casadi.Function
-        Compiled; or as given, evaluated by CasADi's virtual machine, where there is no compiler or it fails.
-    """
+    """The same functions, compiled if possible."""
     program = compiler()
     if program is None:
         _say_once("no C compiler found: simulations run about twenty times slower")
@@ -200,18 +158,7 @@ def compile_functions(
 
 
 def compile_source(source: str) -> Path | None:
-    """Compile C code to a library in the user's cache, once.
-
-    Parameters
-    ----------
-    source : str
-        The code; it may use the C library and the mathematics library.
-
-    Returns
-    -------
-    Path or None
-        The library; None where there is no compiler or it fails, which is said once.
-    """
+    """Compile C code to a library in the user's cache, once."""
     program = compiler()
     if program is None:
         _say_once("no C compiler found: loops over samples run about a hundred times slower")
@@ -281,10 +228,7 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Whether a library is as it was built, which the end of its name tells; one that is not is removed.
-
-    The system's loader does not look: a library that was cut off ends the process when its missing part is called.
-    """
+    """Whether a library is as it was built, which the end of its name tells; one that is not is removed."""
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True

@@ -5,29 +5,13 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-__all__ = ["coupled"]
-
 
 def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function:
     r"""Matrix of k stages that are coupled by the inertia of their states.
 
-    Its block of row i and column j is
-
     .. math:: c_{ij}\,\mathrm{diag}(M, 0) - \delta_{ij}\,\mathrm{diag}(h, 1)\,J_i
 
-    Parameters
-    ----------
-    pattern : casadi.Sparsity
-        Of the Jacobian of one stage, n by n.
-    n_x : int
-        Number of states, which come first.
-    coupling : ndarray, shape (k, k)
-        c.
-
-    Returns
-    -------
-    casadi.Function
-        ``(entries of J, one column for each stage, M, h) -> matrix, (n k, n k)``.
+    Shapes: `coupling` (k, k).
     """
     n, nnz, count = pattern.size1(), pattern.nnz(), len(coupling)
     rows, columns = (np.array(places, dtype=int) for places in pattern.get_triplet())

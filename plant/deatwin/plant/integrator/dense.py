@@ -15,8 +15,6 @@ import numpy as np
 
 from deatwin.plant.integrator.lanes import LANES
 
-__all__ = ["solved_in_lanes"]
-
 MOST = 100
 """Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
 GIVEN = 1e-16
@@ -139,32 +137,9 @@ def solved_in_lanes(
 ) -> str | None:
     """Body of a C function in CasADi's calling convention for `Stages.solution`.
 
-    Elimination by rows with partial pivoting, where each row counts against its own length. It returns 1 where a
-    stage does not give its coordinates: a rate, for example, that only the next state tells.
+    Source: Golub & Van Loan, Matrix Computations (2013), section 3.4, ISBN 978-1-4214-0794-4.
 
-    Parameters
-    ----------
-    pattern : casadi.Sparsity
-        Of the Jacobian of one stage, n by n.
-    inverse : ndarray, shape (s, s)
-        Inverse of the Butcher matrix.
-    n_x : int
-        Number of states.
-    columns : int
-        Number of right sides.
-    kept : int
-        Number of stages, the last ones, whose unknowns are wanted.
-    scale : ndarray, shape (n,)
-        Of each unknown.
-
-    Returns
-    -------
-    str or None
-        None where there is nothing to solve for, or too much.
-
-    References
-    ----------
-    Golub & Van Loan, Matrix Computations (2013), section 3.4, ISBN 978-1-4214-0794-4.
+    Shapes: `inverse` (s, s); `scale` (n,).
     """
     n, count = pattern.size1(), len(inverse)
     coordinates = list(range(n_x, n))

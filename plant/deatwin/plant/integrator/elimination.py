@@ -12,22 +12,14 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["Complex", "Factors", "factorised"]
-
 Symbol = Any
 
 
 @dataclass(frozen=True)
 class Complex:
-    """A complex number whose parts are symbols; a part that is structurally zero costs nothing.
+    """A complex number whose parts are symbols; a part that is structurally zero costs nothing."""
 
-    Parameters
-    ----------
-    real, imaginary : casadi.SX
-        Scalars.
-    """
-
-    real: Symbol
+    real: Symbol  # Scalars
     imaginary: Symbol = field(default_factory=lambda: ca.SX(0))
 
     @property
@@ -57,32 +49,14 @@ Rows = Sequence[Sequence[Complex]]
 
 @dataclass(frozen=True, kw_only=True)
 class Factors:
-    """Lower and upper factor of a matrix in one array, with the reciprocals of the pivots on the diagonal.
+    """Lower and upper factor of a matrix in one array, with the reciprocals of the pivots on the diagonal."""
 
-    Parameters
-    ----------
-    entries : sequence of sequences of Complex
-        n rows of n, in the order of elimination.
-    rows, columns : sequence of int
-        Row and column of the matrix whose entry is the first pivot, the second, ...
-    """
-
-    entries: Rows
-    rows: Sequence[int]
+    entries: Rows  # n rows of n, in the order of elimination
+    rows: Sequence[int]  # Row and column of the matrix whose entry is the first pivot, the second,
     columns: Sequence[int]
 
     def renamed(self, symbols: Iterator[Symbol]) -> Factors:
-        """The same pattern with a symbol for each part that is not zero by structure.
-
-        Parameters
-        ----------
-        symbols : iterator of casadi.SX
-            Taken row by row, the real part before the imaginary one.
-
-        Returns
-        -------
-        Factors
-        """
+        """The same pattern with a symbol for each part that is not zero by structure."""
 
         def named(part: Symbol) -> Symbol:
             return part if part.is_zero() else next(symbols)
@@ -91,18 +65,7 @@ class Factors:
         return Factors(entries=entries, rows=self.rows, columns=self.columns)
 
     def solve(self, right: Sequence[Complex]) -> list[Complex]:
-        """Solve for one right side.
-
-        Parameters
-        ----------
-        right : sequence of Complex, length n
-            In the order of the matrix.
-
-        Returns
-        -------
-        list of Complex, length n
-            In the order of the matrix.
-        """
+        """Solve for one right side."""
         found = [right[i] for i in self.rows]
         for i, row in enumerate(self.entries):
             for j in range(i):
@@ -115,17 +78,7 @@ class Factors:
 
 
 def factorised(matrix: Rows) -> Factors:
-    """Eliminate a matrix.
-
-    Parameters
-    ----------
-    matrix : sequence of sequences of Complex
-        n rows of n.
-
-    Returns
-    -------
-    Factors
-    """
+    """Eliminate a matrix."""
     pattern = [{j for j, entry in enumerate(row) if not entry.is_zero} for row in matrix]
     partner = _partners(pattern)
     columns = _order([pattern[partner[j]] for j in range(len(pattern))])

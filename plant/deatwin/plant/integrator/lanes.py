@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 
-__all__ = ["LANES", "Exchange", "call_in_lanes", "in_lanes", "in_lanes_name"]
-
 LANES = 4
 """Numbers in a vector, or points at a time. Where vectors hold more, fewer of them would be needed; but one that is too
 long for the processor is cut in two by the compiler, which then takes twice as long, keeps half as much in registers,
@@ -78,35 +76,14 @@ INCLUDE = "#include <math.h>\n"
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
-    """C code to take in the place of some of CasADi's.
-
-    Parameters
-    ----------
-    bodies : mapping of str to str
-        Bodies of C functions in CasADi's calling convention, by the names of the CasADi Functions.
-    beginnings : mapping of str to str
-        What some functions do first; CasADi's own code follows.
-    helpers : mapping of str to str
-        C functions that they call, by name.
-    """
+    """C code to take in the place of some of CasADi's."""
 
     bodies: Mapping[str, str] = field(default_factory=dict)
     beginnings: Mapping[str, str] = field(default_factory=dict)
-    helpers: Mapping[str, str] = field(default_factory=dict)
+    helpers: Mapping[str, str] = field(default_factory=dict)  # C functions that they call, by name
 
     def into(self, source: str) -> str:
-        """Code that CasADi wrote, with the bodies exchanged.
-
-        Parameters
-        ----------
-        source : str
-            C code.
-
-        Returns
-        -------
-        str
-            A body of which there is no function goes nowhere, nor does a helper that nothing calls.
-        """
+        """Code that CasADi wrote, with the bodies exchanged."""
         for name, body in self.bodies.items():
             if found := _body(name, source):
                 source = source[: found.start(1)] + body + source[found.end(1) :]
@@ -124,19 +101,7 @@ def _body(name: str, source: str) -> re.Match[str] | None:
 
 
 def call_in_lanes(function: ca.Function, count: int) -> str:
-    """Body of a C function that calls what `in_lanes` wrote.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        As given to that.
-    count : int
-        Number of points.
-
-    Returns
-    -------
-    str
-    """
+    """Body of a C function that calls what `in_lanes` wrote."""
     calls = (f"{in_lanes_name(function)}(arg, res, {first}, {count})" for first in range(0, count, LANES))
     return f"  return {' || '.join(calls)};"
 
@@ -147,21 +112,7 @@ def in_lanes_name(function: ca.Function) -> str:
 
 
 def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
-    """C function that evaluates a function at several points.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Of scalars (SX), evaluated at each point.
-    varying : sequence of int
-        Arguments that hold one column for each point; the others are the same at all points. All results have
-        one column for each point.
-
-    Returns
-    -------
-    str or None
-        None if the function has an operation that is not known here.
-    """
+    """C function that evaluates a function at several points."""
     names = ", ".join(f"a{i}" for i in range(function.sz_w()))
     lines = [
         f"static int {in_lanes_name(function)}(const double** arg, double** res, int first, int count) {{",

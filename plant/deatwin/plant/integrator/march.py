@@ -7,19 +7,9 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-__all__ = ["March"]
-
 
 class March:
-    """Arguments and results of a function as arrays; each call works on what they hold.
-
-    A call by value would convert every number to CasADi and back, which takes longer than a small plant's step.
-
-    Parameters
-    ----------
-    function : casadi.Function
-        Dense in all arguments and results.
-    """
+    """Arguments and results of a function as arrays; each call works on what they hold."""
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]
@@ -41,13 +31,7 @@ class March:
         return self._arguments
 
     def advance(self) -> list[np.ndarray]:
-        """Call the function.
-
-        Returns
-        -------
-        list of ndarray
-            Each matrix transposed; overwritten by the next call.
-        """
+        """Call the function."""
         self._call()
         return self._results
 

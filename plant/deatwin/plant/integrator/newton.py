@@ -29,8 +29,6 @@ from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.elimination import Complex, factorised
 from deatwin.plant.integrator.stages import Stages
 
-__all__ = ["SETTLED", "solved_stages"]
-
 Symbol = Any  # casadi.SX or casadi.MX
 
 SETTLED = 1e-10
@@ -48,18 +46,7 @@ NOTHING = 1e-300
 
 
 def solved_stages(stages: Stages) -> ca.Function:
-    """Solve the equations of one step.
-
-    Parameters
-    ----------
-    stages : Stages
-        The DAE at the stages.
-
-    Returns
-    -------
-    casadi.Function
-        ``(x, z, d, u, t, h, p, c) -> (w of all stages, estimate of their error)``.
-    """
+    """Solve the equations of one step."""
     step = stages.symbols()
     x, z, d, u, t, h, p, c = step
     mass, here = stages.mass(p, c), ca.vertcat(x, z)
@@ -100,11 +87,7 @@ def _continued(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
-
-    It converges linearly: two changes that follow each other show the rate, and what is left is that share of the
-    last one.
-    """
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
@@ -171,11 +154,7 @@ def _arguments(stages: Stages, n_factors: int) -> tuple[list[ca.MX], ca.MX, list
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _LinearSystems:
-    """The transformed systems of the simplified method.
-
-    `factor`: ``(J, M, h) -> factors``; `correct`: ``(factors, w, f at all stages, x, M, h) -> (w, size of the
-    change against the unknowns' scale)``.
-    """
+    """The transformed systems of the simplified method."""
 
     factor: ca.Function
     correct: ca.Function

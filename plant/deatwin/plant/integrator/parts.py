@@ -18,8 +18,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-__all__ = ["Parts", "Step", "halves"]
-
 Symbol = Any  # casadi.SX
 
 LEAST = 1e-9
@@ -27,52 +25,24 @@ LEAST = 1e-9
 
 
 class Step(NamedTuple):
-    """A step over a sample or half of it.
+    """A step over a sample or half of it."""
 
-    Parameters
-    ----------
-    begin : float or symbol
-        When it begins, s.
-    middle : float or symbol
-        Its middle, s, which tells the half: the ends may lie on a border.
-    width : float or symbol
-        For how long it lasts, s.
-    """
-
-    begin: Any
-    middle: Any
+    begin: Any  # When it begins, s
+    middle: Any  # Its middle, s, which tells the half: the ends may lie on a border
     width: Any
 
 
 def halves(begin: Any, width: Any) -> tuple[Step, Step]:
-    """The two steps of a divided sample.
-
-    Parameters
-    ----------
-    begin, width : float or symbol
-        When the sample begins, and for how long it lasts, s.
-
-    Returns
-    -------
-    tuple of Step
-    """
+    """The two steps of a divided sample. `begin, width` when the sample begins, and for how long it lasts, s."""
     half = width / 2
     return Step(begin, begin + width / 4, half), Step(begin + half, begin + 3 * width / 4, half)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parts:
-    """A sample that is divided in two.
+    """A sample that is divided in two."""
 
-    Parameters
-    ----------
-    first : casadi.SX
-        Share of the first part, 0 to 1.
-    start, middle, width : casadi.SX
-        Clock time at which the sample begins and that of the middle of the present step, and the sample's width, s.
-    """
-
-    first: Symbol
+    first: Symbol  # Share of the first part, 0 to 1
     start: Symbol
     middle: Symbol
     width: Symbol

@@ -11,34 +11,13 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rest import rest_state
 
-__all__ = ["reference_outputs"]
-
 
 def reference_outputs(plant: Plant, experiment: Experiment, relative_tolerance: float = 1e-9) -> tuple[np.ndarray, ...]:
     """Readings of a plant by SUNDIALS' IDAS, started anew at each sample since the command jumps there.
 
-    Parameters
-    ----------
-    plant : Plant
-        What to simulate.
-    experiment : Experiment
-        Only the commands are used.
-    relative_tolerance : float
-        Of IDAS; the absolute one is the same share of each unknown's typical size.
+    Source: Hindmarsh et al., ACM Trans. Math. Softw. 31 (2005) 363, doi:10.1145/1089014.1089020.
 
-    Returns
-    -------
-    tuple of ndarray, each of shape (1, n)
-        Noise-free readings of each recording, SI.
-
-    Raises
-    ------
-    SimulationError
-        If there is no state of rest, or IDAS gives up, for example at pull-in.
-
-    References
-    ----------
-    Hindmarsh et al., ACM Trans. Math. Softw. 31 (2005) 363, doi:10.1145/1089014.1089020.
+    Shapes: returns (1, n).
     """
     equations, timeline, values = plant.equations, plant.timeline(experiment), plant.free_values
     known = (values, equations.constants)
@@ -69,10 +48,7 @@ def reference_outputs(plant: Plant, experiment: Experiment, relative_tolerance: 
 
 
 class _System:
-    """The DAE over one step, in units of each unknown's typical size.
-
-    A state whose mass is zero is an algebraic one here, so that a vanishing time constant is exact.
-    """
+    """The DAE over one step, in units of each unknown's typical size."""
 
     def __init__(self, equations: Equations, values: np.ndarray, width: float, relative_tolerance: float) -> None:
         n_x = len(equations.states)

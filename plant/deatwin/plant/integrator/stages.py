@@ -15,8 +15,6 @@ from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.dense import solved_in_lanes
 from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
-__all__ = ["Stages"]
-
 UNROLLED = 16
 """Unknowns up to which linear algebra is written as straight-line code, for more with loops over sparse matrices."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
@@ -25,65 +23,27 @@ REVERSE = {"helper_options": {"ad_weight": 0.6}}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stages:
-    """Residual and derivatives of a DAE at the stages of a collocation step.
+    """Residual and derivatives of a DAE at the stages of a collocation step."""
 
-    Parameters
-    ----------
-    n_x, n_z, n_d, n_u, n_p, n_c : int
-        Numbers of states, coordinates, held quantities, inputs, free parameters and constants.
-    scale : ndarray, shape (n_x + n_z,)
-        Typical size of each unknown.
-    nodes : ndarray, shape (s,)
-        Of the stages, in (0, 1].
-    inverse : ndarray, shape (s, s)
-        Inverse of the Butcher matrix.
-    residual : casadi.Function
-        ``(w, d, u, t, p, c) -> (f; g)`` with w = (x; z).
-    jacobian : casadi.Function
-        ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``.
-    derivatives : casadi.Function
-        ``(w, d, u, t, p, c) -> `` derivatives by d and p.
-    mass : casadi.Function
-        ``(p, c) -> diag M``.
-    mass_slope : casadi.Function
-        ``(p, c) -> `` its derivative by p.
-    output_derivatives : casadi.Function
-        ``(x, z, d, u, t, p, c) -> `` derivatives of the reading by w, d and p.
-    """
-
-    n_x: int
+    n_x: int  # Numbers of states, coordinates, held quantities, inputs, free parameters and constants
     n_z: int
     n_d: int
     n_u: int
     n_p: int
     n_c: int
-    scale: np.ndarray
-    nodes: np.ndarray
-    inverse: np.ndarray
-    residual: ca.Function
-    jacobian: ca.Function
-    derivatives: ca.Function
-    mass: ca.Function
-    mass_slope: ca.Function
-    output_derivatives: ca.Function
+    scale: np.ndarray  # shape (n_x + n_z,): Typical size of each unknown
+    nodes: np.ndarray  # shape (s,): Of the stages, in (0, 1]
+    inverse: np.ndarray  # shape (s, s): Inverse of the Butcher matrix
+    residual: ca.Function  # ``(w, d, u, t, p, c) -> (f; g)`` with w = (x; z)
+    jacobian: ca.Function  # ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``
+    derivatives: ca.Function  # ``(w, d, u, t, p, c) -> `` derivatives by d and p
+    mass: ca.Function  # ``(p, c) -> diag M``
+    mass_slope: ca.Function  # ``(p, c) -> `` its derivative by p
+    output_derivatives: ca.Function  # ``(x, z, d, u, t, p, c) -> `` derivatives of the reading by w, d and p
 
     @classmethod
     def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
-        """Differentiate a DAE.
-
-        Parameters
-        ----------
-        equations : Equations
-            The DAE.
-        nodes : ndarray, shape (s,)
-            Of the scheme.
-        matrix : ndarray, shape (s, s)
-            Its Butcher matrix.
-
-        Returns
-        -------
-        Stages
-        """
+        """Differentiate a DAE. Shapes: `nodes` (s,); `matrix` (s, s)."""
         w = ca.SX.sym("w", equations.scale.size)
         n_x, n_d = len(equations.states), len(equations.held)
         n_u = equations.held_inputs(0.0).size
@@ -174,22 +134,7 @@ class Stages:
         )
 
     def everywhere(self, function: ca.Function, w: ca.MX, known: Sequence[ca.MX]) -> list[ca.MX]:
-        """Call `values`, `slopes` or `jacobians`.
-
-        Parameters
-        ----------
-        function : casadi.Function
-            One of them.
-        w : casadi.MX, shape (n s,)
-            Unknowns of all stages, one after the other.
-        known : sequence of casadi.MX
-            ``d, u, t, h, p, c``.
-
-        Returns
-        -------
-        list of casadi.MX
-            One column for each stage.
-        """
+        """Call `values`, `slopes` or `jacobians`. Shapes: `w` (n s,)."""
         d, u, t, h, p, c = known
         columns, times = ca.reshape(w, self.n, self.count), t + ca.DM(self.nodes).T * h
         return list(function.call([columns, d, u, times, p, c]))
@@ -216,23 +161,7 @@ class Stages:
         return Exchange(bodies=bodies, beginnings=beginnings, helpers=helpers)
 
     def defect(self, w: ca.MX, values: ca.MX, x: ca.MX, mass: ca.MX, h: ca.MX) -> ca.MX:
-        """Residual of the collocation equations.
-
-        Parameters
-        ----------
-        w : casadi.MX, shape (n s,)
-            Unknowns of all stages, one after the other.
-        values : casadi.MX, shape (n, s)
-            Of the DAE there.
-        x : casadi.MX, shape (n_x,)
-            States at the start of the step.
-        mass, h : casadi.MX
-            Of the states, and the step.
-
-        Returns
-        -------
-        casadi.MX, shape (n s,)
-        """
+        """Residual of the collocation equations. Shapes: `w` (n s,); `values` (n, s); `x` (n_x,); returns (n s,)."""
         moved = (ca.reshape(w, self.n, self.count)[: self.n_x, :] - ca.repmat(x, 1, self.count)) @ self.inverse.T
         states = ca.repmat(mass, 1, self.count) * moved - h * values[: self.n_x, :]
         return ca.vec(ca.vertcat(states, -values[self.n_x :, :]))
@@ -270,21 +199,7 @@ class Stages:
         return self.solution("last_stage", self.n_p, 1)
 
     def solution(self, name: str, columns: int, kept: int) -> ca.Function:
-        """``(entries of J at all stages, M, h, right sides) -> `` what solves the system of all stages.
-
-        Parameters
-        ----------
-        name : str
-            Of the function.
-        columns : int
-            Number of right sides.
-        kept : int
-            Number of stages, the last ones, whose unknowns are wanted.
-
-        Returns
-        -------
-        casadi.Function
-        """
+        """``(entries of J at all stages, M, h, right sides) -> `` what solves the system of all stages."""
         pattern = self.jacobian.sparsity_out(1)
         entries, mass, h = ca.MX.sym("J", pattern.nnz(), self.count), ca.MX.sym("mass", self.n_x), ca.MX.sym("h")
         right = ca.MX.sym("right", self.n * self.count, columns)
@@ -293,22 +208,8 @@ class Stages:
         return ca.Function(name, [entries, mass, h, right], [found])
 
     def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:
-        """Derivative of the last stage by the parameters, from the implicit function theorem.
-
-        Parameters
-        ----------
-        w : casadi.MX, shape (n s,)
-            Unknowns of all stages, solved.
-        x : casadi.MX, shape (n_x,)
-            States at the start of the step.
-        known : sequence of casadi.MX
-            ``d, u, t, h, p, c``.
-        dx, dd : casadi.MX, shapes (n_x, n_p) and (n_d, n_p)
-            Derivatives of x and d.
-
-        Returns
-        -------
-        casadi.MX, shape (n, n_p)
+        """Derivative of the last stage by the parameters, from the implicit function theorem. Shapes: `w` (n s,); `x`
+        (n_x,); returns (n, n_p).
         """
         h, p, c = known[3:]
         mass, slope = self.mass(p, c), self.mass_slope(p, c)

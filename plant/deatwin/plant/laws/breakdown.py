@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from math import log
 from typing import Any
 
-__all__ = ["HUANG_2012", "KOFOD_2001", "BreakdownLaw"]
-
 Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 
 

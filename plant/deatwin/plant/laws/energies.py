@@ -11,18 +11,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = [
-    "arruda_boyce",
-    "first_invariant",
-    "gent",
-    "maxwell_branch",
-    "mooney_rivlin",
-    "neo_hookean",
-    "ogden",
-    "second_invariant",
-    "yeoh",
-]
-
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
 

@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy
 from deatwin.plant.errors import DataError
 
-__all__ = ["displacement", "polarisation_rate", "polarised_energy", "random_walk", "relaxing", "stretched"]
-
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
 

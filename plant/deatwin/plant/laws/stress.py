@@ -12,8 +12,6 @@ from typing import Any
 
 import casadi as ca
 
-__all__ = ["nominal_stress", "shear_modulus", "tangent", "true_stress"]
-
 Symbol = Any
 
 
@@ -33,27 +31,14 @@ def nominal_stress(
 ) -> tuple[Symbol, Symbol]:
     r"""Nominal in-plane stresses :math:`P_i = \partial W/\partial\lambda_i`, force per reference area.
 
-    Parameters
-    ----------
-    energy : callable
-        ``energy(stretch_1, stretch_2, *parameters)`` in J/m³. A function that is kept, as those of a module are,
-        is differentiated once.
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-    *parameters : symbol or float
-        Further arguments of `energy`.
-
-    Returns
-    -------
-    tuple of symbol
-        Along 1 and 2, Pa; CasADi numbers where all arguments are floats.
-
     Examples
     --------
     >>> from deatwin.plant.laws.energies import neo_hookean
     >>> first, second = nominal_stress(neo_hookean, 2.0, 2.0, 1.0)
     >>> float(first) == 2 - 2**-5
     True
+
+    returns Along 1 and 2, Pa; CasADi numbers where all arguments are floats.
     """
     first, second, *_ = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
     return first, second
@@ -63,20 +48,7 @@ def true_stress(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
     r"""True (Cauchy) stresses :math:`\sigma_i = \lambda_i\,\partial W/\partial\lambda_i`, none across the film.
-
-    Parameters
-    ----------
-    energy : callable
-        As for `nominal_stress`.
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-    *parameters : symbol or float
-        Further arguments of `energy`.
-
-    Returns
-    -------
-    tuple of symbol
-        Along 1 and 2, force per present area, Pa.
+    returns Along 1 and 2, force per present area, Pa.
     """
     first, second = nominal_stress(energy, stretch_1, stretch_2, *parameters)
     return stretch_1 * first, stretch_2 * second
@@ -86,40 +58,12 @@ def tangent(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol, Symbol]:
     r"""Second derivatives :math:`\partial^2 W/\partial\lambda_i\partial\lambda_j`: the film's tangent stiffness.
-
-    A film under dead loads and voltage is stable where their matrix is positive definite.
-
-    Parameters
-    ----------
-    energy : callable
-        As for `nominal_stress`.
-    stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
-    *parameters : symbol or float
-        Further arguments of `energy`.
-
-    Returns
-    -------
-    tuple of symbol
-        For ij = 11, 12 and 22, Pa.
+    returns For ij = 11, 12 and 22, Pa.
     """
     _, _, *second = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
     return second[0], second[1], second[2]
 
 
 def shear_modulus(energy: Callable[..., Symbol], *parameters: Symbol) -> Symbol:
-    r"""Shear modulus at small strain, :math:`\mu_0 = \tfrac14\,\partial^2 W/\partial\lambda_1^2` at rest.
-
-    Parameters
-    ----------
-    energy : callable
-        As for `nominal_stress`.
-    *parameters : symbol or float
-        Further arguments of `energy`.
-
-    Returns
-    -------
-    symbol
-        Pa.
-    """
+    r"""Shear modulus at small strain, :math:`\mu_0 = \tfrac14\,\partial^2 W/\partial\lambda_1^2` at rest. returns Pa."""
     return tangent(energy, 1.0, 1.0, *parameters)[0] / 4

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
     from deatwin.plant.model import Plant
 
-__all__ = ["ReadingTime", "Rig", "StartProcedure"]
 
 SOLVED = 1e-6
 """Share of the motion to which a plant is simulated: recordings without noise agree no better."""

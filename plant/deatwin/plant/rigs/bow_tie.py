@@ -17,8 +17,6 @@ from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
 
-__all__ = ["BowTie"]
-
 Symbol = Any
 HELD = ("clamped", "free")
 

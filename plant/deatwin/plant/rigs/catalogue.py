@@ -8,8 +8,6 @@ from importlib.metadata import entry_points
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.rigs.base import Rig
 
-__all__ = ["rig_kind"]
-
 GROUP = "deatwin.rigs"
 
 
@@ -28,20 +26,6 @@ def _kinds() -> dict[str, type[Rig]]:
 
 def rig_kind(name: str) -> type[Rig]:
     """The class of a rig.
-
-    Parameters
-    ----------
-    name : str
-        For example ``"diaphragm"``.
-
-    Returns
-    -------
-    type
-
-    Raises
-    ------
-    RigError
-        If there is none.
 
     Examples
     --------

@@ -16,8 +16,6 @@ from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
 
-__all__ = ["Coupon"]
-
 Symbol = Any
 
 

@@ -26,8 +26,6 @@ from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
 
-__all__ = ["Ball", "Diaphragm"]
-
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
 THESIS_PRESTRETCHES = (3.5, 4.5)

@@ -23,8 +23,6 @@ from deatwin.plant.rigs.drive import squared_voltage
 from deatwin.plant.rigs.kinematics import Kinematics
 from deatwin.plant.rigs.material_film import material_film
 
-__all__ = ["FilmActuator", "relaxed_stresses", "watch_breakdown", "watch_field"]
-
 Symbol = Any
 
 
@@ -162,24 +160,8 @@ class FilmActuator(Rig):
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
-    """Nominal stresses of a relaxed film with its published values.
-
-    Parameters
-    ----------
-    substance : Material
-        With its values.
-    stretch_1, stretch_2 : float
-        Principal in-plane stretches.
-
-    Returns
-    -------
-    tuple of float
-        Along 1 and 2, force per reference area, Pa.
-
-    Raises
-    ------
-    RigError
-        If the film cannot be stretched so far.
+    """Nominal stresses of a relaxed film with its published values. returns Along 1 and 2, force per reference area,
+    Pa.
     """
     values = [p.value for p in substance.elastic]
     first, second = (float(s) for s in nominal_stress(substance.energy, stretch_1, stretch_2, *values))
@@ -192,32 +174,13 @@ def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) ->
 
 
 def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
-    """Watch how near the film is to breakdown, for films that nothing holds in their plane: those do not wrinkle.
-
-    Parameters
-    ----------
-    film : AnyFilm
-        With stretches.
-    squared_voltage : casadi.SX
-        Not needed; as for `deatwin.plant.limits.watch_limits`, which also watches the tension.
-    build : Builder
-        Has the signal ``film_voltage`` and gets ``breakdown_share``, the largest share of the field at which the
-        film breaks down.
-    """
+    """Watch how near the film is to breakdown, for films that nothing holds in their plane: those do not wrinkle."""
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*(breakdown_share(p, voltage, thickness) for p in film.points))))
 
 
 def watch_field(film: AnyFilm, build: Builder) -> None:
-    """Watch the largest true field.
-
-    Parameters
-    ----------
-    film : AnyFilm
-        With stretches.
-    build : Builder
-        Has the signal ``film_voltage`` and gets ``field`` in V/m.
-    """
+    """Watch the largest true field. `build` has the signal ``film_voltage`` and gets ``field`` in V/m."""
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points))
     build.watch("field", voltage * ca.mmax(thinnings) / thickness)

@@ -12,41 +12,19 @@ from deatwin.plant.film import AnyFilm, FilmPoint
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
-__all__ = ["Kinematics", "electrode_share"]
 
 Symbol = Any
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kinematics:
-    """A film in terms of coordinates.
+    """A film in terms of coordinates."""
 
-    Parameters
-    ----------
-    points : sequence of FilmPoint
-        Where stretches are taken, in terms of the coordinates.
-    coordinates : sequence of casadi.SX
-        The algebraic ones, each with a balance to be given.
-    film : callable
-        ``film(**parts)`` makes the film from what every `AnyFilm` has; it knows how branches flow here.
-    """
-
-    points: Sequence[FilmPoint]
-    coordinates: Sequence[Symbol]
+    points: Sequence[FilmPoint]  # Where stretches are taken, in terms of the coordinates
+    coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
     film: Callable[..., AnyFilm]
 
 
 def electrode_share(build: Builder) -> Symbol:
-    """Share of the electrode's area that is there still.
-
-    Parameters
-    ----------
-    build : Builder
-        Asks the effects.
-
-    Returns
-    -------
-    casadi.SX or float
-        The number 1.0 where no effect takes any away.
-    """
+    """Share of the electrode's area that is there still."""
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))

@@ -7,27 +7,9 @@ from deatwin.plant.film import AnyFilm, film_points, point_capacitances
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.kinematics import Kinematics
 
-__all__ = ["material_film"]
-
 
 def material_film(shape: Kinematics, substance: Material, rest_stretch: float, build: Builder) -> AnyFilm:
-    """The film of a rig before any effect.
-
-    Parameters
-    ----------
-    shape : Kinematics
-        Points, and the kind of film.
-    substance : Material
-        Gives energy, branches and permittivity.
-    rest_stretch : float
-        Where to look for the relaxed state.
-    build : Builder
-        Has the material's parameters and a ``thickness``.
-
-    Returns
-    -------
-    AnyFilm
-    """
+    """The film of a rig before any effect."""
     points = film_points(shape.points, build)
     elastic = [build.parameter(p.name) for p in substance.elastic]
     film = shape.film(

@@ -28,28 +28,12 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.rigs.diaphragm import Diaphragm
 
-__all__ = ["membrane"]
 
 Symbol = Any
 
 
 def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
-    """Elements from the ball to the frame: `Diaphragm.elements` under the electrode, half as many in the annulus.
-
-    Parameters
-    ----------
-    rig : Diaphragm
-        With its radii and the way its ball sits.
-    deflection : casadi.SX
-        Of the ball, m.
-    build : Builder
-        Takes hoop stretches and heights of the free nodes.
-
-    Returns
-    -------
-    Kinematics
-        Points from the ball outwards; last the disc under the ball.
-    """
+    """Elements from the ball to the frame: `Diaphragm.elements` under the electrode, half as many in the annulus."""
     edges = np.array([rig.contact_radius, rig.electrode_radius, rig.frame_radius]) / rig.prestretch
     rings = (_Ring.of(edges[0], edges[1], rig.elements), _Ring.of(edges[1], edges[2], (rig.elements + 1) // 2))
     edge = 2 * rig.elements
@@ -110,11 +94,7 @@ def _free_nodes(rig: Diaphragm, nodes: np.ndarray, edge: int, build: Builder) ->
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Ring:
-    """Elements of equal width in ln(radius): their nodes and the Gauss points of each, in reference radius and area.
-
-    `shapes` and `slopes` are the shape functions of an element's three nodes at its two points, a row a point, and
-    their derivatives by ln(radius).
-    """
+    """Elements of equal width in ln(radius): their nodes and the Gauss points of each, in reference radius and area."""
 
     nodes: np.ndarray
     radius: np.ndarray

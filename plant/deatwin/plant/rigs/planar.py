@@ -22,8 +22,6 @@ from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 from deatwin.plant.rigs.material_film import material_film
 from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
 
-__all__ = ["BlockedPlanar", "Planar"]
-
 Symbol = Any
 MIDDLE = 0.5**0.5
 """Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within."""

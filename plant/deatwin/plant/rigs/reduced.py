@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
     from deatwin.plant.rigs.diaphragm import Diaphragm
 
-__all__ = ["reduced"]
 
 Symbol = Any
 
@@ -48,22 +47,7 @@ or 0.5 µm (bonded, at 3 kV), less than a tenth of the error of the shape functi
 
 
 def reduced(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
-    """Stretch at the electrode's edge, drop of the annulus, and bow.
-
-    Parameters
-    ----------
-    rig : Diaphragm
-        With its radii and the way its ball sits.
-    deflection : casadi.SX
-        Of the ball, m.
-    build : Builder
-        Takes the coordinates.
-
-    Returns
-    -------
-    Kinematics
-        Points from the ball outwards; last the disc under the ball.
-    """
+    """Stretch at the electrode's edge, drop of the annulus, and bow."""
     numbers = _Geometry.of(rig)
     geometry = numbers.as_symbols(build)
     stretch = build.coordinate("electrode_stretch", scale=1.0)
@@ -138,11 +122,7 @@ def _points(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Zone:
-    """A ring of the film.
-
-    `flat(rho)` gives the meridional and the hoop stretch of the flat film at a reference radius; `outer` is its
-    present outer radius, `log_ratio` the logarithm of that over the inner one.
-    """
+    """A ring of the film."""
 
     flat: Callable[[Symbol], tuple[Symbol, Symbol]]
     outer: Symbol
@@ -179,10 +159,7 @@ class _Geometry:
         return cls._between(rig.frame_radius, rig.contact_radius, tuple(edges))
 
     def as_symbols(self, build: Builder) -> _Geometry:
-        """The same with symbols, so that rigs of all sizes share compiled code.
-
-        Points move with the electrode's edge where an effect moves it; else they are constants, which is faster.
-        """
+        """The same with symbols, so that rigs of all sizes share compiled code."""
         frame, contact = build.constant("frame", self.frame), build.constant("contact", self.contact)
         outer = build.constant("frame_reference", self.frame_reference)
         inner = build.constant("contact_reference", self.contact_reference)

@@ -75,57 +75,23 @@ class SensorSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class RigFile:
-    """A rig as its experimenter knows it, in SI units.
-
-    Parameters
-    ----------
-    film : FilmSpec
-    load : LoadSpec
-    drive : DriveSpec
-    sensor : SensorSpec
-    source : str
-        The file that it was read from.
-    """
+    """A rig as its experimenter knows it, in SI units."""
 
     film: FilmSpec
     load: LoadSpec
     drive: DriveSpec
     sensor: SensorSpec
-    source: str = ""
+    source: str = ""  # The file that it was read from
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], source: str = "rig") -> Self:
-        """Make a rig of the sections and keys of a rig file.
-
-        Parameters
-        ----------
-        data : mapping of str to mapping
-            Sections, keys and values as the file has them, in its units.
-        source : str
-            What error texts call the rig.
-
-        Returns
-        -------
-        RigFile
-
-        Raises
-        ------
-        RigError
-            If a section or key is unknown or missing, or a value has the wrong type or lies out of range; the text
-            tells all that is wrong.
-        """
+        """Make a rig of the sections and keys of a rig file."""
         if mistakes := mistakes_of(data):
             raise RigError(told(source, mistakes, {}))
         return cls(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
-        """Return sections, keys and values as a rig file has them, in its units, ready for JSON.
-
-        Returns
-        -------
-        dict of str to dict
-            ``RigFile.from_dict(rig.to_dict(), rig.source) == rig``; keys that are not known are left out.
-        """
+        """Return sections, keys and values as a rig file has them, in its units, ready for JSON."""
         return {
             section: {
                 name: key.to_file(value)

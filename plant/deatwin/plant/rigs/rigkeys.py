@@ -6,34 +6,16 @@ from dataclasses import dataclass
 
 from deatwin.plant.intake import clipped
 
-__all__ = ["RIG_KEYS", "Keys", "NumberKey", "TextKey", "kind_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class NumberKey:
-    """A number of the file.
-
-    Parameters
-    ----------
-    field : str
-        Of the specification that it becomes.
-    lower, upper : float
-        Range, both ends included, in the file's unit.
-    per_si : float
-        File units in one SI unit.
-    required : bool
-        Whether it must be there.
-    slips : tuple of (str, float, float)
-        Units that it may be given in by mistake, with factor and shift to the file's own.
-    about : str
-        For the schema.
-    """
+    """A number of the file."""
 
     field: str
-    lower: float
+    lower: float  # Range, both ends included, in the file's unit
     upper: float
-    per_si: float = 1.0
-    required: bool = True
+    per_si: float = 1.0  # File units in one SI unit
+    required: bool = True  # Whether it must be there
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
 
@@ -43,18 +25,7 @@ class NumberKey:
         return f"a number from {self.lower:g} to {self.upper:g}"
 
     def fault(self, value: object) -> str:
-        """Return what is wrong with a value and what is allowed.
-
-        Parameters
-        ----------
-        value : object
-            As TOML was read.
-
-        Returns
-        -------
-        str
-            Empty where nothing is.
-        """
+        """Return what is wrong with a value and what is allowed."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if not self.lower <= value <= self.upper:  # nan is not
@@ -64,17 +35,7 @@ class NumberKey:
         return ""
 
     def to_si(self, value: float) -> float:
-        """Return the value of a file in SI.
-
-        Parameters
-        ----------
-        value : float
-            In the file's unit; without a fault.
-
-        Returns
-        -------
-        float
-        """
+        """Return the value of a file in SI."""
         return value / self.per_si
 
     def _slip(self, value: float) -> str:
@@ -86,17 +47,7 @@ class NumberKey:
         return ""
 
     def to_file(self, value: float) -> float:
-        """Return an SI value as the file has it: the shortest number that `to_si` makes into this value.
-
-        Parameters
-        ----------
-        value : float
-
-        Returns
-        -------
-        float
-            Where no number does, which cannot be for what was read, the nearest one.
-        """
+        """Return an SI value as the file has it: the shortest number that `to_si` makes into this value."""
         near = value * self.per_si  # within two roundings of what the file had
         shortened = [float(f"{near:.{digits}g}") for digits in range(12, 17)]
         beside = [near, *(math.nextafter(near, end) for end in (-math.inf, math.inf))]
@@ -105,23 +56,11 @@ class NumberKey:
 
 @dataclass(frozen=True, kw_only=True)
 class TextKey:
-    """A text of the file.
-
-    Parameters
-    ----------
-    field : str
-        Of the specification that it becomes.
-    choices : tuple of str
-        What is allowed; any text where empty.
-    required : bool
-        Whether it must be there.
-    about : str
-        For the schema.
-    """
+    """A text of the file."""
 
     field: str
-    choices: tuple[str, ...] = ()
-    required: bool = True
+    choices: tuple[str, ...] = ()  # What is allowed; any text where empty
+    required: bool = True  # Whether it must be there
     about: str = ""
 
     @property
@@ -130,18 +69,7 @@ class TextKey:
         return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
 
     def fault(self, value: object) -> str:
-        """Return what is wrong with a value and what is allowed.
-
-        Parameters
-        ----------
-        value : object
-            As TOML was read.
-
-        Returns
-        -------
-        str
-            Empty where nothing is.
-        """
+        """Return what is wrong with a value and what is allowed."""
         if not isinstance(value, str):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if self.choices and value not in self.choices:
@@ -149,29 +77,11 @@ class TextKey:
         return "" if value.strip() else "the text is empty"
 
     def to_si(self, value: str) -> str:
-        """Return the value of a file in SI.
-
-        Parameters
-        ----------
-        value : str
-
-        Returns
-        -------
-        str
-        """
+        """Return the value of a file in SI."""
         return value
 
     def to_file(self, value: str) -> str:
-        """Return an SI value as the file has it.
-
-        Parameters
-        ----------
-        value : str
-
-        Returns
-        -------
-        str
-        """
+        """Return an SI value as the file has it."""
         return value
 
 
@@ -242,16 +152,7 @@ RIG_KEYS: Mapping[str, Keys] = {
 
 
 def kind_of(value: object) -> str:
-    """Return what TOML calls a value.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    str
-    """
+    """Return what TOML calls a value."""
     kinds = {bool: "a truth value", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 

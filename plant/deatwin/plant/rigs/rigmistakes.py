@@ -9,8 +9,6 @@ from deatwin.plant.errors import nearest
 from deatwin.plant.intake import clipped
 from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
 
-__all__ = ["Mistake", "lines_of", "mistakes_of", "told"]
-
 Place = tuple[str, ...]
 """A section, or a section and a key of it; nothing for the file as a whole."""
 
@@ -31,24 +29,12 @@ _KEY = re.compile(rf"\s*({_PATH})\s*=")
 
 @dataclass(frozen=True, kw_only=True)
 class Mistake:
-    """A mistake of a rig file.
+    """A mistake of a rig file."""
 
-    Parameters
-    ----------
-    text : str
-        What is wrong, and what is allowed.
-    at : tuple of str
-        Section and key that the text is about, as the file calls them; empty where the text names them itself.
-    line_of : tuple of str
-        What stands in the line to look at.
-    missing, meant : tuple of str
-        What is not there, and what was probably meant by a name that is not known.
-    """
-
-    text: str
+    text: str  # What is wrong, and what is allowed
     at: Place = ()
-    line_of: Place = ()
-    missing: Place = ()
+    line_of: Place = ()  # What stands in the line to look at
+    missing: Place = ()  # What is not there, and what was probably meant by a name that is not known
     meant: Place = ()
 
     @property
@@ -58,18 +44,7 @@ class Mistake:
 
 
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
-    """Find all mistakes of a rig file.
-
-    Parameters
-    ----------
-    data : mapping of str to mapping
-        Sections, keys and values as the file has them, in its units.
-
-    Returns
-    -------
-    list of Mistake
-        What is missing because its name is misspelt is not told as missing, too.
-    """
+    """Find all mistakes of a rig file."""
     outside = [_outside(name) for name in data if name not in RIG_KEYS]
     called = {section: section for section in RIG_KEYS}
     for mistake in outside:  # a section with a misspelt name is read by the name that it should have
@@ -86,18 +61,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
 
 
 def lines_of(text: str) -> dict[Place, int]:
-    """Return in which lines the sections and keys of a rig file stand.
-
-    Parameters
-    ----------
-    text : str
-        TOML.
-
-    Returns
-    -------
-    dict of tuple of str to int
-        Lines counted from 1. Empty where the text has strings of several lines, in which anything may stand.
-    """
+    """Return in which lines the sections and keys of a rig file stand."""
     if '"""' in text or "'''" in text:
         return {}
     found: dict[Place, int] = {}
@@ -112,22 +76,7 @@ def lines_of(text: str) -> dict[Place, int]:
 
 
 def told(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -> str:
-    """Write mistakes as the text of one error.
-
-    Parameters
-    ----------
-    source : str
-        What the text calls the rig.
-    mistakes : sequence of Mistake
-        At least one.
-    lines : mapping
-        As `lines_of` finds them; several mistakes are told in the order of the file, by their lines.
-
-    Returns
-    -------
-    str
-        One line.
-    """
+    """Write mistakes as the text of one error."""
     if len(mistakes) == 1:
         (only,) = mistakes
         return f"{source}, {only.where}: {only.text}" if only.at else f"{source}: {only.text}"

@@ -4,20 +4,11 @@ from typing import Any
 
 from deatwin.plant.rigs.rigkeys import RIG_KEYS, NumberKey, TextKey
 
-__all__ = ["SCHEMA", "rig_schema"]
-
 SCHEMA = "deatwin/rig/1"
 
 
 def rig_schema() -> dict[str, Any]:
-    """Return the schema that ships as ``schemas/rig.schema.json``.
-
-    Returns
-    -------
-    dict
-        JSON Schema, draft 2020-12. That the contact is smaller than the electrode, the electrode than the frame, and
-        the lowest command below the highest, it cannot say; nor that a number of TOML must not be ``nan``.
-    """
+    """Return the schema that ships as ``schemas/rig.schema.json``."""
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": SCHEMA,

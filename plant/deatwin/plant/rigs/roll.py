@@ -12,8 +12,6 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
-__all__ = ["Roll"]
-
 Symbol = Any
 MIDDLE = 0.5**0.5
 """Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within."""

@@ -12,8 +12,6 @@ from deatwin.plant.film import AnyFilm
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.rigs.film_actuator import watch_breakdown
 
-__all__ = ["LIMITS", "SIDES", "Sides", "check_sides"]
-
 Symbol = Any
 Sides = Callable[[str, Symbol, float, Builder], tuple[Symbol, list[Symbol]]]
 
@@ -42,19 +40,6 @@ LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyT
 
 
 def check_sides(sides: str, known: Collection[str]) -> None:
-    """Refuse sides that a rig does not have.
-
-    Parameters
-    ----------
-    sides : str
-        As given.
-    known : collection of str
-        Those that the rig has.
-
-    Raises
-    ------
-    RigError
-        If `sides` is none of them.
-    """
+    """Refuse sides that a rig does not have."""
     if sides not in known:
         raise RigError(f"unknown sides {sides!r}{nearest(sides, known)} (known: {', '.join(known)})")

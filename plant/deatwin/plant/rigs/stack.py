@@ -13,8 +13,6 @@ from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, watch_breakdown
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
-__all__ = ["Stack"]
-
 Symbol = Any
 MIDDLE = 0.5**0.5
 """Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within."""

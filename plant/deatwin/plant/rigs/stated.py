@@ -12,7 +12,6 @@ from deatwin.plant.intake import clipped
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
 
-__all__ = ["LARGEST", "require_stated"]
 
 LARGEST = 1e12
 """In any unit: its square is a number still."""
@@ -38,18 +37,7 @@ _KINDS = {
 
 
 def require_stated(rig: Rig) -> None:
-    """Raise RigError unless each field of a rig is of its kind and in its range.
-
-    Parameters
-    ----------
-    rig : Rig
-        Made of what a file holds.
-
-    Raises
-    ------
-    RigError
-        Names the field, its value and what may stand there.
-    """
+    """Raise RigError unless each field of a rig is of its kind and in its range."""
     for field in fields(rig):
         value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
         if kinds[0] in _KINDS and not (value is None and "None" in kinds):

@@ -5,8 +5,6 @@ from collections.abc import Callable
 
 from deatwin.plant.intake import clipped
 
-__all__ = ["slip_of"]
-
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _END = r"\s*(?:#.*)?"
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
@@ -32,19 +30,9 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 def slip_of(text: str) -> str:
     """Return the first slip in a rig file: its line, its key, and what to write.
 
-    Parameters
-    ----------
-    text : str
-        What no TOML parser reads.
-
-    Returns
-    -------
-    str
-        Empty where nothing usual is found.
-
     Examples
     --------
-    >>> slip_of("[film]\\nprestretch = 3,5")
+    >>> slip_of("[film]\nprestretch = 3,5")
     'line 2, prestretch: a number has a decimal point: write 3.5'
     """
     seen: dict[str, int] = {}

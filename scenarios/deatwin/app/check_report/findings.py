@@ -13,21 +13,13 @@ from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Limit, Verdict
 from deatwin.control.checking.verdict import Finding
 
-__all__ = ["TONES", "Group", "Row", "groups"]
-
 TONES = {Verdict.PASS: "good", Verdict.MARGINAL: "doubt", Verdict.FAIL: "bad"}
 """Classes of the page's style."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """A line of the table.
-
-    Parameters
-    ----------
-    subject, value, good, poor, verdict, tone, text : str
-        As they are shown.
-    """
+    """A line of the table."""
 
     subject: str
     value: str
@@ -40,41 +32,21 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Lines that belong together.
+    """Lines that belong together."""
 
-    Parameters
-    ----------
-    title : str
-        Their heading.
-    rows : list of Row
-        In the order of the check.
-    """
-
-    title: str
+    title: str  # Their heading
     rows: list[Row]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """How findings on one subject are shown.
+    """How findings on one subject are shown."""
 
-    Parameters
-    ----------
-    group : str
-        Where they stand, with ``{}`` for whose they are.
-    form, unit : str
-        Format of a number, and its unit with the space before it.
-    scale : float
-        By which a value is multiplied to be in the unit: 100 for a share in per cent.
-    limit : str
-        Field of the specification; empty where none belongs to it.
-    """
-
-    group: str
-    form: str = ".3g"
+    group: str  # Where they stand, with ``{}`` for whose they are
+    form: str = ".3g"  # Format of a number, and its unit with the space before it
     unit: str = ""
     scale: float = 1.0
-    limit: str = ""
+    limit: str = ""  # Field of the specification; empty where none belongs to it
 
     def value(self, value: float | None) -> str:
         """What was found, as text."""
@@ -88,17 +60,7 @@ class _Kind:
 
 
 def groups(view: View) -> list[Group]:
-    """Gather the findings of a check.
-
-    Parameters
-    ----------
-    view : View
-        Of the check.
-
-    Returns
-    -------
-    list of Group
-    """
+    """Gather the findings of a check."""
     found: dict[str, list[Row]] = {}
     for finding in view.check.findings:
         subject, source = _split(finding.subject, view)

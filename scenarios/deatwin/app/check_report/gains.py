@@ -5,21 +5,9 @@ from __future__ import annotations
 from deatwin.control import Check, PidGains
 from deatwin.plant.amplitudes import written_amplitude
 
-__all__ = ["written_gains"]
-
 
 def written_gains(check: Check) -> list[tuple[str, str]]:
-    """Name and size of each gain of a PI or PID law at the operating input; empty for laws of another form.
-
-    Parameters
-    ----------
-    check : Check
-        With or without a controller.
-
-    Returns
-    -------
-    list of (str, str)
-    """
+    """Name and size of each gain of a PI or PID law at the operating input; empty for laws of another form."""
     controller = check.controller
     if controller is None:
         return []

@@ -14,8 +14,6 @@ from deatwin.control.linear.narx import linearise
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.control.stability.bands import MarginBand, band_margins
 
-__all__ = ["Loops"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -25,37 +23,15 @@ _LOWEST = 0.05  # of the closed loop's bandwidth
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loops:
-    """Loops at the controller's operating point.
+    """Loops at the controller's operating point."""
 
-    Parameters
-    ----------
-    frequency_Hz : ndarray, shape (n,)
-        Hz.
-    values : mapping of str to ndarray of complex, shape (n,)
-        Of the model and of each plant that has a state of rest there.
-    band : MarginBand or None
-        What the model's covariance makes of its loop; None where that is unstable.
-    """
-
-    frequency_Hz: Array
-    values: dict[str, Complex]
-    band: MarginBand | None
+    frequency_Hz: Array  # shape (n,): Hz
+    values: dict[str, Complex]  # shape (n,): Of the model and of each plant that has a state of rest there
+    band: MarginBand | None  # What the model's covariance makes of its loop; None where that is unstable
 
     @classmethod
     def of(cls, view: View, controller: Controller) -> Loops:
-        """Compute them.
-
-        Parameters
-        ----------
-        view : View
-            Of the check.
-        controller : Controller
-            That was judged.
-
-        Returns
-        -------
-        Loops
-        """
+        """Compute them."""
         at, reading = controller.operating_input, view.plants["plant"].rig.reading
         models = {"model": linearise(view.model, at).in_loop(reading)}
         for name, plant in view.plants.items():

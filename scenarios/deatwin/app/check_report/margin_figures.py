@@ -22,7 +22,6 @@ from deatwin.studies.report.svg import draw
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_margins", "draw_margins_over_time", "draw_nyquist"]
 
 Array = NDArray[np.float64]
 
@@ -34,27 +33,13 @@ _FAR = 15.0  # times a limit: from there on an axis is logarithmic
 
 @dataclass(frozen=True, kw_only=True)
 class _Measure:
-    """A margin as it is drawn.
-
-    Parameters
-    ----------
-    field : str
-        Of a row of margins, without ``_low``; `phase` has its unit behind that.
-    label : str
-        Of the axis.
-    limit : Limit
-        What was asked.
-    scale : float
-        By which the row's number is divided.
-    ceiling : float
-        Beyond which a margin is drawn at the edge.
-    """
+    """A margin as it is drawn."""
 
     field: str
     label: str
-    limit: Limit
+    limit: Limit  # What was asked
     scale: float = 1.0
-    ceiling: float = np.inf
+    ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
 
     def values(self, rows: list[MarginRow]) -> tuple[Array, Array]:
         """The source's own margins and their low quantiles, each of shape (n,)."""
@@ -71,19 +56,7 @@ class _Measure:
 
 
 def draw_margins(view: View) -> tuple[Drawing, Columns]:
-    """Draw margins over operating points.
-
-    Parameters
-    ----------
-    view : View
-        Of a check with a table of margins.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw margins over operating points."""
     unit = view.check.operating.input_unit
     label = f"constant {view.command}"
     return _draw(
@@ -98,19 +71,7 @@ def draw_margins(view: View) -> tuple[Drawing, Columns]:
 
 
 def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
-    """Draw margins along time.
-
-    Parameters
-    ----------
-    view : View
-        Of a check of a model that varies.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw margins along time."""
     return _draw(
         view,
         view.rows(along_time=True),
@@ -215,21 +176,7 @@ def _columns(
 
 
 def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
-    """Draw the loops at the operating point, with the disks that they have to stay out of.
-
-    Parameters
-    ----------
-    view : View
-        Of the check.
-    controller : Controller
-        That was judged.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw the loops at the operating point, with the disks that they have to stay out of."""
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
     with draw((7.4, 4.8)) as figure:

@@ -17,18 +17,10 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.rendering import write_page
 
-__all__ = ["write_check_report"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """A number on top of the page.
-
-    Parameters
-    ----------
-    name, value, unit : str
-        As they are shown.
-    """
+    """A number on top of the page."""
 
     name: str
     value: str
@@ -36,17 +28,7 @@ class Tile:
 
 
 def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None:
-    """Write ``report.html`` and the data of its figures.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Where to.
-    view : View
-        Of the check.
-    origin : Origin
-        For the end of the page.
-    """
+    """Write ``report.html`` and the data of its figures."""
     drawn = _drawn(view)
     for drawing, columns in drawn:
         folder.csv(drawing.data, columns)

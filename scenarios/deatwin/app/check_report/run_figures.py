@@ -18,7 +18,6 @@ from deatwin.studies.report.tracks import envelope
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Columns", "draw_others", "draw_sine", "draw_steps"]
 
 Array = NDArray[np.float64]
 Columns = dict[str, Array]
@@ -27,21 +26,7 @@ _TIME = "time since the loop was closed (s)"
 
 
 def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
-    """Draw the steps on the physics plant in the predicted band, and the command below.
-
-    Parameters
-    ----------
-    view : View
-        Of the check.
-    steps : ClosedLoop
-        On the physics plant.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw the steps on the physics plant in the predicted band, and the command below."""
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
@@ -80,21 +65,7 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
 
 
 def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, Columns]:
-    """Draw the steps on the other plants.
-
-    Parameters
-    ----------
-    view : View
-        Of the check.
-    others : mapping of str to ClosedLoop
-        One or more.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw the steps on the other plants."""
     longest = max(others.values(), key=lambda run: run.timepts.size)
     with draw((7.0, 4.9)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
@@ -120,21 +91,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, 
 
 
 def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
-    """Draw the run with a slow sine, its error, and the command.
-
-    Parameters
-    ----------
-    view : View
-        Of the check.
-    sine : ClosedLoop
-        On the physics plant.
-
-    Returns
-    -------
-    Drawing
-    dict of str to ndarray
-        Columns of its data.
-    """
+    """Draw the run with a slow sine, its error, and the command."""
     unit, error = view.shown_unit, sine.error / view.size
     with draw((7.0, 5.2)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.5))

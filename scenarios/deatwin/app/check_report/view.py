@@ -16,8 +16,6 @@ from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.studies.report.svg import COLOURS
 
-__all__ = ["AFTER", "BEFORE", "INK", "MARK", "MEASURED", "Look", "View", "header", "thinned", "with_unit"]
-
 Array = NDArray[np.float64]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 _DRAWN = 1000  # points of a line: a picture shows no more
@@ -25,13 +23,7 @@ _DRAWN = 1000  # points of a line: a picture shows no more
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How a source is called and drawn.
-
-    Parameters
-    ----------
-    label, colour, line : str
-        In legends; as matplotlib takes colour and line style.
-    """
+    """How a source is called and drawn."""
 
     label: str
     colour: str
@@ -40,24 +32,12 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A check with all that it was made of.
-
-    Parameters
-    ----------
-    check : Check
-        As found.
-    model : NarxModel
-        On which the controller was designed.
-    plants : mapping of str to Plant
-        The physics plant as ``plant``, and the others by their names.
-    specification : Specification
-        What was asked.
-    """
+    """A check with all that it was made of."""
 
     check: Check
     model: NarxModel
-    plants: Mapping[str, Plant]
-    specification: Specification
+    plants: Mapping[str, Plant]  # The physics plant as ``plant``, and the others by their names
+    specification: Specification  # What was asked
 
     @property
     def looks(self) -> dict[str, Look]:
@@ -101,18 +81,7 @@ class View:
         return with_unit(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
 
     def rows(self, along_time: bool) -> dict[str, list[MarginRow]]:
-        """Margins of each source over operating points, or along time.
-
-        Parameters
-        ----------
-        along_time : bool
-            Which of the two.
-
-        Returns
-        -------
-        dict of str to list of MarginRow
-            In order; sources without such rows are left out.
-        """
+        """Margins of each source over operating points, or along time."""
         found: dict[str, list[MarginRow]] = {}
         for row in self.check.table:
             if (row.time is not None) is along_time:
@@ -121,48 +90,17 @@ class View:
 
 
 def with_unit(name: str, unit: str) -> str:
-    """A name with its unit in brackets, where it has one.
-
-    Parameters
-    ----------
-    name, unit : str
-        ``"1"`` is no unit.
-
-    Returns
-    -------
-    str
-    """
+    """A name with its unit in brackets, where it has one."""
     return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def header(name: str, unit: str) -> str:
-    """Header of a column.
-
-    Parameters
-    ----------
-    name, unit : str
-        A name may hold anything; ``"1"`` is no unit.
-
-    Returns
-    -------
-    str
-        Fit for a CSV file.
-    """
+    """Header of a column."""
     plain = "".join(mark if mark.isalnum() or mark in "+-." else "_" for mark in name)
     return plain if unit in ("", "1") else f"{plain}_{unit}"
 
 
 def thinned(*series: Array) -> tuple[Array, ...]:
-    """Every n-th sample of smooth series, as many as a picture can show.
-
-    Parameters
-    ----------
-    *series : ndarray, shape (n,)
-        Of one length.
-
-    Returns
-    -------
-    tuple of ndarray
-    """
+    """Every n-th sample of smooth series, as many as a picture can show. Shapes: `*series` (n,)."""
     stride = max(1, -(-series[0].size // _DRAWN))
     return tuple(values[::stride] for values in series)

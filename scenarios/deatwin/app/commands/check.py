@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from deatwin.app.given import GivenPlant
     from deatwin.plant.recording import Recording
 
-__all__ = ["check"]
-
 
 def _positive(value: float | None) -> float | None:
     if value is not None and not 0.0 < value < math.inf:

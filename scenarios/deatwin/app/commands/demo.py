@@ -10,8 +10,6 @@ import typer
 from deatwin.app.options import Jobs, Json, Quiet, Seed, complete_effects
 from deatwin.studies.voice import Voice, complain
 
-__all__ = ["demo"]
-
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 Concealed = Annotated[
     str,

@@ -25,8 +25,6 @@ from deatwin.app.options import (
 )
 from deatwin.studies.voice import Voice, complain
 
-__all__ = ["diagnose"]
-
 Recordings = Annotated[
     list[Path] | None, typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock.")
 ]

@@ -16,8 +16,6 @@ from deatwin.studies.voice import Voice
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["OPTIONAL", "SLOWER", "Part", "doctor"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Part:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from deatwin.plant.export.sampled import SampledSource
     from deatwin.plant.model import Plant
 
-__all__ = ["export"]
 
 PLANT, NARX, CHECK = "deatwin/plant/1", "deatwin/narx/1", "deatwin/check/1"
 

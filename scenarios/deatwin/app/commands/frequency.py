@@ -13,8 +13,6 @@ import typer
 from deatwin.app.options import Json, OutFolder, Quiet
 from deatwin.studies.voice import Voice
 
-__all__ = ["frequency"]
-
 FORMER = re.compile(r"(figures/)?(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)")
 """Files that a run writes or not, as its model and order have it; releases before wrote them beside the report."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord
 
-__all__ = ["Method", "identify"]
-
 
 class Candidates(TypedDict):
     """Which terms compete."""

@@ -10,8 +10,6 @@ import typer
 from deatwin.app.options import Jobs, Json, Quiet, Seed
 from deatwin.studies.voice import Voice, complain
 
-__all__ = ["scenario", "scenarios"]
-
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
 ]

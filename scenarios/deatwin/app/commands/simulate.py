@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from deatwin.plant.calibrated import CalibratedPlant, Prediction
     from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["simulate"]
 
 TWO_SIDED_95 = 1.959964
 

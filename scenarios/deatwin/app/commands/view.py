@@ -11,8 +11,6 @@ import typer
 from deatwin.app.options import Json, Quiet
 from deatwin.studies.voice import Voice
 
-__all__ = ["view"]
-
 MOST_MEGABYTES = 2000.0
 
 Folder = Annotated[

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from deatwin.app.live.verdicts import Verdict
 
-__all__ = ["Comparison", "compare"]
-
 SIZE = (2.7, 1.2)
 MOST = 6
 """Verdicts that are compared at once."""
@@ -18,17 +16,7 @@ _DRAWING = threading.Lock()
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Verdicts beside each other.
-
-    Parameters
-    ----------
-    verdicts : tuple of Verdict
-        In the order asked for.
-    limits : tuple of float
-        Up to where the errors of each are drawn: the same for all with the same unit; 0 where there are none.
-    same_recordings : bool or None
-        Whether all saw the same recordings; None where it cannot be told, or there is one verdict only.
-    """
+    """Verdicts beside each other."""
 
     verdicts: tuple[Verdict, ...]
     limits: tuple[float, ...]
@@ -56,17 +44,7 @@ class Comparison:
 
 
 def compare(verdicts: Sequence[Verdict]) -> Comparison:
-    """Lay verdicts beside each other.
-
-    Parameters
-    ----------
-    verdicts : sequence of Verdict
-        The first few are taken.
-
-    Returns
-    -------
-    Comparison
-    """
+    """Lay verdicts beside each other."""
     taken = tuple(verdicts[:MOST])
     largest: dict[str, float] = {}
     for verdict in taken:

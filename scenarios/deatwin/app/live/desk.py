@@ -12,8 +12,6 @@ from pathlib import Path
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["RECORDINGS", "Desk", "free_name", "inside", "require_folder", "safe_name"]
-
 RECORDINGS = (".csv", ".txt", ".tsv", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
@@ -28,23 +26,7 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 def require_folder(path: Path) -> Path:
-    """The folder that is to be shown.
-
-    Parameters
-    ----------
-    path : path
-        As given.
-
-    Returns
-    -------
-    path
-        Absolute.
-
-    Raises
-    ------
-    DataError
-        If there is none, or it is a file.
-    """
+    """The folder that is to be shown."""
     if path.is_dir():
         return path.resolve()
     if path.exists():
@@ -53,25 +35,7 @@ def require_folder(path: Path) -> Path:
 
 
 def inside(root: Path, name: str) -> Path:
-    """The path of a name in a folder.
-
-    Parameters
-    ----------
-    root : path
-        The folder.
-    name : str
-        Relative to it.
-
-    Returns
-    -------
-    path
-        Absolute, with symbolic links followed; need not exist.
-
-    Raises
-    ------
-    DataError
-        If it lies outside, by ``..``, by an absolute name or by a symbolic link.
-    """
+    """The path of a name in a folder."""
     home = root.resolve()
     try:
         path = (home / name).resolve()
@@ -85,24 +49,9 @@ def inside(root: Path, name: str) -> Path:
 def safe_name(name: str) -> str:
     """A name that a browser sent, as the name of a file in one folder.
 
-    Parameters
-    ----------
-    name : str
-        Whatever was sent.
-
-    Returns
-    -------
-    str
-        Without folders, leading dots and dashes, and with ``_`` for characters that some system refuses.
-
-    Raises
-    ------
-    DataError
-        If nothing is left, or it is too long, or reserved on Windows.
-
     Examples
     --------
-    >>> safe_name("../../etc/noise.csv"), safe_name(r"C:\\\\lab\\\\noise 1.csv"), safe_name(".-a:b.csv")
+    >>> safe_name("../../etc/noise.csv"), safe_name(r"C:\\lab\\noise 1.csv"), safe_name(".-a:b.csv")
     ('noise.csv', 'noise 1.csv', 'a_b.csv')
     """
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
@@ -118,38 +67,16 @@ def safe_name(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Desk:
-    """The names of what lies in a folder, relative to it, with ``/`` between folders, in order.
+    """The names of what lies in a folder, relative to it, with ``/`` between folders, in order."""
 
-    Parameters
-    ----------
-    recordings : tuple of str
-        Files in a recording's format, but for those that a diagnosis wrote.
-    rigs : tuple of str
-        Rig files and calibrated models.
-    results : tuple of str
-        Folders that hold a diagnosis; ``.`` is the folder itself.
-    whole : bool
-        False where the folder holds more than is listed.
-    """
-
-    recordings: tuple[str, ...]
-    rigs: tuple[str, ...]
-    results: tuple[str, ...]
-    whole: bool = True
+    recordings: tuple[str, ...]  # Files in a recording's format, but for those that a diagnosis wrote
+    rigs: tuple[str, ...]  # Rig files and calibrated models
+    results: tuple[str, ...]  # Folders that hold a diagnosis; ``.`` is the folder itself
+    whole: bool = True  # False where the folder holds more than is listed
 
     @classmethod
     def look(cls, root: Path) -> Desk:
-        """Look into a folder and the folders below it; hidden ones and links that lead out of it are passed over.
-
-        Parameters
-        ----------
-        root : path
-            The folder.
-
-        Returns
-        -------
-        Desk
-        """
+        """Look into a folder and the folders below it; hidden ones and links that lead out of it are passed over."""
         home = root.resolve()
         files = list(islice(_files(home, home, DEEPEST), MOST_FILES + 1))
         names: dict[str, list[str]] = {"recordings": [], "rigs": [], "results": []}
@@ -166,19 +93,7 @@ class Desk:
 
 
 def free_name(root: Path, stem: str = "diagnosis") -> str:
-    """A name for the next folder of results that is not taken.
-
-    Parameters
-    ----------
-    root : path
-        Where it is to lie.
-    stem : str
-        What it begins with.
-
-    Returns
-    -------
-    str
-    """
+    """A name for the next folder of results that is not taken."""
     return next(name for n in count(1) if not os.path.lexists(root / (name := f"{stem}-{n}")))
 
 

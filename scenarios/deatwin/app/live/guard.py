@@ -14,8 +14,6 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
-__all__ = ["LOOPBACK", "Guard"]
-
 LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")
 ENVELOPE = 100_000
@@ -28,19 +26,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 class Guard:
-    """An ASGI application in front of another, which sees only what may pass.
-
-    Parameters
-    ----------
-    app : callable
-        The other application.
-    port : int
-        That the server listens on.
-    key : str
-        That the address opened first carries as ``?key=``; a cookie holds it afterwards.
-    most_bytes : int
-        Size of the largest file that may be sent.
-    """
+    """An ASGI application in front of another, which sees only what may pass."""
 
     def __init__(self, app: App, *, port: int, key: str, most_bytes: int) -> None:
         self.app = app
@@ -52,13 +38,7 @@ class Guard:
         self.policy = _policy(self.hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or let the other application answer.
-
-        Parameters
-        ----------
-        scope, receive, send
-            As ASGI 3 defines them.
-        """
+        """Answer, or let the other application answer."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return

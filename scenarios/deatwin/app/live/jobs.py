@@ -21,8 +21,6 @@ from deatwin.app.live.desk import inside, safe_name
 from deatwin.plant.errors import DataError
 from deatwin.studies.partial import holds_only_partial
 
-__all__ = ["MOST_RUNNING", "WORKER", "Board", "Job", "Order", "State"]
-
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
 """What runs a diagnosis; it is given the arguments of ``deatwin``."""
 MOST_RUNNING = 2
@@ -43,30 +41,14 @@ class State(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """A diagnosis that is asked for.
+    """A diagnosis that is asked for."""
 
-    Parameters
-    ----------
-    rig : str
-        Rig file or ``model.json`` in the folder.
-    recordings : sequence of str
-        Files in the folder: one experiment.
-    out : str
-        Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left.
-    input_column, output_column : str
-        Headers of the columns; empty for the usual ones.
-    allow_gaps : bool
-        Split records at gaps.
-    seed : int
-        Of everything random.
-    """
-
-    rig: str
-    recordings: Sequence[str]
-    out: str
-    input_column: str = ""
+    rig: str  # Rig file or ``model.json`` in the folder
+    recordings: Sequence[str]  # Files in the folder: one experiment
+    out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
+    input_column: str = ""  # Headers of the columns; empty for the usual ones
     output_column: str = ""
-    allow_gaps: bool = False
+    allow_gaps: bool = False  # Split records at gaps
     seed: int = 0
 
     @property
@@ -87,17 +69,7 @@ class Order:
 
 
 class Job:
-    """A diagnosis on its way.
-
-    Parameters
-    ----------
-    root : path
-        The folder.
-    order : Order
-        What is asked for.
-    program : sequence of str
-        What runs it.
-    """
+    """A diagnosis on its way."""
 
     def __init__(self, root: Path, order: Order, program: Sequence[str] = WORKER) -> None:
         self.order = order
@@ -148,13 +120,7 @@ class Job:
             timer.start()
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait until the process has ended, and everything it said was read.
-
-        Parameters
-        ----------
-        timeout : float, optional
-            Seconds.
-        """
+        """Wait until the process has ended, and everything it said was read."""
         self._watch.join(timeout)
 
     def end(self) -> None:
@@ -209,15 +175,7 @@ class Job:
 
 
 class Board:
-    """The jobs of one live view, the newest first.
-
-    Parameters
-    ----------
-    root : path
-        The folder.
-    program : sequence of str
-        What runs a job; it is given the arguments of ``deatwin`` and prints lines as `worker` does.
-    """
+    """The jobs of one live view, the newest first."""
 
     def __init__(self, root: Path, program: Sequence[str] = WORKER) -> None:
         self.root = root
@@ -230,23 +188,7 @@ class Board:
         return [job for job in self.jobs if job.state is State.RUNNING]
 
     def start(self, order: Order) -> Job:
-        """Start a diagnosis.
-
-        Parameters
-        ----------
-        order : Order
-            What is asked for.
-
-        Returns
-        -------
-        Job
-
-        Raises
-        ------
-        DataError
-            If it cannot be: nothing chosen, a file that is not there or outside of the folder, a folder for the
-            results that is there already (but for what an interrupted diagnosis left), or too many that run.
-        """
+        """Start a diagnosis."""
         if not order.recordings or not order.rig:
             raise DataError("choose a rig file and at least one recording")
         for name in (order.rig, *order.recordings):

@@ -26,8 +26,6 @@ from deatwin.app.live.uploads import MEGABYTE, UPLOADS, keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
 
-__all__ = ["application"]
-
 REFRESH = 0.5
 """Seconds between two looks at the jobs."""
 INVITATION = """
@@ -43,21 +41,7 @@ SHOWN = 3
 
 
 def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:
-    """Build the page and what serves it.
-
-    Parameters
-    ----------
-    board : Board
-        The folder and its jobs.
-    most_bytes : int
-        Largest file that may be dropped.
-    send_file : callable
-        Answers with a file of results, given its name.
-
-    Returns
-    -------
-    FastAPI
-    """
+    """Build the page and what serves it."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.get("/results/{name:path}")(send_file)
 
@@ -71,15 +55,7 @@ def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any
 
 
 class View:
-    """One tab: its choices, the jobs of all tabs, and a comparison.
-
-    Parameters
-    ----------
-    board : Board
-        Shared by all tabs.
-    most_bytes : int
-        Largest file that may be dropped.
-    """
+    """One tab: its choices, the jobs of all tabs, and a comparison."""
 
     def __init__(self, board: Board, most_bytes: int) -> None:
         self.board = board
@@ -221,13 +197,7 @@ class View:
 
 
 class JobCard:
-    """What is seen of one job.
-
-    Parameters
-    ----------
-    job : Job
-        That it shows.
-    """
+    """What is seen of one job."""
 
     def __init__(self, job: Job) -> None:
         self.job = job

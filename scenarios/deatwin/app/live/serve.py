@@ -19,8 +19,6 @@ from deatwin.app.live.jobs import WORKER, Board
 from deatwin.app.live.uploads import MEGABYTE
 from deatwin.plant.errors import DataError, DeatwinError
 
-__all__ = ["serve"]
-
 SERVED = {
     ".html": "text/html; charset=utf-8",
     ".csv": "text/csv; charset=utf-8",
@@ -44,28 +42,7 @@ def serve(
     started: Callable[[str], None] = print,
     program: Sequence[str] = WORKER,
 ) -> None:
-    """Serve a folder until the process is asked to stop; then the running jobs are ended.
-
-    Parameters
-    ----------
-    root : path
-        The folder.
-    port : int
-        To listen on; 0 takes any that is free.
-    upload_limit : float
-        Largest file that is taken, MB.
-    open_browser : bool
-        Open the page in the usual browser.
-    started : callable
-        Is told the address, which carries the key of this run.
-    program : sequence of str
-        What runs a diagnosis (`jobs.Board`): another one for tests.
-
-    Raises
-    ------
-    DataError
-        If NiceGUI is not installed, or the port cannot be had.
-    """
+    """Serve a folder until the process is asked to stop; then the running jobs are ended."""
     try:
         import uvicorn
 

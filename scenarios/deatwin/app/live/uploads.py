@@ -11,8 +11,6 @@ from pathlib import Path
 from deatwin.app.live.desk import safe_name
 from deatwin.plant.errors import DataError, DeatwinError
 
-__all__ = ["MEGABYTE", "UPLOADS", "keep_upload"]
-
 MEGABYTE = 1_000_000
 UPLOADS = (".csv", ".txt", ".tsv", ".toml")
 
@@ -26,31 +24,7 @@ def keep_upload(
     input_column: str | None = None,
     output_column: str | None = None,
 ) -> str:
-    """Keep a recording or a rig file in the folder, if it reads as the command line would read it.
-
-    Parameters
-    ----------
-    root : path
-        The folder.
-    name : str
-        As the browser sent it.
-    content : bytes
-        Of the file.
-    most_bytes : int
-        That are accepted.
-    input_column, output_column : str, optional
-        Columns of a recording, as for ``deatwin diagnose``.
-
-    Returns
-    -------
-    str
-        Its name in the folder.
-
-    Raises
-    ------
-    DataError, RigError
-        If it is too large, of another kind, there already, or cannot be read; then nothing is kept.
-    """
+    """Keep a recording or a rig file in the folder, if it reads as the command line would read it."""
     kept = safe_name(name)
     if len(content) > most_bytes:
         raise DataError(

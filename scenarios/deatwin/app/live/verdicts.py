@@ -15,7 +15,6 @@ from deatwin.plant.errors import DeatwinError
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
 
-__all__ = ["Left", "Verdict"]
 
 RUN = "run.json"
 MOST_BYTES = 20_000_000
@@ -24,82 +23,35 @@ TONES = {"none": "good", "parameters": "good", "named": "good", "ambiguous": "do
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """An effect that was left out, in words.
+    """An effect that was left out, in words."""
 
-    Parameters
-    ----------
-    effect : str
-        Its name.
-    probability : float
-        Of being part of the explanation.
-    parameters : tuple of (str, str, str)
-        Name, value with unit, and 95 % interval with unit of each.
-    """
-
-    effect: str
+    effect: str  # Its name
     probability: float
-    parameters: tuple[tuple[str, str, str], ...]
+    parameters: tuple[tuple[str, str, str], ...]  # Name, value with unit, and 95 % interval with unit of each
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What one folder of results says.
+    """What one folder of results says."""
 
-    Parameters
-    ----------
-    name : str
-        The folder, relative to that of the live view.
-    fault : str
-        Why it cannot be read; empty where it can.
-    verdict, tone, sentence, unit : str
-        As in the diagnosis; the tone is ``good``, ``doubt`` or ``bad``.
-    noise : float or None
-        Of the sensor, rms, in the unit.
-    causes : tuple of Left
-        What was left out.
-    possible : tuple of str
-        The effects of the set that the recordings cannot tell apart.
-    fitted, unseen : tuple of (float or None)
-        Error before and after, rms, in the unit, on the part that was fitted and on the part that was not seen.
-    inputs : mapping of str to str
-        SHA-256 of each file that went in, the rig file among them.
-    seconds : float or None
-        That it took.
-    report : bool
-        Whether there is a page to open.
-    """
-
-    name: str
-    fault: str = ""
+    name: str  # The folder, relative to that of the live view
+    fault: str = ""  # Why it cannot be read; empty where it can
     verdict: str = ""
     tone: str = "bad"
     sentence: str = ""
     unit: str = ""
     noise: float | None = None
-    causes: tuple[Left, ...] = ()
-    possible: tuple[str, ...] = ()
+    causes: tuple[Left, ...] = ()  # What was left out
+    possible: tuple[str, ...] = ()  # The effects of the set that the recordings cannot tell apart
     fitted: tuple[float | None, float | None] = (None, None)
     unseen: tuple[float | None, float | None] = (None, None)
     inputs: Mapping[str, str] = field(default_factory=dict)
-    seconds: float | None = None
-    report: bool = False
+    seconds: float | None = None  # That it took
+    report: bool = False  # Whether there is a page to open
 
     @classmethod
     def read(cls, root: Path, name: str) -> Verdict:
-        """Read a folder of results.
-
-        Parameters
-        ----------
-        root : path
-            The folder of the live view.
-        name : str
-            Of the results, relative to it.
-
-        Returns
-        -------
-        Verdict
-            With a fault where the diagnosis cannot be read.
-        """
+        """Read a folder of results."""
         from deatwin.ident.mismatch import Diagnosis
 
         try:

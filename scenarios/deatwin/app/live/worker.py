@@ -14,24 +14,11 @@ from typing import Any
 
 from deatwin.studies.voice import complain
 
-__all__ = ["main"]
-
 DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Diagnose.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Those of ``deatwin``: ``diagnose`` first.
-
-    Returns
-    -------
-    int
-        Exit status: 0 done, 1 an error in what was given, 130 interrupted.
-    """
+    """Diagnose."""
     from deatwin.plant.errors import DeatwinError
     from deatwin.studies.interrupts import heard
 

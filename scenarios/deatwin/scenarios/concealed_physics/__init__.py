@@ -31,24 +31,7 @@ SIZE = "standard"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Run the cases that have no result yet, open the key, count, draw.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, size, seed and the like; no public recordings are needed. Each case is written when it is through: an
-        interrupted study is gone on with by the same command.
-
-    Returns
-    -------
-    mapping
-        The goals with what they demand and reach, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun under another seal.
-    """
+    """Run the cases that have no result yet, open the key, count, draw."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     size = setting.size or SIZE
     setting.folder.written.extend(("seal.json", "cases"))  # by the store, as soon as it begins

@@ -13,67 +13,23 @@ from deatwin.scenarios.concealed_physics.mechanisms import Drive, Mechanism, Rea
 from deatwin.scenarios.concealed_physics.noise import SensorNoise
 from deatwin.scenarios.concealed_physics.rosenbrock import integrate
 
-__all__ = ["Apparatus"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Apparatus:
-    """What stands on the table.
+    """What stands on the table."""
 
-    Parameters
-    ----------
-    plant : Plant
-        The film that is there, without mechanisms.
-    mechanisms : tuple of Mechanism
-        What is concealed in it.
-    before : tuple of pairs of float
-        What happened before the start procedure: command in V and how long it was held, s.
-    noise : SensorNoise
-        Of the sensor.
-    seed : int
-        Of what is random in mechanisms.
-    """
-
-    plant: Plant
-    mechanisms: tuple[Mechanism, ...]
+    plant: Plant  # The film that is there, without mechanisms
+    mechanisms: tuple[Mechanism, ...]  # What is concealed in it
     before: tuple[tuple[float, float], ...]
     noise: SensorNoise
     seed: int
 
     def with_mechanisms(self, *mechanisms: Mechanism) -> Apparatus:
-        """The same apparatus with other mechanisms.
-
-        Parameters
-        ----------
-        *mechanisms : Mechanism
-            Instead of its own.
-
-        Returns
-        -------
-        Apparatus
-        """
+        """The same apparatus with other mechanisms."""
         return replace(self, mechanisms=mechanisms)
 
     def readings(self, experiment: Experiment, run: int = 0) -> tuple[np.ndarray, ...]:
-        """Readings without the sensor's noise.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Only commands and clock are used.
-        run : int
-            Number of the run: what is random in mechanisms is another in each.
-
-        Returns
-        -------
-        tuple of ndarray, each of shape (n,)
-            For each record, relative to the reading just before the start procedure, m.
-
-        Raises
-        ------
-        SimulationError
-            If the film pulls in.
-        """
+        """Readings without the sensor's noise. Shapes: returns (n,)."""
         timeline = self.plant.timeline(experiment)
         step = timeline.sample_time
         before = np.array([seconds for _, seconds in self.before])
@@ -94,45 +50,11 @@ class Apparatus:
         return tuple(np.split(values[1:] - values[0], ends[:-1] - 1))
 
     def record(self, experiment: Experiment, rng: np.random.Generator, run: int = 0) -> Experiment:
-        """Recordings as the experimenter gets them.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Only commands and clock are used.
-        rng : numpy.random.Generator
-            Source of the sensor's noise.
-        run : int
-            Number of the run.
-
-        Returns
-        -------
-        Experiment
-            With readings, m.
-
-        Raises
-        ------
-        SimulationError
-            If the film pulls in.
-        """
+        """Recordings as the experimenter gets them."""
         return self.noisy(experiment, self.readings(experiment, run), rng)
 
     def noisy(self, experiment: Experiment, readings: Sequence[np.ndarray], rng: np.random.Generator) -> Experiment:
-        """Readings with the sensor's noise, as recordings.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            With the commands.
-        readings : sequence of ndarray
-            Noise-free, for each record, m.
-        rng : numpy.random.Generator
-            Source of the noise.
-
-        Returns
-        -------
-        Experiment
-        """
+        """Readings with the sensor's noise, as recordings."""
         # An advised record has commands only: it learns here what is read.
         rig, pairs = self.plant.rig, zip(experiment.recordings, readings, strict=True)
         return Experiment(

@@ -17,8 +17,6 @@ import numpy as np
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["BASELINES", "TERM_NAMES", "Correction", "Track", "gaussian_process", "narx", "sparse_dynamics", "track_of"]
-
 Array = np.ndarray
 HELD_OUT = 0.3
 """Share of what is learned from, its end, by which a baseline chooses its own settings."""
@@ -30,40 +28,20 @@ DIVERGED = 20.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """What a baseline sees, on one clock: first what it learns from, then what it is judged on. All signals are scaled.
-
-    Parameters
-    ----------
-    residual, reading, rate, drive : ndarray, each of shape (n,)
-        Measured minus simulated; simulated reading, its rate, and the squared command.
-    cut : int
-        Number of samples to learn from; of the others no residual may be used but to start a run.
-    sample_time : float
-        s.
-    size : float
-        What one unit of the residual is, SI.
+    """What a baseline sees, on one clock: first what it learns from, then what it is judged on. All signals are
+    scaled.
     """
 
-    residual: Array
+    residual: Array  # shape (n,): Measured minus simulated; simulated reading, its rate, and the squared command
     reading: Array
     rate: Array
     drive: Array
-    cut: int
-    sample_time: float
-    size: float
+    cut: int  # Number of samples to learn from; of the others no residual may be used but to start a run
+    sample_time: float  # s
+    size: float  # What one unit of the residual is, SI
 
     def part(self, first: int, last: int) -> Track:
-        """Some samples of it, all to learn from.
-
-        Parameters
-        ----------
-        first, last : int
-            The first that is taken, and the first that is not.
-
-        Returns
-        -------
-        Track
-        """
+        """Some samples of it, all to learn from."""
         names = ("residual", "reading", "rate", "drive")
         return replace(self, cut=last - first, **{name: getattr(self, name)[first:last] for name in names})
 
@@ -85,39 +63,15 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correction:
-    """What a baseline makes of the residual.
-
-    Parameters
-    ----------
-    predicted : ndarray, shape (n,)
-        The scaled residual as it expects it on the samples to be judged on; zero where it has run away.
-    term : str
-        Its strongest term, where it has terms.
-    failure : str
-        Why there is no correction; empty where there is.
-    """
+    """What a baseline makes of the residual."""
 
     predicted: Array
-    term: str = ""
-    failure: str = ""
+    term: str = ""  # Its strongest term, where it has terms
+    failure: str = ""  # Why there is no correction; empty where there is
 
 
 def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
-    """Residual of a plant over an experiment, with its free-run signals.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated, without added effects.
-    whole : Experiment
-        Records to learn from, then those to be judged on.
-    records : int
-        How many there are to learn from.
-
-    Returns
-    -------
-    Track
-    """
+    """Residual of a plant over an experiment, with its free-run signals."""
     readings = [y[0] for y in plant.simulate(whole).require().outputs]
     simulated = np.concatenate(readings)
     cut = sum(r.n_samples for r in whole.recordings[:records])
@@ -206,19 +160,7 @@ TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType(
 
 
 def sparse_dynamics(track: Track) -> Correction:
-    """Learn the rate of the residual as a sparse polynomial, in weak form and with an ensemble.
-
-    The sparsity is the one whose free run does best on the last part of what there is to learn from.
-
-    Parameters
-    ----------
-    track : Track
-        What is seen.
-
-    Returns
-    -------
-    Correction
-    """
+    """Learn the rate of the residual as a sparse polynomial, in weak form and with an ensemble."""
     learned, judged = track.learned, track.judged
     trial = replace(learned, cut=round((1 - HELD_OUT) * track.cut))
     scores = []
@@ -303,17 +245,7 @@ POINTS = 250
 
 
 def gaussian_process(track: Track) -> Correction:
-    """Learn the residual as a function of lagged and low-passed commands and simulated readings.
-
-    Parameters
-    ----------
-    track : Track
-        What is seen; a random subset of the samples to learn from is used.
-
-    Returns
-    -------
-    Correction
-    """
+    """Learn the residual as a function of lagged and low-passed commands and simulated readings."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -354,17 +286,7 @@ MOST_TERMS = 12
 
 
 def narx(track: Track) -> Correction:
-    """Learn NARX models of the residual, and take the one whose free run does best on the last part.
-
-    Parameters
-    ----------
-    track : Track
-        What is seen; the first lags of the judged samples start the run.
-
-    Returns
-    -------
-    Correction
-    """
+    """Learn NARX models of the residual, and take the one whose free run does best on the last part."""
     from deatwin.ident.narx import Frols
 
     record = _as_recording(track.learned)

@@ -15,10 +15,7 @@ from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
 from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
 from deatwin.scenarios.concealed_physics.reach import SHOWN_BY, reach
 from deatwin.scenarios.concealed_physics.sizes import Size, size_named
-from deatwin.scenarios.concealed_physics.specimens import Specimen, make
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
-
-__all__ = ["CaseSpec", "Specimen", "case_specs", "make", "pairable"]
 
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
@@ -29,24 +26,7 @@ PAIRABLE = 5.0
 
 
 def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
-    """The cases of a study.
-
-    Parameters
-    ----------
-    size : {"tiny", "long", "standard", "full"}
-        Of the study.
-    seed : int
-        Of the study, not negative; no seed shares a case's seed with another.
-
-    Returns
-    -------
-    tuple of CaseSpec
-
-    Raises
-    ------
-    DataError
-        If the size or the seed is none of these.
-    """
+    """The cases of a study."""
     of = size_named(size)
     if seed < 0:
         raise DataError(f"seed {seed}: it must not be negative")
@@ -68,17 +48,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
 
 
 def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
-    """Pairs of concealed mechanisms that belong to different families and can both be seen, with the best commands.
-
-    Parameters
-    ----------
-    library : sequence of str
-        Effects that the diagnosis knows; empty for the whole catalogue.
-
-    Returns
-    -------
-    tuple of pairs of str
-    """
+    """Pairs of concealed mechanisms that belong to different families and can both be seen, with the best commands."""
     seen = _seen_well(library)
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])

@@ -11,8 +11,6 @@ from deatwin.plant.effects.base import Family
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.scenarios.concealed_physics.opened import Case, Opened
 
-__all__ = ["OTHER", "Confusion", "by_effect", "by_family"]
-
 OTHER = "other"
 """Verdicts that find fault with recording or input, and errors."""
 NOTHING = {"none": "none", "parameters": "none", "unknown": "unknown"}
@@ -20,22 +18,12 @@ NOTHING = {"none": "none", "parameters": "none", "unknown": "unknown"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confusion:
-    """How often each answer was given to each truth.
+    """How often each answer was given to each truth."""
 
-    Parameters
-    ----------
-    truths, answers : tuple of str
-        Rows and columns.
-    counts : ndarray of int, shape (truths, answers)
-        Cases.
-    right : ndarray of bool, shape (truths, answers)
-        Which answers are right.
-    """
-
-    truths: tuple[str, ...]
+    truths: tuple[str, ...]  # Rows and columns
     answers: tuple[str, ...]
-    counts: np.ndarray
-    right: np.ndarray
+    counts: np.ndarray  # shape (truths, answers): Cases
+    right: np.ndarray  # shape (truths, answers): Which answers are right
 
     def rows(self) -> list[tuple[object, ...]]:
         """A line for each truth: its name and its counts."""
@@ -43,36 +31,13 @@ class Confusion:
 
 
 def by_effect(study: Opened) -> Confusion:
-    """First causes by canonical name, for clean data, single effects and what is outside the catalogue.
-
-    A name that the key accepts for a mechanism besides the canonical one is counted as it was given; that it is
-    right as well is seen from the goals.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    Confusion
-    """
+    """First causes by canonical name, for clean data, single effects and what is outside the catalogue."""
     names = [effect.name for effect in catalogue()]
     return _confusion(study, names, lambda name: name)
 
 
 def by_family(study: Opened) -> Confusion:
-    """The same by family.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    Confusion
-    """
+    """The same by family."""
     return _confusion(study, [family.value for family in Family], lambda name: effect_named(name).family.value)
 
 

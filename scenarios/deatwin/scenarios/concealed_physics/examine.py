@@ -21,27 +21,13 @@ from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
-from deatwin.scenarios.concealed_physics.cases import CaseSpec, Specimen, make
 from deatwin.scenarios.concealed_physics.oracle import consult
-
-__all__ = ["check_rms", "examine"]
+from deatwin.scenarios.concealed_physics.specimens import Specimen, make
+from deatwin.scenarios.concealed_physics.specs import CaseSpec
 
 
 def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:
-    """Make a case, diagnose it, and judge what came out on the check record.
-
-    Parameters
-    ----------
-    spec : CaseSpec
-        What to conceal.
-    seconds, check_seconds : float
-        Length of the recordings together, and of the check, s.
-
-    Returns
-    -------
-    dict
-        Plain data; amplitudes in SI. ``seconds`` alone differs between equal runs.
-    """
+    """Make a case, diagnose it, and judge what came out on the check record."""
     clock = _Clock()
     with clock("make"):
         specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
@@ -92,20 +78,7 @@ class _Clock:
 
 
 def check_rms(plant: Plant, specimen: Specimen) -> float | None:
-    """Rms error of a plant's free run over the check record, which the diagnosis has not had.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    specimen : Specimen
-        The run goes from rest through all its records; the check comes last.
-
-    Returns
-    -------
-    float or None
-        SI; None where the plant cannot follow.
-    """
+    """Rms error of a plant's free run over the check record, which the diagnosis has not had."""
     check = specimen.check.recordings
     outputs = plant.simulate(specimen.whole).outputs[-len(check) :]
     errors = np.concatenate([r.outputs[0] - y[0] for r, y in zip(check, outputs, strict=True)])
@@ -195,11 +168,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """What a second diagnosis says when the advised experiment is there as well; of ties only.
-
-    Where a mass has to be added the rig is another one, so that the further record is diagnosed alone: which of the
-    effects that were left is it?
-    """
+    """What a second diagnosis says when the advised experiment is there as well; of ties only."""
     advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
     if spec.kind != "tie" or advice is None:
         return None

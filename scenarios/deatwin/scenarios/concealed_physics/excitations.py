@@ -15,33 +15,14 @@ from deatwin.plant.excitation import (
     with_alternating_polarity,
 )
 
-__all__ = ["EXCITATIONS", "POOR", "RICH", "commands"]
-
 Waveform = Callable[[np.random.Generator, float, float, float, float], np.ndarray]
 
 
 def commands(
     name: str, rng: np.random.Generator, seconds: float, sample_time: float, lower: float, upper: float
 ) -> np.ndarray:
-    """Commands of a kind within a range, as an output of 16 bit gives them.
-
-    Parameters
-    ----------
-    name : str
-        In `EXCITATIONS`.
-    rng : numpy.random.Generator
-        Source of all that is random in them.
-    seconds : float
-        Length, s.
-    sample_time : float
-        s.
-    lower, upper : float
-        Range, V.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        V, each held for one sample.
+    """Commands of a kind within a range, as an output of 16 bit gives them. `lower, upper` range, V; returns (n,), V,
+    each held for one sample.
     """
     return EXCITATIONS[name](rng, seconds, sample_time, lower, upper).round(4)
 

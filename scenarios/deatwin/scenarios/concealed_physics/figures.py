@@ -12,9 +12,10 @@ from deatwin.plant.effects.base import Family
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.scenarios.concealed_physics.confusion import Confusion, by_effect, by_family
 from deatwin.scenarios.concealed_physics.opened import Case, Opened
-from deatwin.scenarios.concealed_physics.rates import Rate, bounds, brier_score, expected_calibration_error, reliability
+from deatwin.scenarios.concealed_physics.rates import bounds, brier_score, expected_calibration_error, reliability
 from deatwin.scenarios.concealed_physics.tables import MADE_BY
 from deatwin.scenarios.svb_benchmark.figures import table_text
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, standalone
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["RUNGS", "drawings", "summary"]
 
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
@@ -38,37 +38,13 @@ FAMILY_COLOURS = (AFTER, BEFORE, MEASURED, MARK, INK)
 
 
 def drawings(study: Opened) -> tuple[list[Drawing], dict[str, str]]:
-    """Draw all figures of the page.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to str
-        Text of each CSV file.
-    """
+    """Draw all figures of the page."""
     made = [_families(study), _mechanisms(study), _power(study), _reliability(study), _errors(study)]
     return [drawing for drawing, _ in made], {drawing.data: text for drawing, text in made}
 
 
 def summary(study: Opened) -> str:
-    """The study in one figure: confusion of families, power, reliability, errors on unseen data.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    str
-        An SVG document.
-    """
+    """The study in one figure: confusion of families, power, reliability, errors on unseen data."""
     with draw((10.4, 8.6)) as figure:
         _summarise(study, figure)
         return standalone(figure)

@@ -23,8 +23,6 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.scenarios.concealed_physics.key import invisible
 from deatwin.scenarios.concealed_physics.sizes import size_named
 
-__all__ = ["IntervalSpec", "cover", "interval_specs"]
-
 FEW = 3
 """Of a library, so many effects are looked at."""
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
@@ -39,27 +37,13 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSpec:
-    """One fit whose intervals are looked at.
+    """One fit whose intervals are looked at."""
 
-    Parameters
-    ----------
-    name : str
-        Unique in the study.
-    effect : str
-        Added to the plant that makes the data and to the one that is fitted.
-    coloured : bool
-        Whether the sensor's noise is coloured.
-    seed : int
-        Of values, commands and noise.
-    kind : str
-        Tells it from the cases that are diagnosed.
-    """
-
-    name: str
-    effect: str
-    coloured: bool
+    name: str  # Unique in the study
+    effect: str  # Added to the plant that makes the data and to the one that is fitted
+    coloured: bool  # Whether the sensor's noise is coloured
     seed: int
-    kind: str = "interval"
+    kind: str = "interval"  # Tells it from the cases that are diagnosed
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, for the key."""
@@ -67,20 +51,7 @@ class IntervalSpec:
 
 
 def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
-    """The fits of a study.
-
-    Parameters
-    ----------
-    size : str
-        Of the study.
-    seed : int
-        Of the study.
-
-    Returns
-    -------
-    tuple of IntervalSpec
-        Every effect of the catalogue that displacement shows, in turn with white and coloured noise.
-    """
+    """The fits of a study."""
     hidden = invisible()
     of = size_named(size)
     effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in hidden)
@@ -95,24 +66,7 @@ def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
 
 
 def cover(spec: IntervalSpec) -> dict[str, Any]:
-    """Make data with an effect, fit the same plant to them, and look which intervals hold the truth.
-
-    Parameters
-    ----------
-    spec : IntervalSpec
-        What to draw.
-
-    Returns
-    -------
-    dict
-        Plain data: the effect's parameters with truth and interval, SI. The time of an event is left out: only a
-        sample or two know of it, so it is searched for, and the interval by its derivative is not what that leaves.
-
-    Raises
-    ------
-    SimulationError
-        If no plant that was drawn can follow the commands.
-    """
+    """Make data with an effect, fit the same plant to them, and look which intervals hold the truth."""
     rng = np.random.default_rng(spec.seed)
     true, silent = _simulable(spec, rng)
     recorded = _read(true, silent, spec.coloured, rng)

@@ -12,8 +12,6 @@ from typing import Any
 
 from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
 
-__all__ = ["KEY", "OUTSIDE", "REASONS", "TIES", "accepted", "canonical", "invisible", "to_dict"]
-
 KEY: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "power_law_creep": ("creep",),
@@ -106,16 +104,6 @@ and stiffening take all but hundredths of a micrometre of them."""
 def accepted(mechanism: str) -> frozenset[str]:
     """The catalogue names that are right for a mechanism.
 
-    Parameters
-    ----------
-    mechanism : str
-        A concealed mechanism.
-
-    Returns
-    -------
-    frozenset of str
-        Empty for one outside the catalogue.
-
     Examples
     --------
     >>> sorted(accepted("bristle_friction"))
@@ -125,18 +113,7 @@ def accepted(mechanism: str) -> frozenset[str]:
 
 
 def canonical(mechanism: str) -> str | None:
-    """The one catalogue name under which a mechanism is counted.
-
-    Parameters
-    ----------
-    mechanism : str
-        A concealed mechanism.
-
-    Returns
-    -------
-    str or None
-        None for one outside the catalogue.
-    """
+    """The one catalogue name under which a mechanism is counted."""
     names = KEY.get(mechanism)
     return names[0] if names else None
 

@@ -10,10 +10,8 @@ from typing import Any
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.baselines import TERM_NAMES
-from deatwin.scenarios.concealed_physics.seal import digest
 from deatwin.scenarios.concealed_physics.store import Store
-
-__all__ = ["FAR", "Case", "Opened", "open_key", "open_part"]
+from deatwin.studies.sweep.seal import digest
 
 FAR = 16.0
 """Distance d² from which on two explanations can be told apart."""
@@ -22,34 +20,16 @@ CLEAN_VERDICTS = frozenset({"none", "parameters"})
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A case with its truth.
-
-    Parameters
-    ----------
-    name, kind : str
-        As in the key.
-    mechanisms : tuple of str
-        What was concealed.
-    accepted : tuple of frozenset of str
-        For each mechanism the catalogue names that are right; empty for one outside the catalogue.
-    truth : tuple of str
-        The name under which each mechanism of the catalogue is counted.
-    rich : bool
-        Whether the input tells mechanisms apart.
-    target_ratio : float
-        Structural residual over noise that was aimed at.
-    result : mapping
-        What was written of the case.
-    """
+    """A case with its truth."""
 
     name: str
     kind: str
-    mechanisms: tuple[str, ...]
+    mechanisms: tuple[str, ...]  # What was concealed
     accepted: tuple[frozenset[str], ...]
-    truth: tuple[str, ...]
-    rich: bool
-    target_ratio: float
-    result: Mapping[str, Any]
+    truth: tuple[str, ...]  # The name under which each mechanism of the catalogue is counted
+    rich: bool  # Whether the input tells mechanisms apart
+    target_ratio: float  # Structural residual over noise that was aimed at
+    result: Mapping[str, Any]  # What was written of the case
 
     @property
     def failed(self) -> bool:
@@ -172,67 +152,22 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A study with its key: all that has been run of it.
-
-    Parameters
-    ----------
-    cases : tuple of Case
-        In the order of the key.
-    intervals : tuple of mapping
-        Each parameter of the fits on data of the reduced plant: ``name``, ``true``, ``low``, ``high``.
-    failures : mapping of str to str
-        Messages of the cases and fits that ended in an error.
-    seconds : tuple of float
-        Processor time of each case.
-    planned : int
-        How many cases and fits the key has.
-    missing : tuple of str
-        Those of them that have not been run.
-    """
+    """A study with its key: all that has been run of it."""
 
     cases: tuple[Case, ...]
     intervals: tuple[Mapping[str, Any], ...]
-    failures: Mapping[str, str]
-    seconds: tuple[float, ...]
-    planned: int
-    missing: tuple[str, ...]
+    failures: Mapping[str, str]  # Messages of the cases and fits that ended in an error
+    seconds: tuple[float, ...]  # Processor time of each case
+    planned: int  # How many cases and fits the key has
+    missing: tuple[str, ...]  # Those of them that have not been run
 
     def of(self, *kinds: str, ratio: float = 0.0) -> list[Case]:
-        """The cases of some kinds.
-
-        Parameters
-        ----------
-        *kinds : str
-            Which.
-        ratio : float
-            Those of at least this structural residual over noise.
-
-        Returns
-        -------
-        list of Case
-        """
+        """The cases of some kinds."""
         return [case for case in self.cases if case.kind in kinds and case.ratio >= ratio]
 
 
 def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Put the truth beside the results of a study that is through.
-
-    Parameters
-    ----------
-    store : Store
-        With the results of all cases.
-    key : mapping
-        As it was sealed.
-
-    Returns
-    -------
-    Opened
-
-    Raises
-    ------
-    DataError
-        If the key is not the one that was sealed, or a case is missing.
-    """
+    """Put the truth beside the results of a study that is through."""
     study = open_part(store, key)
     if study.missing:
         raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: go on with the study")
@@ -240,24 +175,7 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
 
 
 def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Put the truth beside the results that there are.
-
-    Parameters
-    ----------
-    store : Store
-        With the results of some cases.
-    key : mapping
-        As it was sealed.
-
-    Returns
-    -------
-    Opened
-
-    Raises
-    ------
-    DataError
-        If the key is not the one that was sealed.
-    """
+    """Put the truth beside the results that there are."""
     if digest(key) != store.seal.key:
         raise DataError(
             f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.key[:12]}): "

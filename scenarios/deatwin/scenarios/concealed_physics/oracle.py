@@ -14,27 +14,10 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.model import Plant
 
-__all__ = ["consult"]
-
 
 def consult(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str]) -> Plant | None:
-    """Fit the plant with the true effects.
-
-    Parameters
-    ----------
-    nominal : Plant
-        As the diagnosis was given it, on the rig that the base plant has.
-    base : Calibration
-        Of the plant without added effects, on the same samples.
-    parts : sequence of Part
-        All samples.
-    truth : sequence of str
-        Catalogue names of what is concealed.
-
-    Returns
-    -------
-    Plant or None
-        That of the best fit; None where none could be simulated, or the plant takes no such effect.
+    """Fit the plant with the true effects. `base` of the plant without added effects, on the same samples; `parts`
+    all samples.
     """
     if not all(nominal.accepts(effect_named(name)) for name in truth):
         return None

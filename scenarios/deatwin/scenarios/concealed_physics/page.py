@@ -12,12 +12,11 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.opened import FAR, Opened
 from deatwin.scenarios.concealed_physics.score import Goal
-from deatwin.scenarios.concealed_physics.seal import Seal, digest
+from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.studies.sweep.kept import read_object
-
-__all__ = ["DATA", "TITLES", "markdown_table", "opened_study", "page_data", "page_of", "results_page", "write_results"]
+from deatwin.studies.sweep.seal import digest
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of what the page of results is made of."""
@@ -27,42 +26,12 @@ Cells = Sequence[str]
 
 
 def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
-    """The results as a page of text.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    goals : sequence of Goal
-        As scored.
-    seal : Seal
-        Of the study.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """The results as a page of text."""
     return page_of(page_data(study, goals, seal))
 
 
 def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any]:
-    """What the page of results is made of, as plain data that are kept with the sources.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    goals : sequence of Goal
-        As scored.
-    seal : Seal
-        Of the study.
-
-    Returns
-    -------
-    dict
-        With the schema `DATA`.
-    """
+    """What the page of results is made of, as plain data that are kept with the sources."""
     counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
     return {
         "schema": DATA,
@@ -86,18 +55,7 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any
 
 
 def page_of(data: Mapping[str, Any]) -> str:
-    """The page of results.
-
-    Parameters
-    ----------
-    data : mapping
-        As `page_data` gives it.
-
-    Returns
-    -------
-    str
-        Markdown.
-    """
+    """The page of results."""
     cases = ", ".join(f"{count} {words}" for words, count in data["cases"].items())
     lines = [
         f"# {TITLES.get(data['size'], 'Concealed physics')}: what the study reached",
@@ -136,20 +94,7 @@ def _interrupted(data: Mapping[str, Any]) -> list[str]:
 
 
 def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
-    """A table in Markdown.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Headings.
-    rows : iterable of sequence of str
-        Cells; a vertical bar in one becomes a slash.
-
-    Returns
-    -------
-    list of str
-        Its lines.
-    """
+    """A table in Markdown."""
     return [
         f"| {' | '.join(columns)} |",
         f"|{'---|' * len(columns)}",
@@ -158,27 +103,7 @@ def markdown_table(columns: Cells, rows: Iterable[Cells]) -> list[str]:
 
 
 def opened_study(folder: Path | str) -> tuple[Opened, Seal]:
-    """Read a study with its key.
-
-    Of a study that was interrupted what has run is read.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-
-    Returns
-    -------
-    study : Opened
-        With its key.
-    seal : Seal
-        Under which it was begun.
-
-    Raises
-    ------
-    DataError
-        If the folder has no seal, or its key is not the one that was sealed.
-    """
+    """Read a study with its key."""
     from deatwin.scenarios.concealed_physics.opened import open_part
 
     store = Store.opened(folder)
@@ -186,22 +111,7 @@ def opened_study(folder: Path | str) -> tuple[Opened, Seal]:
 
 
 def write_results(folder: Path | str, target: Path | str) -> None:
-    """Read a study, score it, and write the table of results that is kept with the sources.
-
-    Of a study that was interrupted what has run is scored, and the page says so at its top.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-    target : path
-        File to write, Markdown.
-
-    Raises
-    ------
-    DataError
-        If the folder has no seal, or its key is not the one that was sealed.
-    """
+    """Read a study, score it, and write the table of results that is kept with the sources."""
     from deatwin.plant.files import write_text_atomic
     from deatwin.scenarios.concealed_physics.score import score
 

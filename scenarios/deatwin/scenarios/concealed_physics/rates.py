@@ -9,18 +9,6 @@ import numpy as np
 
 from deatwin.scenarios.svb_benchmark.trials import LEVEL, Rate
 
-__all__ = [
-    "Calibration",
-    "Rate",
-    "bounds",
-    "brier_score",
-    "expected_calibration_error",
-    "least",
-    "median_interval",
-    "most",
-    "reliability",
-]
-
 BINS = 10
 """Of stated probabilities, from 0 to 1."""
 
@@ -28,19 +16,7 @@ BINS = 10
 def most(rate: Rate) -> float:
     """The one-sided upper 95 % bound of a rate.
 
-    Parameters
-    ----------
-    rate : Rate
-        How often something happened.
-
-    Returns
-    -------
-    float
-        From 0 to 1; 1 where nothing was counted.
-
-    References
-    ----------
-    Clopper & Pearson, Biometrika 26 (1934) 404.
+    Source: Clopper & Pearson, Biometrika 26 (1934) 404.
 
     Examples
     --------
@@ -54,50 +30,17 @@ def most(rate: Rate) -> float:
 
 
 def least(rate: Rate) -> float:
-    """The one-sided lower 95 % bound of a rate.
-
-    Parameters
-    ----------
-    rate : Rate
-        How often something happened.
-
-    Returns
-    -------
-    float
-        From 0 to 1; 0 where nothing was counted.
-    """
+    """The one-sided lower 95 % bound of a rate."""
     return 1.0 - most(Rate(hits=rate.count - rate.hits, count=rate.count))
 
 
 def bounds(rate: Rate) -> tuple[float, float]:
-    """The two-sided 95 % bounds of a rate.
-
-    Parameters
-    ----------
-    rate : Rate
-        How often something happened.
-
-    Returns
-    -------
-    tuple of float
-        From 0 to 1; both ends where nothing was counted.
-    """
+    """The two-sided 95 % bounds of a rate."""
     return rate.interval if rate.count else (0.0, 1.0)
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """An interval of order statistics that holds the median with at least 95 %.
-
-    Parameters
-    ----------
-    values : sequence of float
-        Independent draws of one distribution.
-
-    Returns
-    -------
-    tuple of float
-        The outermost values where there are too few for 95 %; NaN of none.
-    """
+    """An interval of order statistics that holds the median with at least 95 %."""
     from scipy.stats import binom
 
     ordered = np.sort(np.asarray(values, dtype=float))
@@ -110,35 +53,14 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """One bin of stated probabilities.
+    """One bin of stated probabilities."""
 
-    Parameters
-    ----------
-    stated : float
-        Mean of what was stated in it.
-    came_true : Rate
-        How often it was so.
-    """
-
-    stated: float
-    came_true: Rate
+    stated: float  # Mean of what was stated in it
+    came_true: Rate  # How often it was so
 
 
 def reliability(stated: Sequence[float], true: Sequence[bool]) -> tuple[Calibration, ...]:
-    """Sort stated probabilities into bins, and count how often each bin was right.
-
-    Parameters
-    ----------
-    stated : sequence of float
-        Probabilities, 0 to 1.
-    true : sequence of bool
-        Whether it was so, each time.
-
-    Returns
-    -------
-    tuple of Calibration
-        Of the bins that hold any, from low to high.
-    """
+    """Sort stated probabilities into bins, and count how often each bin was right."""
     probabilities, happened = np.asarray(stated, dtype=float), np.asarray(true, dtype=bool)
     places = np.minimum((probabilities * BINS).astype(int), BINS - 1)
     return tuple(
@@ -149,18 +71,7 @@ def reliability(stated: Sequence[float], true: Sequence[bool]) -> tuple[Calibrat
 
 
 def expected_calibration_error(bins: Sequence[Calibration]) -> float:
-    """Mean distance of what was stated from what came true, by the number in each bin.
-
-    Parameters
-    ----------
-    bins : sequence of Calibration
-        As `reliability` gives them.
-
-    Returns
-    -------
-    float
-        From 0 to 1; NaN without bins.
-    """
+    """Mean distance of what was stated from what came true, by the number in each bin."""
     total = sum(b.came_true.count for b in bins)
     if not total:
         return float("nan")
@@ -170,21 +81,7 @@ def expected_calibration_error(bins: Sequence[Calibration]) -> float:
 def brier_score(stated: Sequence[float], true: Sequence[bool]) -> float:
     """Mean square of stated probability less outcome.
 
-    Parameters
-    ----------
-    stated : sequence of float
-        Probabilities, 0 to 1.
-    true : sequence of bool
-        Whether it was so, each time.
-
-    Returns
-    -------
-    float
-        0 is perfect, 0.25 is what 0.5 for everything gives; NaN of none.
-
-    References
-    ----------
-    Brier, Mon. Weather Rev. 78 (1950) 1.
+    Source: Brier, Mon. Weather Rev. 78 (1950) 1.
     """
     if not len(stated):
         return float("nan")

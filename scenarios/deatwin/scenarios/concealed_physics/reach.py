@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-__all__ = ["REACH", "SHOWN_BY", "VISIBLE", "reach"]
-
 VISIBLE = 0.3
 """Structural residual over noise from which on a mechanism counts as visible: the lowest rung of the ladder."""
 REACH: Mapping[str, float] = MappingProxyType(
@@ -60,16 +58,5 @@ SHOWN_BY: Mapping[str, str] = MappingProxyType({"ground_shift": "both_polarities
 
 
 def reach(mechanism: str) -> float:
-    """The largest ratio of structural residual and noise that a mechanism was seen to reach.
-
-    Parameters
-    ----------
-    mechanism : str
-        A concealed mechanism.
-
-    Returns
-    -------
-    float
-        Infinite where it was not measured.
-    """
+    """The largest ratio of structural residual and noise that a mechanism was seen to reach."""
     return REACH.get(mechanism, float("inf"))

@@ -10,8 +10,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.diaphragm import BALLS, Diaphragm
 
-__all__ = ["ELEMENTS", "FILM_ERROR", "Rigging", "drawn_rig", "with_added_mass"]
-
 FILM_ERROR = 0.2
 """By how much a film's parameter may lie beside the published one, as a share."""
 FITTED = ("shear_modulus", "stretch_limit", "branch_modulus", "branch_time", "permittivity", "damping")
@@ -23,19 +21,7 @@ BALL_TOLD, READ_AT_START = 0.6, 0.15
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rigging:
-    """A rig as described, and as it is.
-
-    Parameters
-    ----------
-    nominal : Plant
-        Of the rig file and published values, on the reduced rig.
-    actual : Plant
-        Of the film that is there, on the fine rig.
-    reduced : Plant
-        Of the same film, on the reduced rig.
-    before : tuple of pairs of float
-        What happened before the experiment: command in V and how long it was held, s.
-    """
+    """A rig as described, and as it is."""
 
     nominal: Plant
     actual: Plant
@@ -62,18 +48,7 @@ def _in_usual_form(plant: Plant) -> Plant:
 
 
 def drawn_rig(rng: np.random.Generator) -> Rigging:
-    """A rig at random.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of all that it has.
-
-    Returns
-    -------
-    Rigging
-        Its noise is not yet set.
-    """
+    """A rig at random."""
     ball = str(rng.choice(BALLS))
     told = bool(rng.random() < BALL_TOLD)
     rig = Diaphragm(
@@ -101,19 +76,7 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
 
 
 def with_added_mass(plant: Plant, added: float) -> Plant:
-    """The plant of a diaphragm with a heavier ball.
-
-    Parameters
-    ----------
-    plant : Plant
-        On a `Diaphragm`.
-    added : float
-        kg.
-
-    Returns
-    -------
-    Plant
-    """
+    """The plant of a diaphragm with a heavier ball."""
     rig = _diaphragm(plant)
     return plant.with_rig(replace(rig, mass=rig.mass + added))
 

@@ -32,8 +32,6 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.compiled import compile_source
 from deatwin.plant.rest import rest_state
 
-__all__ = ["TOLERANCE", "Trajectory", "integrate"]
-
 TOLERANCE = 1e-5
 """Of a step's error, against each unknown's typical size; a millimetre of displacement is then right within some
 hundredths of a micrometre over minutes (tests/stories/test_concealed_generator.py)."""
@@ -71,21 +69,11 @@ PASSED = np.array(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """What an integration gave.
+    """What an integration gave."""
 
-    Parameters
-    ----------
-    outputs : ndarray, shape (n,)
-        Reading at each of the times that were asked for, SI.
-    at_rest : float
-        Reading before anything happened, SI.
-    steps : int
-        Steps that were taken, refused ones included.
-    """
-
-    outputs: np.ndarray
-    at_rest: float
-    steps: int
+    outputs: np.ndarray  # shape (n,): Reading at each of the times that were asked for, SI
+    at_rest: float  # Reading before anything happened, SI
+    steps: int  # Steps that were taken, refused ones included
 
 
 def integrate(
@@ -98,36 +86,8 @@ def integrate(
     rest_command: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> Trajectory:
-    """Integrate from rest under inputs that are constant between switching times.
-
-    Parameters
-    ----------
-    equations : Equations
-        The DAE.
-    values : ndarray, shape (n_p,)
-        Free parameters, SI.
-    switches : ndarray, shape (m,)
-        Times at which a new input begins to act, ascending, s.
-    inputs : ndarray, shape (n_u, m)
-        What acts from each of them on.
-    reads : ndarray, shape (n,)
-        Times at which the output is read, ascending, none before the first switch, s. What is read where an input
-        jumps is what was there before.
-    rest_command : float
-        Command before the first switch, V.
-    tolerance : float
-        Of the error of a step, against each unknown's typical size.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    SimulationError
-        If there is no state of rest, or the steps become too short, for example at pull-in.
-    ValueError
-        If a sample is divided: these steps know nothing of samples.
+    """Integrate from rest under inputs that are constant between switching times. `values` (n_p,); `switches` (m,);
+    `inputs` (n_u, m); `reads` (n,); `rest_command` command before the first switch, V.
     """
     if equations.step_middle is not None:
         raise ValueError("the equations divide a sample, of which this integrator knows nothing: give it late switches")

@@ -9,7 +9,6 @@ import numpy as np
 
 from deatwin.scenarios.concealed_physics.opened import FAR, Case, Opened
 from deatwin.scenarios.concealed_physics.rates import (
-    Rate,
     bounds,
     brier_score,
     expected_calibration_error,
@@ -18,9 +17,8 @@ from deatwin.scenarios.concealed_physics.rates import (
     most,
     reliability,
 )
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.story import Row
-
-__all__ = ["NO_CASE", "Goal", "gaps_closed", "harm", "score", "sentence"]
 
 NO_CASE = "no case"
 """What a goal reaches for which nothing was run."""
@@ -33,30 +31,16 @@ REPORTED = "reported"
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A stated measure.
-
-    Parameters
-    ----------
-    measure, demanded : str
-        In words.
-    reached : str
-        In words, with its bound.
-    value, low, high : float or None
-        What was reached, and the ends of its 95 % interval; None where no case counts.
-    count : int
-        Cases that count.
-    met : bool or None
-        Whether what is demanded is reached; not where no case counts. None where nothing is demanded.
-    """
+    """A stated measure."""
 
     measure: str
     demanded: str
     reached: str
-    value: float | None
+    value: float | None  # What was reached, and the ends of its 95 % interval; None where no case counts
     low: float | None
     high: float | None
-    count: int
-    met: bool | None
+    count: int  # Cases that count
+    met: bool | None  # Whether what is demanded is reached; not where no case counts
 
     @property
     def outcome(self) -> str:
@@ -70,34 +54,12 @@ class Goal:
 
 
 def score(study: Opened) -> list[Goal]:
-    """Hold the study against its goals.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    list of Goal
-    """
+    """Hold the study against its goals."""
     return [*_clean(study), *_names(study), *_others(study), *_predictions(study), *_certainty(study)]
 
 
 def sentence(study: Opened, goals: Sequence[Goal]) -> str:
-    """What came out, in a line.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    goals : sequence of Goal
-        As `score` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """What came out, in a line."""
     clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
     alarms = sum(bool(case.causes) for case in clean)
     wrong = sum(case.confidently_wrong for case in study.of("effect", "tie", "pair"))
@@ -165,19 +127,7 @@ def _others(study: Opened) -> list[Goal]:
 
 
 def gaps_closed(study: Opened) -> list[float]:
-    """Share of the way from the base plant to the oracle that the diagnosis' plant goes on the check record.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    list of float
-        One for each case of one effect with a ratio of 1 or more; 0 where nothing was built in or the case failed.
-        Cases in which the oracle itself does no better than the base plant have no gap, and are left out.
-    """
+    """Share of the way from the base plant to the oracle that the diagnosis' plant goes on the check record."""
     closed = []
     for case in study.of("effect", ratio=VERY_STRONG):
         base, oracle = case.errors.get("base"), case.errors.get("oracle")
@@ -189,17 +139,7 @@ def gaps_closed(study: Opened) -> list[float]:
 
 
 def harm(study: Opened) -> list[float]:
-    """Error on the check record with the diagnosis' plant over that with the base plant, of each clean case.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-
-    Returns
-    -------
-    list of float
-    """
+    """Error on the check record with the diagnosis' plant over that with the base plant, of each clean case."""
     clean = [case.errors for case in study.of("clean")]
     return [errors["diagnosis"] / errors["base"] for errors in clean if {"diagnosis", "base"} <= errors.keys()]
 

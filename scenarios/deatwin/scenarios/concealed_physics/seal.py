@@ -15,8 +15,6 @@ import numpy as np
 
 from deatwin.studies.sweep.seal import Sealed, digest
 
-__all__ = ["DECIDING", "SCHEMA", "Seal", "digest", "thresholds"]
-
 SCHEMA = "deatwin/concealed-seal/1"
 CASE_SCHEMA = "deatwin/concealed-case/1"
 DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
@@ -30,51 +28,19 @@ OPEN_CODE = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class Seal(Sealed):
-    """What must not change between the first case and the last.
-
-    Parameters
-    ----------
-    size : str
-        Of the study.
-    seed : int
-        Of the study.
-    key : str
-        SHA-256 of all labels: the cases with what is concealed in each, and which names are right for it.
-    thresholds : mapping of str to value
-        Every number that decides, by module and name.
-    code : str
-        SHA-256 of the sources of plant, identification, generator and runner.
-    scoring : str
-        SHA-256 of the sources that count and draw; the only part that may change, and then the report says so.
-    version : str
-        Of deatwin.
-    """
+    """What must not change between the first case and the last."""
 
     size: str
     seed: int
-    key: str
-    thresholds: Mapping[str, Any]
-    code: str
+    key: str  # SHA-256 of all labels: the cases with what is concealed in each, and which names are right for it
+    thresholds: Mapping[str, Any]  # Every number that decides, by module and name
+    code: str  # SHA-256 of the sources of plant, identification, generator and runner
     scoring: str
     version: str
 
     @classmethod
     def of(cls, size: str, seed: int, key: Mapping[str, Any]) -> Self:
-        """Seal a study with the code as it is now.
-
-        Parameters
-        ----------
-        size : str
-            Of the study.
-        seed : int
-            Of the study.
-        key : mapping
-            All labels as plain data.
-
-        Returns
-        -------
-        Seal
-        """
+        """Seal a study with the code as it is now."""
         return cls(
             size=size,
             seed=seed,
@@ -101,37 +67,11 @@ class Seal(Sealed):
 
     @classmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `described` described.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of ``seal.json``; of its hash nothing is asked.
-
-        Returns
-        -------
-        Seal
-
-        Raises
-        ------
-        KeyError, TypeError
-            If it is none.
-        """
+        """The seal that `described` described."""
         return cls(**{name: data[name] for name in cls.__dataclass_fields__})
 
     def changes(self, other: Self) -> str:
-        """The parts that differ; of the thresholds the first three.
-
-        Parameters
-        ----------
-        other : Seal
-            Found in a folder.
-
-        Returns
-        -------
-        str
-            Empty if nothing that must not change differs.
-        """
+        """The parts that differ; of the thresholds the first three."""
         mine, theirs = self.content, other.content
         changed = [name for name in mine if mine[name] != theirs[name]]
         if "thresholds" in changed:
@@ -142,13 +82,7 @@ class Seal(Sealed):
 
 
 def thresholds() -> dict[str, Any]:
-    """Every module constant of the deciding packages that is a number or a group of numbers.
-
-    Returns
-    -------
-    dict of str to value
-        By module and name, in order.
-    """
+    """Every module constant of the deciding packages that is a number or a group of numbers."""
     found = {}
     for package in map(import_module, DECIDING):
         modules = [package.__name__]

@@ -9,47 +9,25 @@ from types import MappingProxyType
 from deatwin.plant.errors import DataError, nearest
 from deatwin.scenarios.concealed_physics.specimens import CHECK_SECONDS, SECONDS
 
-__all__ = ["LADDER", "SIZES", "Size", "size_named"]
-
 LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
 """Strengths of the cases of an effect, structural residual over noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """Numbers of cases, and how long each is recorded.
+    """Numbers of cases, and how long each is recorded."""
 
-    Parameters
-    ----------
-    clean, outside, pairs, ties : int
-        Cases without an effect, with one from outside the catalogue, with two effects, and with poor input.
-    effects : int
-        Cases with one effect: of each effect of the catalogue; in all, where the diagnosis knows a library only.
-    ladder : tuple of float
-        Strengths of the cases of an effect, structural residual over noise; their number divides that of the cases.
-    draws : int
-        Fits of each effect whose intervals are looked at.
-    seconds, check_seconds : float
-        Length of a case's recordings together, and of its check, s.
-    excitation : str
-        Of every case, as in `specs.CaseSpec`; empty where each case draws its own.
-    form : str
-        How films sit on their balls, a form of `specs.CaseSpec`.
-    library : tuple of str
-        Effects that the diagnosis knows, and of which the concealed ones are forms; empty for the whole catalogue.
-    """
-
-    clean: int
+    clean: int  # Cases without an effect, with one from outside the catalogue, with two effects, and with poor input
     effects: int
     outside: int
     pairs: int
     ties: int
-    draws: int
+    draws: int  # Fits of each effect whose intervals are looked at
     ladder: tuple[float, ...] = LADDER
-    seconds: float = SECONDS
+    seconds: float = SECONDS  # Length of a case's recordings together, and of its check, s
     check_seconds: float = CHECK_SECONDS
     excitation: str = ""
-    form: str = "drawn"
+    form: str = "drawn"  # How films sit on their balls, a form of `specs.CaseSpec`
     library: tuple[str, ...] = ()
 
 
@@ -88,22 +66,7 @@ SIZES: Mapping[str, Size] = MappingProxyType(
 
 
 def size_named(name: str) -> Size:
-    """A size by its name.
-
-    Parameters
-    ----------
-    name : str
-        One of `SIZES`.
-
-    Returns
-    -------
-    Size
-
-    Raises
-    ------
-    DataError
-        If there is none.
-    """
+    """A size by its name."""
     if name not in SIZES:
         raise DataError(f"unknown size {name!r}{nearest(name, SIZES)} (known: {', '.join(SIZES)})")
     return SIZES[name]

@@ -21,8 +21,6 @@ from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig, with_ad
 from deatwin.scenarios.concealed_physics.specs import CaseSpec
 from deatwin.scenarios.concealed_physics.strength import StructuralScale
 
-__all__ = ["CHECK_SECONDS", "SECONDS", "Specimen", "make"]
-
 SECONDS, CHECK_SECONDS = 120.0, 48.0
 LOWEST, HIGHEST = 1.1, 3.75
 """Range of the thesis' commands, V."""
@@ -42,42 +40,18 @@ LEAST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Specimen:
-    """A case as the diagnosis gets it, and what only the score may see.
-
-    Parameters
-    ----------
-    plant : Plant
-        As the rig file and published values describe it.
-    experiments : tuple of Experiment
-        Records for the diagnosis, with readings, m.
-    check : Experiment
-        A further record on the same clock, of another waveform; its readings are for judging only.
-    truth : tuple of str
-        A catalogue name for each mechanism.
-    ratio : float
-        Structural residual of all mechanisms together over the noise; 0 where there are none.
-    ratios : mapping of str to float
-        Of each mechanism alone.
-    noise : float
-        Rms of the sensor's noise, m.
-    model_rest : float or None
-        What a refit of the base plant leaves of the film without mechanisms, rms, m; None where there are none.
-    noise_free : tuple of ndarray
-        Readings without noise of the records, then of the check, m.
-    apparatus : Apparatus
-        That made them.
-    """
+    """A case as the diagnosis gets it, and what only the score may see."""
 
     plant: Plant
-    experiments: tuple[Experiment, ...]
-    check: Experiment
-    truth: tuple[str, ...]
-    ratio: float
+    experiments: tuple[Experiment, ...]  # Records for the diagnosis, with readings, m
+    check: Experiment  # A further record on the same clock, of another waveform; its readings are for judging only
+    truth: tuple[str, ...]  # A catalogue name for each mechanism
+    ratio: float  # Structural residual of all mechanisms together over the noise; 0 where there are none
     ratios: Mapping[str, float]
-    noise: float
+    noise: float  # Rms of the sensor's noise, m
     model_rest: float | None
-    noise_free: tuple[np.ndarray, ...]
-    apparatus: Apparatus
+    noise_free: tuple[np.ndarray, ...]  # Readings without noise of the records, then of the check, m
+    apparatus: Apparatus  # That made them
 
     @property
     def whole(self) -> Experiment:
@@ -95,63 +69,17 @@ class Specimen:
         return {m.name: m.to_dict() for m in self.apparatus.mechanisms}
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
-        """Other commands on the same apparatus, from rest.
-
-        Parameters
-        ----------
-        experiment : Experiment
-            Only commands and clock are used.
-        seed : int
-            Of the noise, and of what is random in a mechanism.
-
-        Returns
-        -------
-        Experiment
-            With readings, m.
-
-        Raises
-        ------
-        SimulationError
-            If the film pulls in.
-        """
+        """Other commands on the same apparatus, from rest."""
         return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
 
     def heavier(self, added: float) -> Self:
-        """The same specimen with a mass added to its load, which the experimenter knows.
-
-        Parameters
-        ----------
-        added : float
-            kg.
-
-        Returns
-        -------
-        Specimen
-            The experiments are still those without the mass.
-        """
+        """The same specimen with a mass added to its load, which the experimenter knows."""
         apparatus = replace(self.apparatus, plant=with_added_mass(self.apparatus.plant, added))
         return replace(self, plant=with_added_mass(self.plant, added), apparatus=apparatus)
 
 
 def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHECK_SECONDS) -> Specimen:
-    """The specimen of a case: the same bytes for the same case on the same computer.
-
-    Parameters
-    ----------
-    spec : CaseSpec
-        The case.
-    seconds, check_seconds : float
-        Length of the records together and of the check, s.
-
-    Returns
-    -------
-    Specimen
-
-    Raises
-    ------
-    SimulationError
-        If no range of commands was found that the film bears with its mechanisms.
-    """
+    """The specimen of a case: the same bytes for the same case on the same computer."""
     rng = np.random.default_rng(spec.seed)
     drawn = drawn_rig(rng)
     rigging = drawn.in_usual_form() if spec.form == "usual" else drawn

@@ -10,58 +10,20 @@ from typing import Any, Self
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
-__all__ = ["Store"]
-
 
 class Store(CaseStore[Seal]):
-    """The cases of a sealed study.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study; cases go into the folder ``cases`` in it.
-    seal : Seal
-        Of the study as it is to be run now. It is written if the folder has none.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun under another seal, or holds cases but no seal.
-    """
+    """The cases of a sealed study."""
 
     def __init__(self, folder: Path | str, seal: Seal) -> None:
         super().__init__(folder, seal)
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Write the result of a case; one that is there already is left as it is.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-        result : mapping
-            Plain data; a number that is not finite becomes None: there was nothing to compute it from.
-        """
+        """Write the result of a case; one that is there already is left as it is."""
         super().put(name, _finite(dict(result)))
 
     @classmethod
     def opened(cls, folder: Path | str) -> Self:
-        """The store of a folder, under the seal that it has.
-
-        Parameters
-        ----------
-        folder : path
-            Of a study.
-
-        Returns
-        -------
-        Store
-
-        Raises
-        ------
-        DataError
-            If it has no seal.
-        """
+        """The store of a folder, under the seal that it has."""
         return cls(folder, read_seal(Seal, folder))
 
 

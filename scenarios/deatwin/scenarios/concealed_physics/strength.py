@@ -17,60 +17,22 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime
 
-__all__ = ["StructuralScale"]
-
 TOLERANCE = 1e-5
 """Of refits: of a residual that is nearly all structure, a two hundredth of a per cent."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StructuralScale:
-    """The base plant, refitted to a film without mechanisms.
+    """The base plant, refitted to a film without mechanisms."""
 
-    A diagnosis may also take each reading for one at the other end of its hold, which hides a dead time of a sample:
-    what is left is what the better of the two leaves.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        The commands that count.
-    clean : ndarray, shape (n,)
-        Noise-free readings without mechanisms, m.
-    form : Calibration
-        The base plant refitted to them.
-    noise : float
-        Rms of the sensor's noise, m.
-    """
-
-    experiment: Experiment
-    clean: np.ndarray
-    form: Calibration
-    noise: float
+    experiment: Experiment  # The commands that count
+    clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m
+    form: Calibration  # The base plant refitted to them
+    noise: float  # Rms of the sensor's noise, m
 
     @classmethod
     def of(cls, base: Plant, experiment: Experiment, clean: Sequence[np.ndarray], noise: float) -> Self:
-        """Refit the base plant to a clean film.
-
-        Parameters
-        ----------
-        base : Plant
-            Reduced, in the form that the film has; the fit starts from its values.
-        experiment : Experiment
-            The commands that count.
-        clean : sequence of ndarray
-            Noise-free readings without mechanisms, for each record, m.
-        noise : float
-            Rms of the sensor's noise, m.
-
-        Returns
-        -------
-        StructuralScale
-
-        Raises
-        ------
-        SimulationError
-            If the base plant cannot be simulated there.
-        """
+        """Refit the base plant to a clean film."""
         form = calibrate(base, [_part(experiment, clean)], starts=1, tolerance=TOLERANCE)
         if not form.status.ok:
             raise SimulationError(f"no refit of the base plant: {form.status.value}")
@@ -82,36 +44,11 @@ class StructuralScale:
         return self.form.rms
 
     def guess(self, readings: Sequence[np.ndarray]) -> float:
-        """The ratio for the readings with a mechanism, to first order of the refit.
-
-        Parameters
-        ----------
-        readings : sequence of ndarray
-            Noise-free, with the mechanism, for each record, m.
-
-        Returns
-        -------
-        float
-        """
+        """The ratio for the readings with a mechanism, to first order of the refit."""
         return min(self._left(readings)) / self.noise
 
     def ratio(self, readings: Sequence[np.ndarray]) -> float:
-        """Rms over noise of what a full refit leaves beyond what it leaves of the clean film.
-
-        Parameters
-        ----------
-        readings : sequence of ndarray
-            Noise-free, with the mechanism, for each record, m.
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        SimulationError
-            If the base plant cannot be simulated there.
-        """
+        """Rms over noise of what a full refit leaves beyond what it leaves of the clean film."""
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
         refitted = calibrate(plant, [_part(self.experiment, readings)], starts=1, tolerance=TOLERANCE)

@@ -12,15 +12,14 @@ import numpy as np
 
 from deatwin.plant.interrupts import obeying
 from deatwin.scenarios.concealed_physics import key
-from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs
+from deatwin.scenarios.concealed_physics.cases import case_specs
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
 from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.concealed_physics.sizes import SIZES, size_named
+from deatwin.scenarios.concealed_physics.sizes import size_named
+from deatwin.scenarios.concealed_physics.specs import CaseSpec
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.studies.sweep.run import run_sweep
-
-__all__ = ["SIZES", "carry_out", "key_of", "labels", "run_case"]
 
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
 """Of a case of that kind, where others take 1."""
@@ -29,65 +28,17 @@ Spec = CaseSpec | IntervalSpec
 
 
 def labels(size: str, seed: int) -> tuple[Spec, ...]:
-    """All cases of a study, with what is concealed in each.
-
-    Parameters
-    ----------
-    size : str
-        One of `SIZES`.
-    seed : int
-        Of the study.
-
-    Returns
-    -------
-    tuple of CaseSpec and IntervalSpec
-        In the order of the key.
-    """
+    """All cases of a study, with what is concealed in each."""
     return (*case_specs(size, seed), *interval_specs(size, seed))
 
 
 def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
-    """The key: what is concealed in each case, and which names are right for it.
-
-    Parameters
-    ----------
-    specs : sequence of CaseSpec and IntervalSpec
-        All cases.
-
-    Returns
-    -------
-    dict
-        Plain data; the seal holds its hash.
-    """
+    """The key: what is concealed in each case, and which names are right for it."""
     return {"names": key.to_dict(), "cases": [spec.to_dict() for spec in specs]}
 
 
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> Store:
-    """Seal the study, or go on with it, and run every case that has no result.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study.
-    size : str
-        One of `SIZES`.
-    seed : int
-        Of the study.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    tell : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Store
-        With all results.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun under another seal.
-    """
+    """Seal the study, or go on with it, and run every case that has no result."""
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
     store = Store(folder, Seal.of(size, seed, key_of(specs)))
@@ -103,20 +54,7 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
 
 
 def run_case(size: str, spec: Spec) -> dict[str, Any]:
-    """Run a case; an error is a result.
-
-    Parameters
-    ----------
-    size : str
-        Of the study.
-    spec : CaseSpec or IntervalSpec
-        The case.
-
-    Returns
-    -------
-    dict
-        Plain data.
-    """
+    """Run a case; an error is a result."""
     begun = time.process_time()
     of = size_named(size)
     try:

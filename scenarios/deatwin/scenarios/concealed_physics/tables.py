@@ -16,8 +16,6 @@ from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 
-__all__ = ["KINDS", "MADE_BY", "csv_files", "reported", "tables"]
-
 KINDS = {
     "clean": "clean",
     "effect": "one effect",
@@ -39,20 +37,7 @@ MADE_BY = {
 
 
 def tables(study: Opened, seal: Seal) -> list[Table]:
-    """Make all tables.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    seal : Seal
-        Of the study.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make all tables."""
     made = [
         _verdicts(study),
         _effects(study),
@@ -74,17 +59,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
 
 
 def reported(goals: Sequence[Goal]) -> Table:
-    """What is measured without anything being demanded.
-
-    Parameters
-    ----------
-    goals : sequence of Goal
-        As scored.
-
-    Returns
-    -------
-    Table
-    """
+    """What is measured without anything being demanded."""
     rows = [[goal.measure, goal.reached] for goal in goals if goal.met is None]
     return Table(title="Reported, nothing is demanded", columns=["measure", "reached"], rows=rows)
 
@@ -260,20 +235,7 @@ def _sealed(seal: Seal) -> Table:
 
 
 def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
-    """Every count as CSV.
-
-    Parameters
-    ----------
-    study : Opened
-        With its key.
-    goals : sequence of Goal
-        As scored.
-
-    Returns
-    -------
-    dict of str to str
-        Text by file name.
-    """
+    """Every count as CSV."""
     numbers = [(g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals]
     header = ("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met")
     files = {"goals.csv": _csv(header, numbers), "cases.csv": _csv(_COLUMNS, map(_line, study.cases))}

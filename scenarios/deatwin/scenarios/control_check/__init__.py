@@ -13,16 +13,18 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
+from deatwin.scenarios.concealed_physics.rates import bounds
 from deatwin.scenarios.control_check.check_figures import check_drawings
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.loop_figures import loop_drawings
 from deatwin.scenarios.control_check.notes import answer, notes
 from deatwin.scenarios.control_check.promises import promises
-from deatwin.scenarios.control_check.rates import Rate, bounds, caught, inside, sound
+from deatwin.scenarios.control_check.rates import caught, inside, sound
 from deatwin.scenarios.control_check.study import Study, carry_out
 from deatwin.scenarios.control_check.tables import tables
 from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.verdicts import judge
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.story import StoryPage, write_story
 from deatwin.studies.stories import Setting
@@ -33,24 +35,7 @@ SIZE = "short"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Design, check, try on the truth, draw and judge.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, size, seed and the like; no public recordings are needed. Each trial is written when it is through: an
-        interrupted run goes on with the same command.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, the numbers behind them, all trials, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the folder holds trials of another seed or of other code.
-    """
+    """Design, check, try on the truth, draw and judge."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     setting.folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
     study = carry_out(setting.folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)

@@ -10,25 +10,12 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.fleet import specification
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["CALIBRATED", "calibrated"]
-
 CALIBRATED = ("permittivity", "shear_modulus", "branch_modulus", "damping", "hysteresis.force")
 """What a bench knows least."""
 
 
 def calibrated(recording: Recording) -> CalibratedPlant:
-    """The specification, its least known parameters fitted.
-
-    Parameters
-    ----------
-    recording : Recording
-        From rest.
-
-    Returns
-    -------
-    CalibratedPlant
-        Its model error is what the fit leaves.
-    """
+    """The specification, its least known parameters fitted."""
     wished = specification()
     part = Part.whole(Experiment(recordings=(recording,)))
     fit = calibrate(wished, [part], names=CALIBRATED, starts=1, evaluations=30, tolerance=1e-4)

@@ -14,13 +14,12 @@ from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tables import trials_csv, verdicts_seen
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.scenarios.svb_benchmark.figures import table_text
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["check_drawings"]
 
 INK, GREY, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 TRUTHS: dict[bool | None, str] = {True: "sound", False: "not sound", None: "no controller"}
@@ -31,18 +30,7 @@ JITTER = 0.28
 
 
 def check_drawings(study: Study) -> list[tuple[Drawing, str]]:
-    """Draw what was predicted, and what came.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, str)
-        Figures, each with the text of its CSV file.
-    """
+    """Draw what was predicted, and what came."""
     return [_models(study.matters), _trials(study.outcomes)]
 
 

@@ -29,8 +29,6 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.control_check.rigs import identified, recorded
 from deatwin.scenarios.control_check.tracking import nominal_plant
 
-__all__ = ["EFFECTS", "Concealed", "Designed", "conceal", "excitation"]
-
 EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: ElectrodeRC(time=0.4), "creep": Creep}
 """What is concealed. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
 OPERATING = 2.6
@@ -53,75 +51,27 @@ the film as far as the steps of a check, and beyond its training data no posteri
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Designed:
-    """A design from one of the physics models.
+    """A design from one of the physics models."""
 
-    Parameters
-    ----------
-    source : str
-        ``base`` or ``amended``.
-    controller : Controller
-        By the same rule from both.
-    check : Check
-        On the recording's NARX model and the amended plant.
-    runs : Runs
-        On the true plant, which no check sees.
-    truth : Finding
-        What was worst there.
-    """
-
-    source: str
+    source: str  # ``base`` or ``amended``
     controller: Controller
     check: Check
     runs: Runs
-    truth: Finding
+    truth: Finding  # What was worst there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Concealed:
-    """An effect, its diagnosis, and both designs.
+    """An effect, its diagnosis, and both designs."""
 
-    Parameters
-    ----------
-    effect : str
-        Canonical name.
-    diagnosis : Diagnosis
-        Of the recording.
-    designs : tuple of Designed
-        From the base model, then from the amended one.
-    at_other_times : tuple of Designed
-        Likewise, for closed loops that are faster and slower.
-    """
-
-    effect: str
+    effect: str  # Canonical name
     diagnosis: Diagnosis
-    designs: tuple[Designed, ...]
-    at_other_times: tuple[Designed, ...] = ()
+    designs: tuple[Designed, ...]  # From the base model, then from the amended one
+    at_other_times: tuple[Designed, ...] = ()  # Likewise, for closed loops that are faster and slower
 
 
 def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> Concealed:
-    """Record a rig with an effect that its model does not have, diagnose, design twice, check, and try.
-
-    What is diagnosed, and fits the plants that are designed on, is noise of one band. What is checked on is a recording
-    made for the check: of the levels and the frequencies of the loop.
-
-    Parameters
-    ----------
-    effect : str
-        One of `EFFECTS`.
-    rng : numpy.random.Generator
-        Source of excitation, draws and noise.
-    jobs, seed : int
-        Of the diagnosis.
-
-    Returns
-    -------
-    Concealed
-
-    Raises
-    ------
-    KeyError
-        If the effect is not one of them.
-    """
+    """Record a rig with an effect that its model does not have, diagnose, design twice, check, and try."""
     nominal = nominal_plant()
     true = nominal.with_effects(EFFECTS[effect]())
     h = nominal.rig.sample_time
@@ -145,20 +95,7 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
 
 
 def excitation(rng: np.random.Generator, sample_time: float) -> NDArray[np.float64]:
-    """Noise that reaches the levels of the loop's steps and the frequencies of its margins.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the noise.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Commands in V: slow noise and fast noise, half of the variance each, limited like the thesis' noise.
-    """
+    """Noise that reaches the levels of the loop's steps and the frequencies of its margins. Shapes: returns (n,)."""
     halves = [
         band_limited_noise(
             rng, SECONDS, sample_time, mean=0.0, variance=0.5 * VARIANCE, band=band, lower=-np.inf, upper=np.inf

@@ -12,13 +12,12 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["loop_drawings"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -38,18 +37,7 @@ SHOWN = {
 
 
 def loop_drawings(study: Study) -> list[tuple[Drawing, Columns]]:
-    """Draw what the loops did.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures, each with the columns of its CSV file.
-    """
+    """Draw what the loops did."""
     return [_tracking(study.tracking), _fleet(study.fleet), _concealed(study.concealed)]
 
 

@@ -31,8 +31,6 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.control_check.calibration import calibrated
 from deatwin.scenarios.control_check.rigs import fabricated, linear_feedback, recorded
 
-__all__ = ["Achieved", "Interval", "Matter", "Matters", "compare_models"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -51,82 +49,36 @@ CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "deg
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """A predicted number with its 95 % interval.
-
-    Parameters
-    ----------
-    value, low, high : float
-        In the number's unit.
-    """
+    """A predicted number with its 95 % interval."""
 
     value: float
     low: float
     high: float
 
     def holds(self, value: float) -> bool:
-        """Whether a number lies inside.
-
-        Parameters
-        ----------
-        value : float
-            In the same unit.
-
-        Returns
-        -------
-        bool
-        """
+        """Whether a number lies inside."""
         return self.low <= value <= self.high
 
 
 @dataclass(frozen=True, kw_only=True)
 class Achieved:
-    """What the plant did.
+    """What the plant did."""
 
-    Parameters
-    ----------
-    bandwidth_Hz : float
-        Where the closed loop has lost 3 dB, Hz.
-    overshoot : float
-        Of the steps, as a share.
-    gain : float
-        Gain margin, as a factor: the lesser of those for small motions and for large ones, to which nothing sticks.
-    rms : float
-        Rms error on the steps, in the output's unit.
-    """
-
-    bandwidth_Hz: float
+    bandwidth_Hz: float  # Where the closed loop has lost 3 dB, Hz
     overshoot: float
     gain: float
-    rms: float
+    rms: float  # Rms error on the steps, in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matter:
-    """One model: its design, its promise, and the truth.
-
-    Parameters
-    ----------
-    name : str
-        Of the model.
-    residual : float or None
-        Rms that its free run leaves of the recording, in the output's unit.
-    controller : Controller or None
-        None where the model allows no design.
-    reason : str
-        Why not.
-    bandwidth_Hz, overshoot, gain, rms : Interval or None
-        Predicted.
-    achieved : Achieved or None
-        On the true plant.
-    steps : ClosedLoop or None
-        On the true plant.
-    """
+    """One model: its design, its promise, and the truth."""
 
     name: str
-    residual: float | None
-    controller: Controller | None = None
-    reason: str = ""
-    bandwidth_Hz: Interval | None = None
+    residual: float | None  # Rms that its free run leaves of the recording, in the output's unit
+    controller: Controller | None = None  # None where the model allows no design
+    reason: str = ""  # Why not
+    bandwidth_Hz: Interval | None = None  # Predicted
     overshoot: Interval | None = None
     gain: Interval | None = None
     rms: Interval | None = None
@@ -136,32 +88,14 @@ class Matter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matters:
-    """All models of one actuator.
-
-    Parameters
-    ----------
-    models : tuple of Matter
-        In the order of the table.
-    output_rms : float
-        Of the recording, in the output's unit.
-    """
+    """All models of one actuator."""
 
     models: tuple[Matter, ...]
     output_rms: float
 
 
 def compare_models(rng: np.random.Generator) -> Matters:
-    """Record an actuator, model it in five ways, design alike, and close the loops.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of excitation and noise.
-
-    Returns
-    -------
-    Matters
-    """
+    """Record an actuator, model it in five ways, design alike, and close the loops."""
     plant = fabricated(rng)
     recording = recorded(plant, band_limited_noise(rng, 120.0, plant.rig.sample_time, band=2.0), rng)
     truth = _Truth.of(plant)

@@ -16,23 +16,9 @@ from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
 from deatwin.studies.report.story import Note, Row
 
-__all__ = ["answer", "notes"]
-
 
 def answer(study: Study, rows: Sequence[Row]) -> str:
-    """What came out, in a few sentences.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-    rows : sequence of Row
-        The stated measures.
-
-    Returns
-    -------
-    str
-    """
+    """What came out, in a few sentences."""
     factor = study.tracking[0].ratio("PI", "inverse")
     passed, unsound = inside(study.outcomes), caught(study.outcomes)
     return (
@@ -45,17 +31,7 @@ def answer(study: Study, rows: Sequence[Row]) -> str:
 
 
 def notes(study: Study) -> list[Note]:
-    """Write the notes.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes."""
     return [
         _question(),
         _tracking(study.tracking),

@@ -11,8 +11,6 @@ from deatwin.scenarios.concealed_physics.page import markdown_table
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.sweep.kept import read_object
 
-__all__ = ["STORY", "story_blocks", "story_data"]
-
 STORY = "deatwin/control-story/1"
 """Schema of what the tables are made of."""
 OF_TRIALS = "random rigs"
@@ -29,27 +27,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
-    """Read a story without its trials.
-
-    Parameters
-    ----------
-    folder : path
-        That the scenario wrote, of any size, with ``control-check.json`` and ``run.json`` in it.
-    remark : str
-        A sentence for the page, such as the commit.
-
-    Returns
-    -------
-    dict
-        The schema `STORY`, ``seed``, ``version``, ``remark``, and rows in the units of the folder's file:
-        ``measures``, ``tracking`` (a plant and a controller each), ``fleet``, ``models`` (a model and a predicted
-        quantity each) and ``concealed`` (a design each).
-
-    Raises
-    ------
-    DataError
-        If a file is missing, or does not hold them.
-    """
+    """Read a story without its trials."""
     found, run = (read_object(Path(folder) / name) for name in ("control-check.json", "run.json"))
     try:
         return {
@@ -76,18 +54,7 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 
 
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
-    """The lines of the blocks that show a story.
-
-    Parameters
-    ----------
-    data : mapping
-        As `story_data` gives it.
-
-    Returns
-    -------
-    dict of str to list of str
-        Markdown of ``tracking``, ``models`` and ``concealed-effects``.
-    """
+    """The lines of the blocks that show a story."""
     whence = f"Story with seed {data['seed']}, deatwin {data['version']}. {data['remark']}".strip()
     return {
         "tracking": [

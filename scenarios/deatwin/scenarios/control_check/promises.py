@@ -8,27 +8,15 @@ from dataclasses import dataclass
 from deatwin.scenarios.control_check.matters import Interval, Matter, Matters
 from deatwin.scenarios.svb_benchmark.trials import Rate
 
-__all__ = ["QUANTITIES", "Promise", "Quantity", "kept", "promises"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A number that a model predicts of its closed loop.
+    """A number that a model predicts of its closed loop."""
 
-    Parameters
-    ----------
-    key : str
-        Its name in `Matter` and `Achieved`.
-    name, unit : str
-        As they are written; the unit is empty of a factor.
-    scale : float
-        From SI to the unit.
-    """
-
-    key: str
+    key: str  # Its name in `Matter` and `Achieved`
     name: str
     unit: str
-    scale: float
+    scale: float  # From SI to the unit
 
     @property
     def label(self) -> str:
@@ -52,23 +40,11 @@ QUANTITIES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Promise:
-    """A number as a model predicted it, and as the plant made it.
-
-    Parameters
-    ----------
-    model : str
-        Whose.
-    quantity : Quantity
-        What.
-    predicted : Interval
-        With its 95 % interval, in the quantity's unit.
-    achieved : float
-        On the true plant, in the same unit.
-    """
+    """A number as a model predicted it, and as the plant made it."""
 
     model: str
-    quantity: Quantity
-    predicted: Interval
+    quantity: Quantity  # What
+    predicted: Interval  # With its 95 % interval, in the quantity's unit
     achieved: float
 
     @property
@@ -78,33 +54,12 @@ class Promise:
 
 
 def promises(matters: Matters) -> tuple[Promise, ...]:
-    """All numbers of all models that allowed a design.
-
-    Parameters
-    ----------
-    matters : Matters
-        Models of one actuator.
-
-    Returns
-    -------
-    tuple of Promise
-        Model by model, in the order of `QUANTITIES`.
-    """
+    """All numbers of all models that allowed a design."""
     return tuple(promise for matter in matters.models for promise in _of(matter))
 
 
 def kept(made: tuple[Promise, ...]) -> Rate:
-    """How many of the numbers came out as predicted.
-
-    Parameters
-    ----------
-    made : tuple of Promise
-        From `promises`.
-
-    Returns
-    -------
-    Rate
-    """
+    """How many of the numbers came out as predicted."""
     return Rate.of(promise.kept for promise in made)
 
 

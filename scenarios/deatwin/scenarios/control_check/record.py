@@ -11,8 +11,6 @@ from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
 from deatwin.studies.sweep.store import CaseStore
 
-__all__ = ["Trials", "name_of"]
-
 SCHEMA = "deatwin/control-trial/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
 """Whose code decides an outcome, besides that of the trials themselves."""
@@ -27,41 +25,13 @@ class _Seal(SweepSeal):
 
 
 class Trials(CaseStore[SweepSeal]):
-    """The trials of a study.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study; trials go into the folder ``trials`` in it.
-    seed : int
-        Of the study.
-
-    Raises
-    ------
-    DataError
-        If the folder holds trials of another seed or of other code, or trials but no seal.
-    """
+    """The trials of a study."""
 
     def __init__(self, folder: Path, seed: int) -> None:
         super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": _digest()}), cases="trials")
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
-        """Read trials.
-
-        Parameters
-        ----------
-        numbers : iterable of int
-            Their numbers.
-
-        Returns
-        -------
-        tuple of Outcome
-
-        Raises
-        ------
-        DataError
-            If one is absent, malformed, or was run with another seed or other code.
-        """
+        """Read trials."""
         return tuple(self._outcome(name_of(number)) for number in numbers)
 
     def _outcome(self, name: str) -> Outcome:
@@ -76,17 +46,7 @@ class Trials(CaseStore[SweepSeal]):
 
 
 def name_of(number: int) -> str:
-    """What a trial is called.
-
-    Parameters
-    ----------
-    number : int
-        Of the trial.
-
-    Returns
-    -------
-    str
-    """
+    """What a trial is called."""
     return f"{number:03d}"
 
 

@@ -24,8 +24,6 @@ from deatwin.plant.fleet import TOLERANCES, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["LIMITS", "METHODS", "Bench", "fabricated", "identified", "linear_feedback", "random_bench", "recorded"]
-
 WIDER = 2.0
 """Times the tolerances of the fleet, which is of one batch: these rigs are not."""
 LIMITS = (1.3, 3.6)
@@ -33,17 +31,7 @@ LIMITS = (1.3, 3.6)
 
 
 def linear_feedback(term: Term) -> bool:
-    """Whether a term has a past output alone, or none: with products of both the free run soon diverges.
-
-    Parameters
-    ----------
-    term : Term
-        A candidate.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a term has a past output alone, or none: with products of both the free run soon diverges."""
     return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
 
 
@@ -60,38 +48,16 @@ CONCEALED = 0.6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """A rig with its recording.
+    """A rig with its recording."""
 
-    Parameters
-    ----------
-    plant : Plant
-        The truth, which no check sees.
-    concealed : tuple of str
-        Effects that its specification does not have.
-    recording : Recording
-        Of band-limited noise, SI.
-    band_Hz : float
-        Upper end of the noise, Hz.
-    """
-
-    plant: Plant
-    concealed: tuple[str, ...]
+    plant: Plant  # The truth, which no check sees
+    concealed: tuple[str, ...]  # Effects that its specification does not have
     recording: Recording
-    band_Hz: float
+    band_Hz: float  # Upper end of the noise, Hz
 
 
 def random_bench(rng: np.random.Generator) -> Bench:
-    """Fabricate a rig, and record it.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of everything.
-
-    Returns
-    -------
-    Bench
-    """
+    """Fabricate a rig, and record it."""
     concealed = _concealed(rng) if rng.uniform() < CONCEALED else ()
     plant = fabricated(rng).with_effects(*concealed)
     band = float(rng.uniform(0.8, 4.0))
@@ -100,22 +66,7 @@ def random_bench(rng: np.random.Generator) -> Bench:
 
 
 def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generator) -> Recording:
-    """Record one sequence of commands from rest.
-
-    Parameters
-    ----------
-    plant : Plant
-        The rig.
-    commands : ndarray, shape (n,)
-        In their unit.
-    rng : numpy.random.Generator
-        Source of the sensor's noise.
-
-    Returns
-    -------
-    Recording
-        SI.
-    """
+    """Record one sequence of commands from rest. Shapes: `commands` (n,)."""
     bare = Recording.from_arrays(
         commands,
         np.zeros_like(commands),
@@ -134,17 +85,7 @@ def _excitation(plant: Plant, band_Hz: float, rng: np.random.Generator) -> NDArr
 
 
 def fabricated(rng: np.random.Generator) -> Plant:
-    """A rig that was to be the specification, with departures twice as wide as those of a fleet of one batch.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the departures.
-
-    Returns
-    -------
-    Plant
-    """
+    """A rig that was to be the specification, with departures twice as wide as those of a fleet of one batch."""
     wished = specification()
     factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
@@ -166,22 +107,7 @@ def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
 
 
 def identified(recording: Recording) -> NarxModel:
-    """A polynomial model for control: stable at all commands, if one is without a turn of its curve, of least error.
-
-    Parameters
-    ----------
-    recording : Recording
-        To be fitted.
-
-    Returns
-    -------
-    NarxModel
-
-    Raises
-    ------
-    ModelError
-        If no method finds one.
-    """
+    """A polynomial model for control: stable at all commands, if one is without a turn of its curve, of least error."""
     found = []
     for method in METHODS:
         with suppress(ModelError):  # the free run of a first guess may diverge

@@ -18,8 +18,6 @@ from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import Outcome, try_one
 from deatwin.studies.sweep.run import run_sweep
 
-__all__ = ["SIZES", "Study", "carry_out"]
-
 SIZES = {"short": 8, "standard": 100, "full": 400}
 """Number of trials; the rest of the story is the same."""
 Tell = Callable[[float, str], None]
@@ -27,54 +25,17 @@ Tell = Callable[[float, str], None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What was found.
-
-    Parameters
-    ----------
-    tracking : tuple of Tracking
-        On the nominal rig, and on the specification of the fleet, which has hysteresis.
-    fleet : tuple of FleetRun
-        The scheduled design on the six actuators.
-    matters : Matters
-        Five models of one actuator.
-    concealed : tuple of Concealed
-        One effect each.
-    outcomes : tuple of Outcome
-        The trials.
-    """
+    """What was found."""
 
     tracking: tuple[Tracking, ...]
-    fleet: tuple[FleetRun, ...]
-    matters: Matters
-    concealed: tuple[Concealed, ...]
-    outcomes: tuple[Outcome, ...]
+    fleet: tuple[FleetRun, ...]  # The scheduled design on the six actuators
+    matters: Matters  # Five models of one actuator
+    concealed: tuple[Concealed, ...]  # One effect each
+    outcomes: tuple[Outcome, ...]  # The trials
 
 
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Study:
-    """Carry out the story; trials that are in the folder already are not run again.
-
-    Parameters
-    ----------
-    folder : path
-        For the trials.
-    size : str
-        One of `SIZES`.
-    seed : int
-        Of everything random.
-    jobs : int
-        Worker processes.
-    tell : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    DataError
-        If the folder holds trials of another seed or of other code.
-    """
+    """Carry out the story; trials that are in the folder already are not run again."""
     count = SIZES[size]
     rest = 15.0 / (15.0 + count)  # the rest of the story takes about as long as fifteen trials
     streams = np.random.SeedSequence(seed).spawn(3 + len(EFFECTS))

@@ -9,15 +9,14 @@ from deatwin.control.checking.specification import Verdict
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.matters import Matters
 from deatwin.scenarios.control_check.promises import QUANTITIES, Promise, promises
-from deatwin.scenarios.control_check.rates import Rate, broken, caught, inside, least_percent, sound
+from deatwin.scenarios.control_check.rates import broken, caught, inside, least_percent, sound
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
 from deatwin.scenarios.svb_benchmark.figures import table_text
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Table
-
-__all__ = ["NOTHING", "tables", "trials_csv", "verdicts_seen"]
 
 MICRO = 1e6
 NOTHING = "none"
@@ -25,18 +24,7 @@ NOTHING = "none"
 
 
 def tables(study: Study) -> list[Table]:
-    """Make all tables.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page; that of the trials whose verdict did not keep its word only if there are any.
-    """
+    """Make all tables."""
     always = [
         _tracking(study.tracking),
         _fleet(study.fleet),
@@ -48,18 +36,7 @@ def tables(study: Study) -> list[Table]:
 
 
 def trials_csv(outcomes: Sequence[Outcome]) -> str:
-    """A line for each trial.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        The trials.
-
-    Returns
-    -------
-    str
-        With a header; the reasons are in the trials' own files.
-    """
+    """A line for each trial."""
     header = ("trial", "concealed", "design", "closed_loop_time_s", "band_Hz", "verdict", "inside", "sound")
     rows = (
         (
@@ -78,17 +55,7 @@ def trials_csv(outcomes: Sequence[Outcome]) -> str:
 
 
 def verdicts_seen(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """The verdicts in their order, from good to bad.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-        The trials; those without a model have a verdict of their own, which is left out where there are none.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """The verdicts in their order, from good to bad."""
     known = tuple(verdict.value for verdict in Verdict)
     return (*known, NO_MODEL) if any(o.verdict == NO_MODEL for o in outcomes) else known
 

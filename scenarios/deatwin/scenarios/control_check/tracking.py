@@ -29,8 +29,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
 
-__all__ = ["EXCITED", "FleetRun", "Tracked", "Tracking", "fleet_runs", "nominal_plant", "track"]
-
 Array = NDArray[np.float64]
 
 OPERATING = 2.8
@@ -49,17 +47,7 @@ SCHEDULE = np.linspace(1.5, 3.4, 6)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """A controller on the reference.
-
-    Parameters
-    ----------
-    controller : Controller
-        As designed.
-    run : ClosedLoop
-        On the plant.
-    margins : Margins
-        Of its loop with the identified model, one loop.
-    """
+    """A controller on the reference."""
 
     controller: Controller
     run: ClosedLoop
@@ -74,53 +62,23 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracking:
-    """All controllers on one plant.
-
-    Parameters
-    ----------
-    name : str
-        Of the plant.
-    tracked : mapping of str to Tracked
-        By the name of the controller.
-    residual : float
-        Rms that the model's free run leaves of its recording, in the output's unit.
-    """
+    """All controllers on one plant."""
 
     name: str
     tracked: Mapping[str, Tracked]
-    residual: float
+    residual: float  # Rms that the model's free run leaves of its recording, in the output's unit
 
     def ratio(self, one: str, other: str) -> float:
-        """Rms error of one controller over that of another.
-
-        Parameters
-        ----------
-        one, other : str
-            Names.
-
-        Returns
-        -------
-        float
-        """
+        """Rms error of one controller over that of another."""
         return self.tracked[one].rms / self.tracked[other].rms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetRun:
-    """The scheduled design on one actuator.
+    """The scheduled design on one actuator."""
 
-    Parameters
-    ----------
-    actuator : Actuator
-        One of the six.
-    steps : ClosedLoop
-        Over the range of the schedule.
-    tones : ClosedLoop
-        On the tracking reference.
-    """
-
-    actuator: Actuator
-    steps: ClosedLoop
+    actuator: Actuator  # One of the six
+    steps: ClosedLoop  # Over the range of the schedule
     tones: ClosedLoop
 
     @property
@@ -130,35 +88,12 @@ class FleetRun:
 
 
 def nominal_plant() -> Plant:
-    """The rig as its file has it: the diaphragm, the published material, nothing else.
-
-    Returns
-    -------
-    Plant
-    """
+    """The rig as its file has it: the diaphragm, the published material, nothing else."""
     return Plant(rig=Diaphragm())
 
 
 def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float = 1.0) -> Tracking:
-    """Identify a plant, design, and track tones.
-
-    Parameters
-    ----------
-    name : str
-        Of the plant.
-    plant : Plant
-        The truth.
-    rng : numpy.random.Generator
-        Source of excitation, phases and noise.
-    excited_Hz : float
-        Upper end of the recording's noise, Hz; the thesis' by default.
-
-    Returns
-    -------
-    Tracking
-        With the controllers ``PI``, ``inverse``, ``inverse with dynamics``, and their oracles, which are designed
-        on the plant's own static curve and linear model.
-    """
+    """Identify a plant, design, and track tones. `excited_Hz` upper end of the recording's noise, Hz."""
     h = plant.rig.sample_time
     recording = recorded(plant, band_limited_noise(rng, 120.0, h, band=excited_Hz), rng)
     model = identified(recording)
@@ -188,20 +123,7 @@ def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float =
 
 
 def fleet_runs(seed: int, rng: np.random.Generator) -> tuple[FleetRun, ...]:
-    """Schedule a design on the model of the specification, and close the loop on the six actuators.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    rng : numpy.random.Generator
-        Source of excitation, phases and noise.
-
-    Returns
-    -------
-    tuple of FleetRun
-        Of length 6.
-    """
+    """Schedule a design on the model of the specification, and close the loop on the six actuators."""
     wished = specification()
     h, reading = wished.rig.sample_time, wished.rig.reading
     model = identified(recorded(wished, band_limited_noise(rng, 120.0, h, band=EXCITED), rng))

@@ -27,8 +27,6 @@ from deatwin.plant.errors import DeatwinError
 from deatwin.scenarios.control_check.calibration import calibrated
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, identified, random_bench
 
-__all__ = ["DESIGNS", "NO_MODEL", "Outcome", "try_one"]
-
 
 def _pi(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
     return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=time)
@@ -63,42 +61,18 @@ _NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controll
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a design.
-
-    Parameters
-    ----------
-    number : int
-        Of the trial.
-    concealed : str
-        Effect that the specification does not have; empty without one.
-    design : str
-        How the controller was designed.
-    closed_loop_time : float
-        That was asked for, s.
-    band_Hz : float
-        That the recording excited, Hz.
-    verdict : str
-        Of the check, or that there was no model.
-    reason : str
-        Of the verdict.
-    inside : float or None
-        Share of the true steps inside the predicted simultaneous band; None without a run or a prediction.
-    sound : bool or None
-        Whether the true rig kept every limit on its runs; None where there was no controller.
-    truth : str
-        What was worst on the true rig.
-    """
+    """What became of a design."""
 
     number: int
-    concealed: str
-    design: str
-    closed_loop_time: float
-    band_Hz: float
+    concealed: str  # Effect that the specification does not have; empty without one
+    design: str  # How the controller was designed
+    closed_loop_time: float  # That was asked for, s
+    band_Hz: float  # That the recording excited, Hz
     verdict: str
     reason: str
     inside: float | None
-    sound: bool | None
-    truth: str
+    sound: bool | None  # Whether the true rig kept every limit on its runs; None where there was no controller
+    truth: str  # What was worst on the true rig
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -106,34 +80,12 @@ class Outcome:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """The outcome that `to_dict` described.
-
-        Parameters
-        ----------
-        data : mapping
-            Plain data.
-
-        Returns
-        -------
-        Outcome
-        """
+        """The outcome that `to_dict` described."""
         return cls(**data)
 
 
 def try_one(number: int, seed: int) -> Outcome:
-    """Fabricate a rig, identify and calibrate it, design, check, and run the design on the truth.
-
-    Parameters
-    ----------
-    number : int
-        Of the trial.
-    seed : int
-        Of the study.
-
-    Returns
-    -------
-    Outcome
-    """
+    """Fabricate a rig, identify and calibrate it, design, check, and run the design on the truth."""
     rng = np.random.default_rng((seed, number))
     bench = random_bench(rng)
     name, closed_loop_time = str(rng.choice(list(DESIGNS))), float(10 ** rng.uniform(-1.3, 0.0))

@@ -8,13 +8,12 @@ import numpy as np
 
 from deatwin.control.checking.specification import Verdict
 from deatwin.scenarios.control_check.concealed import Concealed, Designed
-from deatwin.scenarios.control_check.rates import Rate, caught, in_words, inside
+from deatwin.scenarios.control_check.rates import caught, in_words, inside
 from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.story import Row
-
-__all__ = ["CAUGHT", "INVERSES", "KEPT", "LOWER", "NEAR", "judge", "named"]
 
 LOWER = 5.0
 """Times that the error behind the inverse is below that of PI alone."""
@@ -30,17 +29,7 @@ EQUAL = 1e-6
 
 
 def judge(study: Study) -> list[Row]:
-    """Hold the study against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the study against what is demanded."""
     nominal, electrode = study.tracking[0], named(study.concealed, "electrode_rc")
     base, amended = electrode.designs
     return [
@@ -55,19 +44,7 @@ def judge(study: Study) -> list[Row]:
 
 
 def named(concealed: Sequence[Concealed], effect: str) -> Concealed:
-    """What was found of an effect.
-
-    Parameters
-    ----------
-    concealed : sequence of Concealed
-        Of all effects.
-    effect : str
-        Canonical name of one of them.
-
-    Returns
-    -------
-    Concealed
-    """
+    """What was found of an effect."""
     return next(one for one in concealed if one.effect == effect)
 
 

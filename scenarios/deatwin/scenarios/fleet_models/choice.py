@@ -12,8 +12,6 @@ from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.recording import Recording
 
-__all__ = ["THRESHOLDS", "Choice", "compare"]
-
 Array = NDArray[np.float64]
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 """Of the error reduction ratio, below which a term is no longer added."""
@@ -21,26 +19,13 @@ THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """Structures of all sizes along the two paths.
+    """Structures of all sizes along the two paths."""
 
-    Parameters
-    ----------
-    terms, bounds : ndarray, shape (n_steps,)
-        Number of terms and lower bound, nats, of each step of SVB.
-    bound_errors : ndarray, shape (n_steps,)
-        Free-run error over the held-out section, m, of the terms of that step, estimated by least squares; infinite
-        where the run diverges.
-    err : ndarray, shape (n_path,)
-        Error reduction ratio of the 1st, 2nd, ... term of FRO.
-    err_errors : ndarray, shape (n_path,)
-        Free-run error as above, of the first 1, 2, ... terms.
-    """
-
-    terms: Array
+    terms: Array  # shape (n_steps,): Number of terms and lower bound, nats, of each step of SVB
     bounds: Array
     bound_errors: Array
-    err: Array
-    err_errors: Array
+    err: Array  # shape (n_path,): Error reduction ratio of the 1st, 2nd, ... term of FRO
+    err_errors: Array  # shape (n_path,): Free-run error as above, of the first 1, 2, ... terms
 
     @property
     def by_bound(self) -> int:
@@ -48,38 +33,13 @@ class Choice:
         return int(self.terms[np.argmax(self.bounds)])
 
     def by_threshold(self, threshold: float) -> int:
-        """Number of terms that a threshold of the error reduction ratio takes.
-
-        Parameters
-        ----------
-        threshold : float
-            The first term whose ratio is below ends the selection.
-
-        Returns
-        -------
-        int
-            At least 1.
-        """
+        """Number of terms that a threshold of the error reduction ratio takes."""
         below = np.flatnonzero(self.err < threshold)
         return max(int(below[0]) if below.size else self.err.size, 1)
 
 
 def compare(svb: SvbNarx, fro: Frols, training: Recording, held_out: Recording) -> Choice:
-    """Follow both paths.
-
-    Parameters
-    ----------
-    svb : SvbNarx
-        Fitted to the training section.
-    fro : Frols
-        Fitted to it, from the same candidates; its whole path is followed.
-    training, held_out : Recording
-        What is estimated on, and run free over.
-
-    Returns
-    -------
-    Choice
-    """
+    """Follow both paths."""
     return Choice(
         terms=np.array([len(step.terms) for step in svb.path_], dtype=np.float64),
         bounds=np.array([step.lower_bound for step in svb.path_]),

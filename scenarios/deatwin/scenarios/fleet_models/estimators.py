@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.estimation import Ridge, TotalLeastSquares
+from deatwin.ident.narx.estimation import TotalLeastSquares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.refine import refine
+from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.validate import Validation, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-__all__ = ["ESTIMATORS", "Estimated", "estimate_all"]
 
 Terms = Sequence[Term]
 NOISE_LAGS = 2
@@ -24,20 +23,10 @@ NOISE_LAGS = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimated:
-    """A structure with the parameters of one estimator.
-
-    Parameters
-    ----------
-    name : str
-        Of the estimator, one of `ESTIMATORS`.
-    model : NarxModel
-        The structure's terms first; those of the noise after them.
-    training, held_out : Validation
-        On the section it was estimated on, and on the other.
-    """
+    """A structure with the parameters of one estimator."""
 
     name: str
-    model: NarxModel
+    model: NarxModel  # The structure's terms first; those of the noise after them
     training: Validation
     held_out: Validation
 
@@ -62,20 +51,7 @@ ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxy
 
 
 def estimate_all(terms: Terms, training: Recording, held_out: Recording) -> tuple[Estimated, ...]:
-    """Estimate a structure with each of `ESTIMATORS`.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        The structure.
-    training, held_out : Recording
-        What is estimated on, and what is judged on.
-
-    Returns
-    -------
-    tuple of Estimated
-        Without those that need a sound free run to begin with, where least squares gives none.
-    """
+    """Estimate a structure with each of `ESTIMATORS`."""
     found = []
     for name, estimate in ESTIMATORS.items():
         try:

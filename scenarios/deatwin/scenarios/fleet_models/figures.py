@@ -15,22 +15,12 @@ from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.scenarios.fleet_models.variants import RECORDED, STEADY
 from deatwin.scenarios.thesis_data.drifts import moving_mean
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "STEADIEST",
-    "Columns",
-    "correlation_tests",
-    "filled",
-    "free_runs",
-    "key_of",
-    "plain_numbers",
-    "semp_drawings",
-]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -43,22 +33,7 @@ STEADIEST = 6
 
 
 def semp_drawings(study: Study, shown: int) -> tuple[list[Drawing], dict[str, Columns]]:
-    """Draw the figures of chapter 4.
-
-    Parameters
-    ----------
-    study : Study
-        With SEMP.
-    shown : int
-        Number of the actuator whose tests stand beside those of the steadiest.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to dict of str to ndarray
-        Columns of each CSV file.
-    """
+    """Draw the figures of chapter 4."""
     made = [
         _orders(study.plan),
         _semp(study.recorded),
@@ -154,24 +129,7 @@ def _semp(benches: tuple[Bench, ...]) -> tuple[Drawing, Columns]:
 def free_runs(
     benches: Sequence[Bench], methods: Sequence[str], bands: Mapping[str, PredictiveBand] | None = None
 ) -> tuple[Drawing, Columns]:
-    """Draw around the largest reading of each held-out section.
-
-    Parameters
-    ----------
-    benches : sequence of Bench
-        The six.
-    methods : sequence of str
-        Whose models run.
-    bands : mapping of str to PredictiveBand, optional
-        Over the held-out section of each actuator, by its name.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Draw around the largest reading of each held-out section."""
     columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         panels = figure.subplots(3, 2)
@@ -235,24 +193,7 @@ def _drift(study: Study) -> tuple[Drawing, Columns]:
 
 
 def correlation_tests(study: Study, number: int, counterpart: str) -> tuple[Drawing, Columns]:
-    """Draw the five tests of an actuator, one method beside the other, and those of the same without its history.
-
-    Parameters
-    ----------
-    study : Study
-        The methods are its own.
-    number : int
-        Of the actuator.
-    counterpart : str
-        What of the thesis the figure stands for.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Draw the five tests of an actuator, one method beside the other, and those of the same without its history."""
     bench, steady = study.recorded[number - 1], study.benches[STEADY][number - 1]
     columns: dict[str, Array] = {}
     with draw((9.6, 8.4)) as figure:
@@ -293,13 +234,7 @@ def _around(values: Array, length: int) -> slice:
 
 
 def plain_numbers(axes: Axes) -> None:
-    """Write 1, 2, 5 and 10 instead of powers.
-
-    Parameters
-    ----------
-    axes : matplotlib Axes
-        Whose ordinate is logarithmic.
-    """
+    """Write 1, 2, 5 and 10 instead of powers."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -308,17 +243,7 @@ def plain_numbers(axes: Axes) -> None:
 
 
 def key_of(bench: Bench) -> str:
-    """The name of an actuator as it begins the names of columns.
-
-    Parameters
-    ----------
-    bench : Bench
-        The actuator.
-
-    Returns
-    -------
-    str
-    """
+    """The name of an actuator as it begins the names of columns."""
     return bench.name.replace(" ", "")
 
 
@@ -329,16 +254,6 @@ def _complete(columns: Columns) -> Columns:
 
 
 def filled(columns: Columns) -> Columns:
-    """Columns of one length: the shorter ones end in gaps.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of any lengths.
-
-    Returns
-    -------
-    dict of str to ndarray
-    """
+    """Columns of one length: the shorter ones end in gaps."""
     longest = max(column.size for column in columns.values())
     return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}

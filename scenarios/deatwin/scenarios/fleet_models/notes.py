@@ -11,36 +11,14 @@ from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Note
 
-__all__ = ["semp_notes", "svb_notes"]
-
 
 def semp_notes(study: Study) -> list[Note]:
-    """Write the notes of chapter 4.
-
-    Parameters
-    ----------
-    study : Study
-        With FRO beside SEMP.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes of chapter 4."""
     return [_sections(study), _failures(study), _drift(), _step_taken(study)]
 
 
 def svb_notes(study: Study) -> list[Note]:
-    """Write the notes of chapter 6.
-
-    Parameters
-    ----------
-    study : Study
-        With SEMP and SVB.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes of chapter 6."""
     return [_same_benches(study), _posterior(study), _failures(study), _rule(study)]
 
 

@@ -24,23 +24,6 @@ from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS, as_variant
 from deatwin.scenarios.thesis_data.drifts import at_same_input
 
-__all__ = [
-    "CHOOSING",
-    "DEGREES",
-    "FACTORS",
-    "HELD_OUT",
-    "LAGS",
-    "RULE",
-    "Orders",
-    "Plan",
-    "Prepared",
-    "as_good",
-    "make_plan",
-    "order_errors",
-    "prepare",
-    "thinned",
-]
-
 Array = NDArray[np.float64]
 
 SEGMENTS = 40
@@ -66,27 +49,13 @@ SAMPLING_LAGS = 500
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """An actuator, recorded and looked over.
+    """An actuator, recorded and looked over."""
 
-    Parameters
-    ----------
-    actuator : Actuator
-        The one.
-    recordings : mapping of str to Recording
-        For each of `VARIANTS`, as the sensor gives it.
-    sections : Sections
-        Stationary stretches of the recording at the same input.
-    sampling : SamplingChoice
-        What its correlation functions ask for.
-    findings : tuple of Finding
-        What is named in the reading at the same input, and left as it is.
-    """
-
-    actuator: Actuator
+    actuator: Actuator  # The one
     recordings: Mapping[str, Recording]
-    sections: Sections
-    sampling: SamplingChoice
-    findings: tuple[Finding, ...]
+    sections: Sections  # Stationary stretches of the recording at the same input
+    sampling: SamplingChoice  # What its correlation functions ask for
+    findings: tuple[Finding, ...]  # What is named in the reading at the same input, and left as it is
 
     @property
     def name(self) -> str:
@@ -103,19 +72,7 @@ class Prepared:
         return longest.first * record.sample_time, longest.last * record.sample_time
 
     def split(self, variant: str, factor: int) -> tuple[Recording, Recording]:
-        """Training and held-out section: the stretch, and the end of it.
-
-        Parameters
-        ----------
-        variant : str
-            One of `VARIANTS`.
-        factor : int
-            Every so many samples are kept.
-
-        Returns
-        -------
-        training, held_out : Recording
-        """
+        """Training and held-out section: the stretch, and the end of it. `factor` every so many samples are kept."""
         record = self.recordings[variant]
         first, last = (round(time / record.sample_time) for time in self.stretch)
         whole = thinned(record.section(first, last), factor)
@@ -125,15 +82,7 @@ class Prepared:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Orders:
-    """Free-run errors by lags and degree at one sampling time.
-
-    Parameters
-    ----------
-    factor : int
-        Of the recordings' sampling time.
-    errors : ndarray, shape (n_actuators, n_lags, n_degrees)
-        For `LAGS` and `DEGREES`: root mean square over that of the reading about its mean.
-    """
+    """Free-run errors by lags and degree at one sampling time."""
 
     factor: int
     errors: Array
@@ -160,18 +109,10 @@ class Orders:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """What is the same for all six.
-
-    Parameters
-    ----------
-    orders : tuple of Orders
-        For each of `FACTORS`.
-    chosen : int
-        Which of them.
-    """
+    """What is the same for all six."""
 
     orders: tuple[Orders, ...]
-    chosen: int
+    chosen: int  # Which of them
 
     @property
     def factor(self) -> int:
@@ -195,25 +136,7 @@ class Plan:
 
 
 def prepare(actuator: Actuator) -> Prepared:
-    """Record an actuator with and without parts of its physics, and look where it is stationary.
-
-    The mean of half a minute of noise wanders by more than the actuators drift. So what is tested, beside the command,
-    is the reading less what the command and its rate explain over the whole recording.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Of the fleet.
-
-    Returns
-    -------
-    Prepared
-
-    Raises
-    ------
-    SimulationError
-        If the film pulls in.
-    """
+    """Record an actuator with and without parts of its physics, and look where it is stationary."""
     recordings = {variant: as_variant(actuator, variant).record().recordings[0] for variant in VARIANTS}
     record = recordings[RECORDED]
     level = replace(record, outputs=at_same_input(record.inputs[0], record.outputs[0], record.sample_time)[None])
@@ -227,23 +150,7 @@ def prepare(actuator: Actuator) -> Prepared:
 
 
 def thinned(record: Recording, factor: int) -> Recording:
-    """Keep every so many samples, as they are.
-
-    The film follows the command at once by a half, so that a reading belongs to the command of its own instant. A
-    command filtered and moved to the middle of a longer hold, as `decimate` gives it for a plant that follows later,
-    would be a quarter of a cycle early at the new Nyquist frequency.
-
-    Parameters
-    ----------
-    record : Recording
-        Whose power above the new Nyquist frequency is small.
-    factor : int
-        At least 1.
-
-    Returns
-    -------
-    Recording
-    """
+    """Keep every so many samples, as they are."""
     return replace(
         record,
         inputs=record.inputs[:, ::factor],
@@ -253,17 +160,8 @@ def thinned(record: Recording, factor: int) -> Recording:
 
 
 def order_errors(training: Recording) -> Array:
-    """Free-run errors on the end of a training section, of models that only its beginning has seen.
-
-    Parameters
-    ----------
-    training : Recording
-        Thinned.
-
-    Returns
-    -------
-    ndarray, shape (n_lags, n_degrees)
-        As in `Orders`; infinite where the free run diverges.
+    """Free-run errors on the end of a training section, of models that only its beginning has seen. Shapes: returns
+    (n_lags, n_degrees).
     """
     cut = training.n_samples - round(CHOOSING * training.n_samples)
     end = training.section(cut, training.n_samples)
@@ -282,18 +180,7 @@ def order_errors(training: Recording) -> Array:
 
 
 def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
-    """Choose sampling time, lags and degree for the whole fleet.
-
-    Parameters
-    ----------
-    errors : mapping of int to sequence of ndarray
-        For each of `FACTORS` the `order_errors` of each actuator.
-
-    Returns
-    -------
-    Plan
-        With the longest sampling time whose least errors are as good as the least of all.
-    """
+    """Choose sampling time, lags and degree for the whole fleet."""
     orders = tuple(Orders(factor=factor, errors=np.array(each)) for factor, each in errors.items())
     least = min((one.least for one in orders), key=np.mean)
     near = [i for i, one in enumerate(orders) if as_good(one.least, least)]
@@ -303,19 +190,10 @@ def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
 def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
     """Whether errors are as good as the least: on average not larger by more than a standard error.
 
-    Parameters
-    ----------
-    errors, least : ndarray, shape (n_actuators, ...)
-        Compared actuator by actuator, so that what differs between actuators does not count as uncertainty.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
-
-    References
-    ----------
-    Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2nd ed. (2009), section 7.10: the
+    Source: Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2nd ed. (2009), section 7.10: the
     one-standard-error rule, here of paired differences.
+
+    Shapes: `errors, least` (n_actuators, ...); returns (...).
     """
     finite = np.isfinite(errors).all(axis=0)
     beyond = np.where(finite, errors, 0.0) - least

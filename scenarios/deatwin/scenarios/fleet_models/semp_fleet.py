@@ -21,29 +21,11 @@ from deatwin.scenarios.fleet_models.verdicts import judge_semp
 from deatwin.studies.report.story import StoryPage
 from deatwin.studies.stories import Setting
 
-__all__ = ["PROGRAMME", "run"]
-
 PROGRAMME = Programme(methods=(SEMP,), beside=(FRO,))
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Identify the fleet by SEMP.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, the validation of each model, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Identify the fleet by SEMP."""
     return tell(setting, PROGRAMME, SEMP, _account)
 
 

@@ -19,8 +19,6 @@ from deatwin.scenarios.fleet_models.preparation import FACTORS, RULE, Plan, Prep
 from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
 from deatwin.studies.voice import Progress
 
-__all__ = ["FREE", "FRO", "LINEAR", "SEMP", "SVB", "Bench", "Identified", "Programme", "Study", "carry_out", "identify"]
-
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"
 SHARES = (0.4, 0.5, 0.9)
 """Of all work that are done when the recordings, the orders and the models are."""
@@ -28,15 +26,7 @@ SHARES = (0.4, 0.5, 0.9)
 
 @dataclass(frozen=True, kw_only=True)
 class Programme:
-    """Which methods identify the actuators; a linear model of the same lags stands beside them everywhere.
-
-    Parameters
-    ----------
-    methods : tuple of str
-        Of each variant: `SEMP` first, then what is compared with it.
-    beside : tuple of str
-        Of the recordings as they are only.
-    """
+    """Which methods identify the actuators; a linear model of the same lags stands beside them everywhere."""
 
     methods: tuple[str, ...]
     beside: tuple[str, ...]
@@ -44,20 +34,10 @@ class Programme:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
-    """A model, how it was found, and what two sections say of it.
-
-    Parameters
-    ----------
-    search : NarxIdentifier
-        Fitted.
-    model : NarxModel
-        What came of it.
-    training, held_out : Validation
-        On the section that it was fitted to, and on the other.
-    """
+    """A model, how it was found, and what two sections say of it."""
 
     search: Any
-    model: NarxModel
+    model: NarxModel  # What came of it
     training: Validation
     held_out: Validation
 
@@ -79,44 +59,20 @@ class Identified:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """An actuator, or the same with less physics, and its models.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    variant : str
-        One of `VARIANTS`.
-    sections : tuple of Recording
-        Training and held-out.
-    models : mapping of str to Identified
-        By method.
-    """
+    """An actuator, or the same with less physics, and its models."""
 
     name: str
-    variant: str
-    sections: tuple[Recording, Recording]
+    variant: str  # One of `VARIANTS`
+    sections: tuple[Recording, Recording]  # Training and held-out
     models: Mapping[str, Identified]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it.
+    """All of it."""
 
-    Parameters
-    ----------
-    prepared : tuple of Prepared
-        The six.
-    plan : Plan
-        Sampling time, lags and degree.
-    benches : mapping of str to tuple of Bench
-        For each of `VARIANTS` the six.
-    methods : tuple of str
-        Of the `Programme`.
-    """
-
-    prepared: tuple[Prepared, ...]
-    plan: Plan
+    prepared: tuple[Prepared, ...]  # The six
+    plan: Plan  # Sampling time, lags and degree
     benches: Mapping[str, tuple[Bench, ...]]
     methods: tuple[str, ...]
 
@@ -126,46 +82,13 @@ class Study:
         return self.benches[RECORDED]
 
     def models(self, variant: str, methods: Iterable[str] | None = None) -> list[Identified]:
-        """Models of the six.
-
-        Parameters
-        ----------
-        variant : str
-            One of `VARIANTS`.
-        methods : iterable of str, optional
-            Whose; those of the programme by default.
-
-        Returns
-        -------
-        list of Identified
-        """
+        """Models of the six."""
         wanted = tuple(methods or self.methods)
         return [bench.models[method] for bench in self.benches[variant] for method in wanted]
 
 
 def carry_out(seed: int, programme: Programme, *, jobs: int, progress: Progress) -> Study:
-    """Record, prepare, identify and validate.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    programme : Programme
-        By which methods.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record, prepare, identify and validate."""
     recorded, ordered, done = SHARES
     prepared = _all(prepare, [(one,) for one in fleet(seed)], jobs, progress, 0.0, recorded, "recording six actuators")
     sections = [(one.split(RECORDED, factor)[0],) for factor in FACTORS for one in prepared]
@@ -183,25 +106,7 @@ def carry_out(seed: int, programme: Programme, *, jobs: int, progress: Progress)
 
 
 def identify(name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan, programme: Programme) -> Bench:
-    """Identify an actuator by each method.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    variant : str
-        One of `VARIANTS`.
-    sections : tuple of Recording
-        Training and held-out.
-    plan : Plan
-        Lags and degree.
-    programme : Programme
-        The methods.
-
-    Returns
-    -------
-    Bench
-    """
+    """Identify an actuator by each method."""
     beside = programme.beside if variant == RECORDED else ()
     models: dict[str, Identified] = {}
     for method in (LINEAR, *programme.methods, *beside):

@@ -20,10 +20,8 @@ from deatwin.scenarios.fleet_models.figures import (
 )
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import SHOWN
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
-
-__all__ = ["shares", "svb_drawings"]
 
 Array = NDArray[np.float64]
 INK, MEASURED, BEFORE, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "before", "after"))
@@ -32,24 +30,7 @@ DRAWS = 200
 
 
 def svb_drawings(study: Study, choice: Choice, seed: int) -> tuple[list[Drawing], dict[str, Columns]]:
-    """Draw the figures of chapter 6.
-
-    Parameters
-    ----------
-    study : Study
-        With SEMP and SVB.
-    choice : Choice
-        Of the actuator that is shown in full.
-    seed : int
-        Of the draws of the bands.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to dict of str to ndarray
-        Columns of each CSV file.
-    """
+    """Draw the figures of chapter 6."""
     rng = np.random.default_rng(seed)
     bands = {
         bench.name: free_run_band(bench.models[SVB].model, bench.sections[1], rng, n_draws=DRAWS)
@@ -138,20 +119,7 @@ def _posterior(bench: Bench) -> tuple[Drawing, Columns]:
 
 
 def shares(model: NarxModel, bench: Bench) -> Array:
-    """What each term adds to the next reading over the training section.
-
-    Parameters
-    ----------
-    model : NarxModel
-        With its covariance.
-    bench : Bench
-        With the sections.
-
-    Returns
-    -------
-    ndarray, shape (3, n_terms)
-        Parameter, and the ends of its 95 % interval, times the root mean square of the term, m.
-    """
+    """What each term adds to the next reading over the training section. Shapes: returns (3, n_terms)."""
     size = np.sqrt(np.mean(regressors(model, bench.sections[0]) ** 2, axis=1))
     low, high = ThetaPosterior(model=model).interval().T
     return np.stack([model.theta, low, high]) * size

@@ -22,31 +22,13 @@ from deatwin.scenarios.fleet_models.verdicts import judge_svb
 from deatwin.studies.report.story import StoryPage
 from deatwin.studies.stories import Setting
 
-__all__ = ["PROGRAMME", "run"]
-
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))
 LONGEST_PATH = 40
 """Of FRO, in terms, where it is held against SVB."""
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Identify the fleet by SVB, and by SEMP to compare it with.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, the validation of each model, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Identify the fleet by SVB, and by SEMP to compare it with."""
     return tell(setting, PROGRAMME, SVB, _account)
 
 

@@ -14,8 +14,6 @@ from deatwin.scenarios.fleet_models.verdicts import deviations
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table
 
-__all__ = ["SHOWN", "TESTS", "UNITS", "semp_tables", "svb_tables"]
-
 SHOWN = 5
 """Of the actuators, the one whose model the thesis shows in full."""
 TESTS = {"ee": "ee", "ue": "ue", "e(eu)": "e(eu)", "(u2)'e": "(u²)′e", "(u2)'e2": "(u²)′e²"}
@@ -23,20 +21,7 @@ UNITS = "SI: m, V"
 
 
 def semp_tables(study: Study, estimated: Sequence[Estimated]) -> list[Table]:
-    """Make the tables of chapter 4.
-
-    Parameters
-    ----------
-    study : Study
-        With FRO beside SEMP.
-    estimated : sequence of Estimated
-        Of the structure of the actuator that is shown in full.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make the tables of chapter 4."""
     shown = study.recorded[SHOWN - 1]
     return [
         _preprocessing(study.prepared, study.plan),
@@ -49,18 +34,7 @@ def semp_tables(study: Study, estimated: Sequence[Estimated]) -> list[Table]:
 
 
 def svb_tables(study: Study) -> list[Table]:
-    """Make the tables of chapter 6 and of appendix D.
-
-    Parameters
-    ----------
-    study : Study
-        With SEMP and SVB.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make the tables of chapter 6 and of appendix D."""
     shown = study.recorded[SHOWN - 1]
     others = [bench for bench in study.recorded if bench is not shown]
     return [

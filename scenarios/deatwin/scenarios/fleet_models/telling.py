@@ -14,8 +14,6 @@ from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.story import StoryPage, write_story
 from deatwin.studies.stories import Setting
 
-__all__ = ["Account", "tell"]
-
 Account = tuple[StoryPage, Mapping[str, Columns]]
 """A page, whose title is the name of the story, and the columns of each CSV file."""
 
@@ -23,29 +21,7 @@ Account = tuple[StoryPage, Mapping[str, Columns]]
 def tell(
     setting: Setting, programme: Programme, method: str, account: Callable[[Setting, Study], Account]
 ) -> Mapping[str, Any]:
-    """Identify the fleet, and write the page, the models of a method, the data of the figures and what is plain data.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like.
-    programme : Programme
-        By which methods.
-    method : str
-        Whose six models are the story's own.
-    account : callable
-        Judges the study and draws it.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, the validation of each model, and the sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Identify the fleet, and write the page, the models of a method, the data of the figures and what is plain data."""
     record = setting.record()
     study = carry_out(setting.seed, programme, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.9, "judging and drawing")

@@ -12,26 +12,12 @@ from dataclasses import replace
 from deatwin.plant.fleet import Actuator
 from deatwin.plant.model import Plant
 
-__all__ = ["FILM", "RECORDED", "STEADY", "VARIANTS", "as_variant"]
-
 RECORDED, STEADY, FILM = "as recorded", "without its history", "without hysteresis too"
 VARIANTS = (RECORDED, STEADY, FILM)
 
 
 def as_variant(actuator: Actuator, variant: str) -> Actuator:
-    """Leave physics out of an actuator; fabrication, commands and sensor's noise stay.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Of the fleet.
-    variant : str
-        One of `VARIANTS`.
-
-    Returns
-    -------
-    Actuator
-    """
+    """Leave physics out of an actuator; fabrication, commands and sensor's noise stay."""
     return replace(actuator, plant=_with_less(actuator.plant, variant))
 
 

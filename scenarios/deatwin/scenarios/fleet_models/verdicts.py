@@ -15,8 +15,6 @@ from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, 
 from deatwin.scenarios.fleet_models.variants import FILM, STEADY
 from deatwin.studies.report.story import Row
 
-__all__ = ["deviations", "judge_semp", "judge_svb"]
-
 HALF = 0.5
 """Of the linear model's error: what a nonlinear one has to be better than."""
 AS_GOOD = 1.1
@@ -26,32 +24,12 @@ RISE = 1e-9
 
 
 def judge_semp(study: Study) -> list[Row]:
-    """Hold the models of SEMP against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        With FRO beside it.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the models of SEMP against what is demanded."""
     return [*_of_method(study, SEMP), _against_fro(study.recorded), _dc(study.recorded)]
 
 
 def judge_svb(study: Study) -> list[Row]:
-    """Hold the models of SVB, and their posteriors, against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        With SEMP and SVB.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the models of SVB, and their posteriors, against what is demanded."""
     return [*_of_method(study, SVB), _against_semp(study.recorded), _bounds(study.recorded), _band(study)]
 
 
@@ -199,22 +177,7 @@ def _dc(benches: Iterable[Bench]) -> Row:
 
 
 def deviations(model: NarxModel, section: Recording) -> tuple[NarxModel, Recording]:
-    """The model without its DC component, and the recording seen from the same operating point.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output, with its training range.
-    section : Recording
-        In the model's units.
-
-    Returns
-    -------
-    model : NarxModel
-        Of the deviations from the equilibrium at the mean command of its training data.
-    section : Recording
-        Command and reading less those of the equilibrium.
-    """
+    """The model without its DC component, and the recording seen from the same operating point."""
     point = equilibrium(model)
     moved = replace(
         section, inputs=section.inputs - point.operating_input[:, None], outputs=section.outputs - point.output

@@ -32,23 +32,7 @@ __all__ = ["run"]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Analyse benchmark systems and the fleet in the frequency domain.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Analyse benchmark systems and the fleet in the frequency domain."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     fleet = identify_fleet(
         setting.seed, jobs=setting.jobs, progress=lambda share, text: setting.progress(0.8 * share, text)

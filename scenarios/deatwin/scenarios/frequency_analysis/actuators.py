@@ -28,22 +28,6 @@ from deatwin.scenarios.fleet_models.preparation import RULE
 from deatwin.scenarios.frequency_analysis.benchmarks import settled
 from deatwin.scenarios.frequency_analysis.removal import Removal, remove
 
-__all__ = [
-    "FREQUENCIES",
-    "GRID",
-    "MOST_ORDERS",
-    "ORDERS",
-    "SHOWN",
-    "TABLED",
-    "Actuators",
-    "Analysed",
-    "Rival",
-    "Sampled",
-    "Side",
-    "actuators",
-    "left_by",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -64,37 +48,17 @@ DRAWS = 400
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Analysed:
-    """An actuator in the frequency domain.
+    """An actuator in the frequency domain."""
 
-    Parameters
-    ----------
-    alike : Alike
-        Recordings and model.
-    removal : Removal
-        Of its DC component.
-    first, second : FrequencyResponse
-        H_1 at `FREQUENCIES`, and H_2 on a grid.
-    fitted : Nofrf
-        G_1, G_2, ... by least squares over levels.
-    direct : tuple of FrequencyResponse
-        The same from the model.
-    outputs : tuple of FrequencyResponse
-        Y_1, Y_2, ... under the test signal.
-    left : ndarray, shape (`MOST_ORDERS`,)
-        What the orders up to each leave of the settled free run under a piece of the record, as `left_by` gives it.
-    simulated : ndarray of complex, shape (n_lines,)
-        Spectrum of the settled free run under the test signal.
-    """
-
-    alike: Alike
+    alike: Alike  # Recordings and model
     removal: Removal
-    first: FrequencyResponse
+    first: FrequencyResponse  # H_1 at `FREQUENCIES`, and H_2 on a grid
     second: FrequencyResponse
-    fitted: Nofrf
+    fitted: Nofrf  # G_1, G_2, ... by least squares over levels
     direct: tuple[FrequencyResponse, ...]
-    outputs: tuple[FrequencyResponse, ...]
+    outputs: tuple[FrequencyResponse, ...]  # Y_1, Y_2, ... under the test signal
     left: Array
-    simulated: Complex
+    simulated: Complex  # shape (n_lines,): Spectrum of the settled free run under the test signal
 
     @property
     def name(self) -> str:
@@ -124,68 +88,29 @@ class Analysed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
-    """The test signal beside a piece of the record of equal length, for one actuator.
-
-    Parameters
-    ----------
-    signal : TestSignal
-        As designed.
-    random : ndarray, shape (n_samples,)
-        Commands of the record, as deviations from the operating input, V.
-    designed_inputs, random_inputs : tuple of InputSpectrum
-        U_1, U_2, ... of both; the test signal scaled to the rms of the record.
-    designed, by_random : Nofrf
-        By least squares with either.
-    direct_random : tuple of FrequencyResponse
-        G_n of the record from the model.
-    """
+    """The test signal beside a piece of the record of equal length, for one actuator."""
 
     signal: TestSignal
-    random: Array
+    random: Array  # shape (n_samples,): Commands of the record, as deviations from the operating input, V
     designed_inputs: tuple[InputSpectrum, ...]
     random_inputs: tuple[InputSpectrum, ...]
     designed: Nofrf
     by_random: Nofrf
-    direct_random: tuple[FrequencyResponse, ...]
+    direct_random: tuple[FrequencyResponse, ...]  # G_n of the record from the model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled:
-    """Orders of an output with the bands of an SVB model, propagated and drawn.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    model : NarxModel
-        By SVB.
-    first : FrequencyResponse
-        Its H_1, at the frequencies of the others'.
-    orders : tuple of FrequencyResponse
-        Y_1, Y_2, ... under the test signal.
-    draws : ndarray of complex, shape (n_draws, n_orders, n_lines)
-        The same of models whose parameters are drawn.
-    """
+    """Orders of an output with the bands of an SVB model, propagated and drawn."""
 
     name: str
     model: NarxModel
-    first: FrequencyResponse
-    orders: tuple[FrequencyResponse, ...]
-    draws: Complex
+    first: FrequencyResponse  # Its H_1, at the frequencies of the others'
+    orders: tuple[FrequencyResponse, ...]  # Y_1, Y_2, ... under the test signal
+    draws: Complex  # shape (n_draws, n_orders, n_lines): The same of models whose parameters are drawn
 
     def ratios(self, order: int) -> Array:
-        """Standard deviation of the gain among the draws over the propagated one.
-
-        Parameters
-        ----------
-        order : int
-            Of the output.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            At the lines whose linear law holds.
-        """
+        """Standard deviation of the gain among the draws over the propagated one. Shapes: returns (n,)."""
         response = self.orders[order - 1]
         there = response.band().linear_law & (response.gain > 1e-9 * response.gain.max())
         return np.asarray(np.abs(self.draws[:, order - 1, there]).std(axis=0) / response.gain_deviation[there])
@@ -193,72 +118,28 @@ class Sampled:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rival:
-    """The common structure if products of output and command are allowed, as in the story `semp-fleet`.
-
-    Parameters
-    ----------
-    models : tuple of NarxModel
-        Of each actuator.
-    fits : ndarray, shape (n_actuators,)
-        Of the free runs over the held-out sections, %.
-    first : tuple of FrequencyResponse
-        H_1 of each at `FREQUENCIES`.
-    left : ndarray, shape (n_actuators, `MOST_ORDERS`)
-        As in `Analysed`.
-    """
+    """The common structure if products of output and command are allowed, as in the story `semp-fleet`."""
 
     models: tuple[NarxModel, ...]
-    fits: Array
-    first: tuple[FrequencyResponse, ...]
-    left: Array
+    fits: Array  # shape (n_actuators,): Of the free runs over the held-out sections, %
+    first: tuple[FrequencyResponse, ...]  # H_1 of each at `FREQUENCIES`
+    left: Array  # shape (n_actuators, `MOST_ORDERS`): As in `Analysed`
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Actuators:
-    """The fleet in the frequency domain.
+    """The fleet in the frequency domain."""
 
-    Parameters
-    ----------
-    fleet : Fleet
-        With its common structure.
-    each : tuple of Analysed
-        In the order of the actuators.
-    signal : TestSignal
-        That all NOFRFs are of.
-    side : Side
-        The test signal beside the record.
-    sampled : Sampled
-        The actuator that is shown, by SVB.
-    rival : Rival
-        Another common structure.
-    """
-
-    fleet: Fleet
+    fleet: Fleet  # With its common structure
     each: tuple[Analysed, ...]
-    signal: TestSignal
-    side: Side
-    sampled: Sampled
-    rival: Rival
+    signal: TestSignal  # That all NOFRFs are of
+    side: Side  # The test signal beside the record
+    sampled: Sampled  # The actuator that is shown, by SVB
+    rival: Rival  # Another common structure
 
 
 def actuators(fleet: Fleet, rng: np.random.Generator, *, draws: int = DRAWS, jobs: int = 1) -> Actuators:
-    """Analyse the fleet.
-
-    Parameters
-    ----------
-    fleet : Fleet
-        Recorded and identified.
-    rng : numpy.random.Generator
-        Of the draws.
-    draws : int
-        Their number.
-    jobs : int
-        Worker processes; -1 takes all cores.
-
-    Returns
-    -------
-    Actuators
-    """
+    """Analyse the fleet."""
     signal = _signal(fleet)
     shown = fleet.actuators[min(SHOWN, len(fleet.actuators)) - 1]
     return Actuators(
@@ -346,19 +227,8 @@ def _piece(alike: Alike, signal: TestSignal) -> Array:
 
 
 def left_by(model: NarxModel, period: Array) -> Array:
-    """Run a model free until it is settled, and sum the orders of its output.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Stable at the operating input.
-    period : ndarray, shape (n_samples,)
-        Of the input, as deviations from the operating input.
-
-    Returns
-    -------
-    ndarray, shape (`MOST_ORDERS`,)
-        What the orders up to each leave, root mean squares over that of the run; both without their means.
+    """Run a model free until it is settled, and sum the orders of its output. Shapes: `period` (n_samples,); returns
+    (`MOST_ORDERS`,).
     """
     run = settled(deviations(model, OPERATING_INPUT).model, period)
     orders = output_orders(model, period, MOST_ORDERS, operating_input=OPERATING_INPUT)

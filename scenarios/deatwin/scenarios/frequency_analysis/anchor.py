@@ -18,8 +18,6 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.fleet_frequency import OPERATING_INPUT, Alike, Fleet, fit
 from deatwin.scenarios.fleet_models.variants import FILM, STEADY, as_variant
 
-__all__ = ["LARGE", "SMALL", "Anchor", "anchor"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -32,70 +30,25 @@ PERIODS = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Anchor:
-    """First-order responses of one actuator at the operating input.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    frequency_Hz : ndarray, shape (n,)
-        Of the tones.
-    film : ndarray of complex, shape (n,)
-        Of the bare film for small commands, m/V.
-    small, large : ndarray of complex, shape (n,)
-        With hysteresis, for small and for large commands, m/V.
-    least_squares, refined : FrequencyResponse
-        H_1 of the common structure on the bare film's recording: of least one-step and of least free-run error.
-    recorded : FrequencyResponse
-        H_1 of the actuator's model.
-    """
+    """First-order responses of one actuator at the operating input."""
 
     name: str
-    frequency_Hz: Array
-    film: Complex
-    small: Complex
+    frequency_Hz: Array  # shape (n,): Of the tones
+    film: Complex  # shape (n,): Of the bare film for small commands, m/V
+    small: Complex  # shape (n,): With hysteresis, for small and for large commands, m/V
     large: Complex
     least_squares: FrequencyResponse
     refined: FrequencyResponse
-    recorded: FrequencyResponse
+    recorded: FrequencyResponse  # H_1 of the actuator's model
 
     def error(self, response: FrequencyResponse) -> float:
-        """Largest error of a gain against that of the bare film, relative.
-
-        Parameters
-        ----------
-        response : FrequencyResponse
-            At the frequencies of the tones.
-
-        Returns
-        -------
-        float
-        """
+        """Largest error of a gain against that of the bare film, relative."""
         gain = np.abs(self.film)
         return float(np.abs(response.gain / gain - 1).max())
 
 
 def anchor(alike: Alike, fleet: Fleet, frequency_Hz: tuple[float, ...] = FREQUENCIES) -> Anchor:
-    """Ask an actuator for its own response.
-
-    Parameters
-    ----------
-    alike : Alike
-        The actuator.
-    fleet : Fleet
-        With the common structure.
-    frequency_Hz : tuple of float
-        Multiples of the first.
-
-    Returns
-    -------
-    Anchor
-
-    Raises
-    ------
-    SimulationError
-        If the film pulls in.
-    """
+    """Ask an actuator for its own response."""
     film, gripped = (as_variant(alike.prepared.actuator, variant).plant for variant in (FILM, STEADY))
     record, omega = alike.whole(FILM), 2 * np.pi * np.array(frequency_Hz)
     found = fit(fleet.structure, record)

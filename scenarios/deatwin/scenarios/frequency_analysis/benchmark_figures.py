@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, Evaluated, Identified, Ranges
 from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, QUADRATIC
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["benchmark_drawings", "filled", "map_of"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -32,55 +31,18 @@ SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈"
 
 
 def benchmark_drawings(found: Benchmarks) -> list[tuple[Drawing, Columns]]:
-    """Draw what was done with the benchmark systems.
-
-    Parameters
-    ----------
-    found : Benchmarks
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures, each with the columns of its CSV file.
-    """
+    """Draw what was done with the benchmark systems."""
     return [_ranges(found.ranges), _gfrfs(), _nofrfs(found.evaluated), _identified(found.identified)]
 
 
 def filled(columns: Columns) -> Columns:
-    """Make columns of one length: the shorter ones end in gaps.
-
-    Parameters
-    ----------
-    columns : mapping of str to ndarray
-        Of any lengths.
-
-    Returns
-    -------
-    dict of str to ndarray
-    """
+    """Make columns of one length: the shorter ones end in gaps."""
     longest = max(column.size for column in columns.values())
     return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}
 
 
 def map_of(axes: Axes, axis: Array, decibels: Array, levels: Array) -> object:
-    """Draw a gain over two frequencies.
-
-    Parameters
-    ----------
-    axes : Axes
-        Where to.
-    axis : ndarray, shape (n,)
-        Frequencies of both, Hz.
-    decibels : ndarray, shape (n * n,)
-        On the grid of the two, the second running fastest.
-    levels : ndarray
-        Of the contours.
-
-    Returns
-    -------
-    matplotlib contour set
-    """
+    """Draw a gain over two frequencies. Shapes: `axis` (n,); `decibels` (n * n,)."""
     drawn = axes.contourf(axis, axis, decibels.reshape(axis.size, axis.size).T, levels=levels, cmap="viridis")
     axes.set_aspect("equal")
     axes.grid(False)

@@ -19,8 +19,6 @@ from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
 
-__all__ = ["Benchmarks", "Evaluated", "Identified", "Ranges", "benchmarks", "in_ranges", "settled"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -39,30 +37,14 @@ NAME = "S2"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ranges:
-    """The output of a system whose input has a narrow band.
+    """The output of a system whose input has a narrow band."""
 
-    Parameters
-    ----------
-    system : ClosedForm
-        Which.
-    signal : TestSignal
-        Its input.
-    frequency_Hz : ndarray, shape (n_lines,)
-        Lines of the period.
-    simulated : ndarray of complex, shape (n_lines,)
-        Fourier coefficients of the settled free run.
-    orders : tuple of FrequencyResponse
-        Y_1, Y_2, ...
-    bands_Hz : tuple of ndarray, shape (k, 2)
-        Predicted ranges of each order.
-    """
-
-    system: ClosedForm
-    signal: TestSignal
-    frequency_Hz: Array
-    simulated: Complex
-    orders: tuple[FrequencyResponse, ...]
-    bands_Hz: tuple[Array, ...]
+    system: ClosedForm  # Which
+    signal: TestSignal  # Its input
+    frequency_Hz: Array  # shape (n_lines,): Lines of the period
+    simulated: Complex  # shape (n_lines,): Fourier coefficients of the settled free run
+    orders: tuple[FrequencyResponse, ...]  # Y_1, Y_2,
+    bands_Hz: tuple[Array, ...]  # shape (k, 2): Predicted ranges of each order
 
     @property
     def outside(self) -> float:
@@ -78,27 +60,13 @@ class Ranges:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated:
-    """NOFRFs of a system, by least squares over levels and directly.
+    """NOFRFs of a system, by least squares over levels and directly."""
 
-    Parameters
-    ----------
-    system : ClosedForm
-        Which.
-    signal : TestSignal
-        The excitation.
-    fitted : Nofrf
-        By least squares.
-    direct : tuple of FrequencyResponse
-        G_1, G_2, ... from the model, without truncation.
-    simulated : ndarray of complex, shape (n_lines,)
-        Fourier coefficients of the settled free run.
-    """
-
-    system: ClosedForm
-    signal: TestSignal
+    system: ClosedForm  # Which
+    signal: TestSignal  # The excitation
     fitted: Nofrf
-    direct: tuple[FrequencyResponse, ...]
-    simulated: Complex
+    direct: tuple[FrequencyResponse, ...]  # G_1, G_2, ... from the model, without truncation
+    simulated: Complex  # shape (n_lines,): Fourier coefficients of the settled free run
 
     @property
     def errors(self) -> Array:
@@ -116,69 +84,29 @@ class Evaluated:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
-    """A system identified from one recording by SVB, and by least squares from many.
-
-    Parameters
-    ----------
-    model : NarxModel
-        By SVB.
-    truth : NarxModel
-        The system.
-    signal : TestSignal
-        What excites both.
-    orders, true_orders : tuple of FrequencyResponse
-        Y_1, Y_2, ... of both.
-    coverage : ndarray, shape (n_orders,)
-        Share of lines and recordings at which the 95 % band of the gain holds the true one.
-    recordings : int
-        Their number.
-    """
+    """A system identified from one recording by SVB, and by least squares from many."""
 
     model: NarxModel
-    truth: NarxModel
-    signal: TestSignal
-    orders: tuple[FrequencyResponse, ...]
+    truth: NarxModel  # The system
+    signal: TestSignal  # What excites both
+    orders: tuple[FrequencyResponse, ...]  # Y_1, Y_2, ... of both
     true_orders: tuple[FrequencyResponse, ...]
     coverage: Array
-    recordings: int
+    recordings: int  # Their number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Benchmarks:
-    """All of it.
-
-    Parameters
-    ----------
-    errors : mapping of str to mapping of int to float
-        Of each system and order, the largest error of H_n against the closed form, over the largest gain.
-    ranges : tuple of Ranges
-        Of a system of finite order, and of one without.
-    evaluated : tuple of Evaluated
-        The same two.
-    identified : Identified
-        A system found from a recording.
-    """
+    """All of it."""
 
     errors: Mapping[str, Mapping[int, float]]
     ranges: tuple[Ranges, ...]
     evaluated: tuple[Evaluated, ...]
-    identified: Identified
+    identified: Identified  # A system found from a recording
 
 
 def benchmarks(rng: np.random.Generator, *, recordings: int = REALISATIONS) -> Benchmarks:
-    """Analyse the benchmark systems.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of the recordings.
-    recordings : int
-        For the coverage.
-
-    Returns
-    -------
-    Benchmarks
-    """
+    """Analyse the benchmark systems."""
     chosen = (HAMMERSTEIN, DUFFING)
     return Benchmarks(
         errors={system.name: _errors(system) for system in SYSTEMS},
@@ -189,21 +117,8 @@ def benchmarks(rng: np.random.Generator, *, recordings: int = REALISATIONS) -> B
 
 
 def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Complex:
-    """Run a model free until it repeats, and return the spectrum of the last period.
-
-    Parameters
-    ----------
-    model : NarxModel
-        At rest at zero input.
-    period : ndarray, shape (n_samples,)
-        Of the input.
-    periods : int
-        How many are run.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_samples // 2 + 1,)
-        Fourier coefficients in the output's unit.
+    """Run a model free until it repeats, and return the spectrum of the last period. Shapes: `period` (n_samples,);
+    returns (n_samples // 2 + 1,).
     """
     inputs = np.tile(period, periods)
     run = model.simulate(Recording.from_arrays(inputs, np.zeros_like(inputs), model.sample_time))
@@ -211,18 +126,8 @@ def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Compl
 
 
 def in_ranges(frequency_Hz: Array, bands_Hz: Array) -> NDArray[np.bool_]:
-    """Whether lines lie in one of several bands.
-
-    Parameters
-    ----------
-    frequency_Hz : ndarray, shape (n_lines,)
-        Lines.
-    bands_Hz : ndarray, shape (k, 2)
-        Bands from low to high.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_lines,)
+    """Whether lines lie in one of several bands. Shapes: `frequency_Hz` (n_lines,); `bands_Hz` (k, 2); returns
+    (n_lines,).
     """
     low, high = bands_Hz.T[..., None]
     return np.asarray(((frequency_Hz > low - 1e-9) & (frequency_Hz < high + 1e-9)).any(axis=0))

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxModel
 
-__all__ = ["DUFFING", "HAMMERSTEIN", "LINEAR", "QUADRATIC", "SYSTEMS", "ClosedForm"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Response = Callable[[Array], Complex]
@@ -27,25 +25,13 @@ SAMPLE_TIME = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedForm:
-    """A system and its frequency responses.
+    """A system and its frequency responses."""
 
-    Parameters
-    ----------
-    name, shown : str
-        What it is called, and its equation as a person writes it.
-    equation : mapping of str to float
-        Parameter of each term.
-    responses : mapping of int to callable
-        H_n by order: takes normalised frequencies (n_points, order) in rad/sample, returns (n_points,).
-    highest : int or None
-        The highest order of its output; None where there is none.
-    """
-
-    name: str
+    name: str  # What it is called, and its equation as a person writes it
     shown: str
-    equation: Mapping[str, float]
+    equation: Mapping[str, float]  # Parameter of each term
     responses: Mapping[int, Response]
-    highest: int | None
+    highest: int | None  # The highest order of its output; None where there is none
 
     @cached_property
     def model(self) -> NarxModel:

@@ -22,13 +22,12 @@ from deatwin.scenarios.frequency_analysis.actuators import (
 )
 from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
 from deatwin.scenarios.frequency_analysis.benchmark_figures import SUBSCRIPTS, filled, map_of
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["fleet_drawings"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -44,20 +43,7 @@ UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 
 def fleet_drawings(found: Actuators, truth: Anchor) -> list[tuple[Drawing, Columns]]:
-    """Draw what was done with the fleet.
-
-    Parameters
-    ----------
-    found : Actuators
-        All of it.
-    truth : Anchor
-        The response of an actuator that is known.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures, each with the columns of its CSV file.
-    """
+    """Draw what was done with the fleet."""
     shown = next(one for one in found.each if one.name == found.sampled.name)
     return [
         _removal(shown),

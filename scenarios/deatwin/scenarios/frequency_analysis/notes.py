@@ -11,23 +11,9 @@ from deatwin.scenarios.frequency_analysis.verdicts import HALF, HIGH, LOW, sprea
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Note
 
-__all__ = ["notes"]
-
 
 def notes(fleet: Actuators, truth: Anchor) -> list[Note]:
-    """Write the notes.
-
-    Parameters
-    ----------
-    fleet : Actuators
-        In the frequency domain.
-    truth : Anchor
-        The actuator whose response is known.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes."""
     return [_words(), _thesis(), _structure(fleet), _apart(fleet), _belief(fleet, truth), _signal(fleet)]
 
 

@@ -11,31 +11,16 @@ from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.narx import NarxModel, Term
 from deatwin.plant.recording import Recording
 
-__all__ = ["Removal", "remove"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Removal:
-    """A model before and after its DC component is removed.
-
-    Parameters
-    ----------
-    model : NarxModel
-        As identified.
-    shifted : Deviations
-        From the equilibrium at the mean of the training commands.
-    section : Recording
-        Held out; what the free runs are of.
-    run, shifted_run, deleted_run : ndarray, shape (n,)
-        Free runs, m: of the model; of the deviations, put back on the operating point; of the deviations of command and
-        reading with the model's own terms but for a constant, put back likewise.
-    """
+    """A model before and after its DC component is removed."""
 
     model: NarxModel
-    shifted: Deviations
-    section: Recording
+    shifted: Deviations  # From the equilibrium at the mean of the training commands
+    section: Recording  # Held out; what the free runs are of
     run: Array
     shifted_run: Array
     deleted_run: Array
@@ -58,19 +43,7 @@ class Removal:
 
 
 def remove(model: NarxModel, section: Recording) -> Removal:
-    """Remove the DC component in the right way and in the wrong one, and run all three models free.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output, with its training range.
-    section : Recording
-        In the model's units.
-
-    Returns
-    -------
-    Removal
-    """
+    """Remove the DC component in the right way and in the wrong one, and run all three models free."""
     shifted = deviations(model)
     point = shifted.point
     moved = replace(

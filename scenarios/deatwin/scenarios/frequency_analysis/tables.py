@@ -11,26 +11,11 @@ from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_analysis.closed_forms import SYSTEMS
 from deatwin.studies.report.story import Table
 
-__all__ = ["tables"]
-
 UNITS = "SI: m, V"
 
 
 def tables(found: Benchmarks, fleet: Actuators) -> list[Table]:
-    """Make all tables.
-
-    Parameters
-    ----------
-    found : Benchmarks
-        Systems whose responses are known.
-    fleet : Actuators
-        In the frequency domain.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make all tables."""
     shown = next(one for one in fleet.each if one.name == fleet.sampled.name)
     return [_closed(found), _removal(shown), _deviations(fleet.each), _gains(fleet.each), _posed(fleet.each)]
 

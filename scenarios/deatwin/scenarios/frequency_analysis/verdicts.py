@@ -13,8 +13,6 @@ from deatwin.scenarios.frequency_analysis.anchor import Anchor
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
 from deatwin.studies.report.story import Row
 
-__all__ = ["judge", "spread"]
-
 ROUNDING = 1e-12
 SOLVED = 1e-6
 EMPTY = 1e-20
@@ -24,38 +22,12 @@ HALF = 0.5
 
 
 def judge(found: Benchmarks, fleet: Actuators, truth: Anchor) -> list[Row]:
-    """Hold the analysis against what is demanded.
-
-    Parameters
-    ----------
-    found : Benchmarks
-        Of the systems whose responses are known.
-    fleet : Actuators
-        Of the fleet.
-    truth : Anchor
-        Of the actuator whose response is known.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the analysis against what is demanded."""
     return [*_benchmarks(found), *_dc(fleet.each), *_gfrfs(fleet.each), *_nofrfs(fleet), *_bands(fleet, truth)]
 
 
 def spread(each: Iterable[Analysed], frequency_Hz: float) -> float:
-    """Largest first-order gain over the smallest, less one.
-
-    Parameters
-    ----------
-    each : iterable of Analysed
-        Actuators.
-    frequency_Hz : float
-        Nearest of `FREQUENCIES`.
-
-    Returns
-    -------
-    float
-    """
+    """Largest first-order gain over the smallest, less one."""
     place = int(np.argmin(np.abs(FREQUENCIES - frequency_Hz)))
     gains = [float(one.first.gain[place]) for one in each]
     return max(gains) / min(gains) - 1

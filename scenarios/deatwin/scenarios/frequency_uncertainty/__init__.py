@@ -29,23 +29,7 @@ PLAN = Plan()
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record, propagate, draw and compare.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, all differences and drifts, the spreads, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record, propagate, draw and compare."""
     record = setting.record()
     study = carry_out(setting.seed, PLAN, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.95, "judging and drawing")

@@ -15,21 +15,6 @@ from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models.preparation import thinned
 from deatwin.scenarios.fleet_models.variants import STEADY, as_variant
 
-__all__ = [
-    "BANDS",
-    "FACTOR",
-    "INPUT_BAND",
-    "OPERATING_INPUT",
-    "ORDERS",
-    "REPEATS",
-    "SHARED",
-    "STRUCTURE",
-    "Records",
-    "collected",
-    "recorded",
-    "tasks",
-]
-
 FACTOR = 6
 """Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""
 STRUCTURE: tuple[Term, ...] = tuple(generate_terms(1, (0, 1), 3, rule=AtMost(output=1)))
@@ -55,28 +40,10 @@ SHARED = (1, 2, 3, 4, 5)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Records:
-    """All recordings, thinned, from `BEGIN` on.
+    """All recordings, thinned, from `BEGIN` on."""
 
-    Parameters
-    ----------
-    fleet : mapping of str to Recording
-        The six as they are.
-    steady : mapping of str to Recording
-        The six without their histories, under the same commands.
-    level : mapping of str to Recording
-        The six without their histories, all under one command and with one sensor's noise.
-    repeats : mapping of str to Recording
-        Of one stationary actuator, each under other commands.
-    shared : mapping of str to Recording
-        Of one fabrication with each of the histories that go on.
-    tolerances : mapping of str to Recording
-        Of the specification with each quantity at the upper end of its tolerance, under one command.
-    specification : Recording
-        Of the specification, under the same command.
-    """
-
-    fleet: Mapping[str, Recording]
-    steady: Mapping[str, Recording]
+    fleet: Mapping[str, Recording]  # The six as they are
+    steady: Mapping[str, Recording]  # The six without their histories, under the same commands
     level: Mapping[str, Recording]
     repeats: Mapping[str, Recording]
     shared: Mapping[str, Recording]
@@ -85,22 +52,7 @@ class Records:
 
 
 def tasks(seed: int, n_repeats: int = REPEATS, duration: float = DURATION) -> dict[tuple[str, str], tuple[Any, ...]]:
-    """What is to be recorded.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    n_repeats : int
-        Of one stationary actuator.
-    duration : float
-        Of each recording, s.
-
-    Returns
-    -------
-    dict of (str, str) to tuple
-        Arguments of `recorded`, by the group of `Records` and the name in it.
-    """
+    """What is to be recorded."""
     six = fleet(seed)
     steady = {one.name: as_variant(one, STEADY) for one in six}
     still = steady[six[STATIONARY - 1].name]
@@ -120,41 +72,13 @@ def tasks(seed: int, n_repeats: int = REPEATS, duration: float = DURATION) -> di
 
 
 def recorded(actuator: Actuator, duration: float) -> Recording:
-    """Record an actuator.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With the seed of its commands and its sensor's noise.
-    duration : float
-        s.
-
-    Returns
-    -------
-    Recording
-        Thinned, from `BEGIN` on.
-
-    Raises
-    ------
-    SimulationError
-        If the film pulls in.
-    """
+    """Record an actuator."""
     record = actuator.record(actuator.excitation(duration)).recordings[0]
     return thinned(record.section(round(BEGIN / record.sample_time), record.n_samples), FACTOR)
 
 
 def collected(found: Mapping[tuple[str, str], Recording]) -> Records:
-    """Sort what was recorded.
-
-    Parameters
-    ----------
-    found : mapping of (str, str) to Recording
-        By the keys of `tasks`.
-
-    Returns
-    -------
-    Records
-    """
+    """Sort what was recorded."""
     groups: dict[str, dict[str, Recording]] = {}
     for (group, name), record in found.items():
         groups.setdefault(group, {})[name] = record

@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks, Sweep
 from deatwin.scenarios.frequency_uncertainty.spread import Spread
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["benchmark_drawings"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -26,18 +25,7 @@ CLOUD = 400
 
 
 def benchmark_drawings(found: Benchmarks) -> list[tuple[Drawing, Columns]]:
-    """Draw what was done with the benchmark systems.
-
-    Parameters
-    ----------
-    found : Benchmarks
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures, each with the columns of its CSV file.
-    """
+    """Draw what was done with the benchmark systems."""
     return [
         _complex(found.linear),
         _plane(found.linear),

@@ -17,8 +17,6 @@ from deatwin.scenarios.frequency_uncertainty.speed import Speed
 from deatwin.scenarios.frequency_uncertainty.spread import Spread, spread_of
 from deatwin.scenarios.frequency_uncertainty.systems import AT, BILINEAR, LINEAR, NOTCH, Case
 
-__all__ = ["DATA_SETS", "Benchmarks", "Sweep", "covered", "spectra", "spreads", "surface", "sweep"]
-
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -36,60 +34,26 @@ PERIOD, HARMONICS, AMPLITUDE = 64, range(3, 9), 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """Propagation beside draws, with the parameters known better and worse.
-
-    Parameters
-    ----------
-    label : str
-        Of what.
-    scales : ndarray, shape (n,)
-        Of the parameters' deviations.
-    ratios : ndarray, shape (n,)
-        The draws' variance over the propagated one, where it is furthest from one.
-    held : ndarray, shape (n,)
-        Share of the draws in the 95 % region, where it is furthest from 95 %.
-    indices : ndarray, shape (n,)
-        The largest nonlinearity over the frequencies.
-    holds : ndarray of bool, shape (n,)
-        Whether propagation says that its law holds at all frequencies.
-    """
+    """Propagation beside draws, with the parameters known better and worse."""
 
     label: str
-    scales: Array
-    ratios: Array
-    held: Array
-    indices: Array
-    holds: Flags
+    scales: Array  # shape (n,): Of the parameters' deviations
+    ratios: Array  # shape (n,): The draws' variance over the propagated one, where it is furthest from one
+    held: Array  # shape (n,): Share of the draws in the 95 % region, where it is furthest from 95 %
+    indices: Array  # shape (n,): The largest nonlinearity over the frequencies
+    holds: Flags  # shape (n,): Whether propagation says that its law holds at all frequencies
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Benchmarks:
-    """All that was done.
-
-    Parameters
-    ----------
-    cases : mapping of str to tuple of Spread
-        For each case its orders.
-    fragile : mapping of str to tuple of Spread
-        The same where the law should fail.
-    coverage : mapping of (str, int) to ndarray of bool
-        For each case and order, whether the true value is in the 95 % region, shape (n_data_sets, n_frequencies).
-    sweeps : tuple of Sweep
-        Of several responses.
-    spectra : tuple of Spread
-        Orders of the output of `BILINEAR`.
-    surface : FrequencyResponse
-        H_2 of `BILINEAR` over both frequencies.
-    speeds : tuple of Speed
-        Of several responses.
-    """
+    """All that was done."""
 
     cases: Mapping[str, tuple[Spread, ...]]
     fragile: Mapping[str, tuple[Spread, ...]]
     coverage: Mapping[tuple[str, int], Flags]
     sweeps: tuple[Sweep, ...]
-    spectra: tuple[Spread, ...]
-    surface: FrequencyResponse
+    spectra: tuple[Spread, ...]  # Orders of the output of `BILINEAR`
+    surface: FrequencyResponse  # H_2 of `BILINEAR` over both frequencies
     speeds: tuple[Speed, ...]
 
     @property
@@ -109,19 +73,7 @@ class Benchmarks:
 
 
 def spreads(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
-    """Identify a case once; propagate to each order and draw.
-
-    Parameters
-    ----------
-    case : Case
-        Which one.
-    seed : tuple of int
-        Of recording and draws.
-
-    Returns
-    -------
-    tuple of Spread
-    """
+    """Identify a case once; propagate to each order and draw."""
     rng = np.random.default_rng(seed)
     model = case.identify(rng)
     return tuple(
@@ -131,21 +83,8 @@ def spreads(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
 
 
 def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[int, Flags]:
-    """Identify a case from many recordings and look whether the regions hold the truth.
-
-    Parameters
-    ----------
-    case : Case
-        Which one.
-    seed : tuple of int
-        Of the recordings.
-    n_sets : int
-        Their number.
-
-    Returns
-    -------
-    dict of int to ndarray of bool, shape (n_sets, n_frequencies)
-        By order.
+    """Identify a case from many recordings and look whether the regions hold the truth. Shapes: returns (n_sets,
+    n_frequencies).
     """
     rng = np.random.default_rng(seed)
     truth = {order: case.response(order)(case.truth).values for order in case.orders}
@@ -158,21 +97,7 @@ def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[
 
 
 def sweep(case: Case, order: int, seed: tuple[int, ...]) -> Sweep:
-    """Propagate and draw with the parameters known better and worse than they are.
-
-    Parameters
-    ----------
-    case : Case
-        Identified once.
-    order : int
-        Of the response.
-    seed : tuple of int
-        Of recording and draws.
-
-    Returns
-    -------
-    Sweep
-    """
+    """Propagate and draw with the parameters known better and worse than they are."""
     rng = np.random.default_rng(seed)
     model = case.identify(rng)
     rows = [
@@ -190,20 +115,7 @@ def sweep(case: Case, order: int, seed: tuple[int, ...]) -> Sweep:
 
 
 def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
-    """Propagate to the orders of the output of a multisine, and draw.
-
-    Parameters
-    ----------
-    case : Case
-        Identified once.
-    seed : tuple of int
-        Of recording, phases and draws.
-
-    Returns
-    -------
-    tuple of Spread
-        Y_1, Y_2, Y_3 at the lines where they have power, but for those whose values are real.
-    """
+    """Propagate to the orders of the output of a multisine, and draw."""
     rng = np.random.default_rng(seed)
     model = case.identify(rng)
     phases = rng.uniform(0, 2 * np.pi, len(HARMONICS))
@@ -215,19 +127,7 @@ def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
 
 
 def surface(case: Case, seed: tuple[int, ...]) -> FrequencyResponse:
-    """H_2 of a case, identified once, over both frequencies.
-
-    Parameters
-    ----------
-    case : Case
-        Which one.
-    seed : tuple of int
-        Of the recording.
-
-    Returns
-    -------
-    FrequencyResponse
-    """
+    """H_2 of a case, identified once, over both frequencies."""
     model = case.identify(np.random.default_rng(seed))
     axis = np.pi / case.system.sample_time * np.linspace(-1, 1, SURFACE)
     return gfrf(model, 2, frequency_grid(axis, axis), operating_input=AT)

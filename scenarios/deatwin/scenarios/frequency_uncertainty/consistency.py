@@ -22,20 +22,6 @@ from deatwin.ident.narx.robust import robust
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.frequency_uncertainty.actuators import BANDS, INPUT_BAND, OPERATING_INPUT, ORDERS, STRUCTURE
 
-__all__ = [
-    "LEVEL",
-    "SLOW",
-    "Consistency",
-    "Contrast",
-    "compared",
-    "contrast",
-    "identified",
-    "means_of",
-    "responses",
-    "share_of",
-    "shares_of",
-]
-
 Array = NDArray[np.float64]
 Means = tuple[BandMean, ...]
 
@@ -51,58 +37,26 @@ POINTS = 50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contrast:
-    """The difference of two actuators in one order and band, as measured and as it is.
-
-    Parameters
-    ----------
-    measured, true : float
-        Component of the relative difference along the true one, share of the gain: from records under different
-        commands, and under the same.
-    error : float
-        Standard error of the measured one.
-    inside : bool
-        Whether the true difference, a complex number, lies in the 95 % region of the measured one.
-    """
+    """The difference of two actuators in one order and band, as measured and as it is."""
 
     measured: float
     true: float
-    error: float
-    inside: bool
+    error: float  # Standard error of the measured one
+    inside: bool  # Whether the true difference, a complex number, lies in the 95 % region of the measured one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Consistency:
-    """All that is said of the fleet.
-
-    Parameters
-    ----------
-    tables : mapping of str to Comparison
-        Of each group of records in which pairs are compared.
-    means : mapping of str to mapping of str to tuple of BandMean
-        Of the groups that are held against each other, by name.
-    shares : mapping of str to ndarray, shape (n_columns,)
-        What each tolerance alone would make, as a standard deviation.
-    responses : mapping of str to tuple of Propagated
-        Of the fleet as it is, one for each order.
-    """
+    """All that is said of the fleet."""
 
     tables: Mapping[str, Comparison]
     means: Mapping[str, Mapping[str, Means]]
-    shares: Mapping[str, Array]
+    shares: Mapping[str, Array]  # shape (n_columns,): What each tolerance alone would make, as a standard deviation
     responses: Mapping[str, tuple[Propagated, ...]]
 
     def spread(self, group: str) -> Array:
         """Standard deviation of the actuators of a group about their mean, without the scatter of the estimates.
-
-        Parameters
-        ----------
-        group : str
-            Of ``means``.
-
-        Returns
-        -------
-        ndarray, shape (n_columns,)
-            Share of the gain, real and imaginary part together.
+        Shapes: returns (n_columns,).
         """
         six = list(self.means[group].values())
         found = []
@@ -136,17 +90,7 @@ class Consistency:
 
 
 def compared(records: Mapping[str, Recording]) -> Comparison:
-    """Compare all pairs of records.
-
-    Parameters
-    ----------
-    records : mapping of str to Recording
-        By name.
-
-    Returns
-    -------
-    Comparison
-    """
+    """Compare all pairs of records."""
     return compare_records(
         records,
         STRUCTURE,
@@ -160,29 +104,12 @@ def compared(records: Mapping[str, Recording]) -> Comparison:
 
 
 def identified(record: Recording) -> NarxModel:
-    """Fit the structure, with the covariance that the record shows.
-
-    Parameters
-    ----------
-    record : Recording
-        Of one actuator.
-    """
+    """Fit the structure, with the covariance that the record shows."""
     return robust(Fixed(terms=STRUCTURE).fit(record).model_, record)
 
 
 def responses(record: Recording) -> tuple[Propagated, ...]:
-    """H_1, H_2, H_3 of an actuator with their uncertainty, all tones equal.
-
-    Parameters
-    ----------
-    record : Recording
-        Of one actuator.
-
-    Returns
-    -------
-    tuple of Propagated
-        At output frequencies within the band of the input.
-    """
+    """H_1, H_2, H_3 of an actuator with their uncertainty, all tones equal."""
     model = identified(record)
     sums = 2 * np.pi * np.linspace(0.01, INPUT_BAND[1], POINTS)
     quantities = [
@@ -200,35 +127,13 @@ def responses(record: Recording) -> tuple[Propagated, ...]:
 
 
 def means_of(record: Recording) -> Means:
-    """Responses of an actuator, averaged over bands.
-
-    Parameters
-    ----------
-    record : Recording
-        Of one actuator.
-
-    Returns
-    -------
-    tuple of BandMean
-        By order, then by band.
-    """
+    """Responses of an actuator, averaged over bands."""
     return band_means(identified(record), ORDERS, BANDS, operating_input=OPERATING_INPUT, input_band=INPUT_BAND)
 
 
 def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
-    """Spread that each tolerance alone would make, all values within it being equally likely.
-
-    Parameters
-    ----------
-    wished : tuple of BandMean
-        Of the specification.
-    off : mapping of str to tuple of BandMean
-        Of the same with one quantity at the end of its tolerance.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n_columns,)
-        Standard deviation to first order, share of the gain.
+    """Spread that each tolerance alone would make, all values within it being equally likely. Shapes: returns
+    (n_columns,).
     """
     return {
         name: np.array(
@@ -242,17 +147,7 @@ def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
 
 
 def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean]) -> Contrast:
-    """Hold a measured difference against the true one.
-
-    Parameters
-    ----------
-    measured, true : tuple of BandMean
-        Of the two actuators.
-
-    Returns
-    -------
-    Contrast
-    """
+    """Hold a measured difference against the true one."""
     gain = float(np.hypot(true[0].gain, true[1].gain) / np.sqrt(2))
     away, apart = (pair[0].value - pair[1].value for pair in (measured, true))
     along = apart / max(float(np.linalg.norm(apart)), np.finfo(float).tiny)
@@ -267,19 +162,7 @@ def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean
 
 
 def share_of(table: Comparison, agreement: Agreement) -> Array:
-    """Share of the pairs of a table that agree or differ in a way.
-
-    Parameters
-    ----------
-    table : Comparison
-        Of all pairs.
-    agreement : Agreement
-        In which way.
-
-    Returns
-    -------
-    ndarray, shape (n_columns,)
-    """
+    """Share of the pairs of a table that agree or differ in a way. Shapes: returns (n_columns,)."""
     flags = np.array([d.agreement is agreement for d in table.differences])
     return np.asarray(flags.reshape(len(table.pairs), len(table.columns)).mean(axis=0))
 

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
 from deatwin.scenarios.frequency_uncertainty.words import band_of, column_of
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["fleet_drawings"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -35,18 +34,7 @@ MILLI = 1e3
 
 
 def fleet_drawings(found: Consistency) -> list[tuple[Drawing, Columns]]:
-    """Draw what is said of the fleet.
-
-    Parameters
-    ----------
-    found : Consistency
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures, each with the columns of its CSV file.
-    """
+    """Draw what is said of the fleet."""
     return [_responses(found), _pairs(found), _spread(found), _truth(found), _p_values(found)]
 
 

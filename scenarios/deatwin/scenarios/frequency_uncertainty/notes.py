@@ -14,19 +14,11 @@ from deatwin.scenarios.frequency_uncertainty.verdicts import DRIFTING, FASTER
 from deatwin.scenarios.frequency_uncertainty.words import band_of
 from deatwin.studies.report.story import Note
 
-__all__ = ["answer", "notes"]
-
 Array = NDArray[np.float64]
 
 
 def answer(fleet: Consistency) -> str:
-    """How consistent fabrication is, in a few sentences.
-
-    Parameters
-    ----------
-    fleet : Consistency
-        All that is said of it.
-    """
+    """How consistent fabrication is, in a few sentences."""
     steady, recorded = fleet.spread("steady"), fleet.spread("fleet")
     table, as_is = fleet.tables["steady"], fleet.tables["fleet"]
     worst = int(np.argmax(steady))
@@ -41,17 +33,7 @@ def answer(fleet: Consistency) -> str:
 
 
 def notes(study: Study) -> list[Note]:
-    """Write the notes.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes."""
     fleet = study.consistency
     return [_words(), _question(fleet), _comparison(fleet), _propagation(study.benchmarks), _figures()]
 

@@ -15,8 +15,6 @@ from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.scenarios.frequency_uncertainty.spread import DRAWS, departure, symbol_of
 from deatwin.scenarios.frequency_uncertainty.systems import Case
 
-__all__ = ["CHUNKS", "Speed", "speed"]
-
 Array = NDArray[np.float64]
 
 CHUNKS = 40
@@ -29,22 +27,10 @@ LOOP = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Speed:
-    """Propagation and draws of one response.
-
-    Parameters
-    ----------
-    label : str
-        Of what.
-    propagated, drawn, alone : float
-        Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s.
-    error, drawn_error : float
-        Largest relative departure of the propagated covariance from that of all draws, and of 20,000 draws.
-    equal : float
-        Number of draws that depart as far as propagation; a lower bound where all draws together cannot tell.
-    """
+    """Propagation and draws of one response."""
 
     label: str
-    propagated: float
+    propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
     drawn: float
     alone: float
     error: float
@@ -58,21 +44,7 @@ class Speed:
 
 
 def speed(case: Case, order: int, seed: tuple[int, ...]) -> Speed:
-    """Measure what propagation costs and how accurate it is.
-
-    Parameters
-    ----------
-    case : Case
-        Identified once.
-    order : int
-        Of the response.
-    seed : tuple of int
-        Of recording and draws.
-
-    Returns
-    -------
-    Speed
-    """
+    """Measure what propagation costs and how accurate it is."""
     rng = np.random.default_rng(seed)
     model, quantity = case.identify(rng), case.response(order)
     with warnings.catch_warnings():

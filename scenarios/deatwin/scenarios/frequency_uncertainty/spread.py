@@ -15,8 +15,6 @@ from deatwin.ident.frequency.uncertainty.propagate import Propagated, Uncertaint
 from deatwin.ident.frequency.uncertainty.sampling import Sampled, sample
 from deatwin.ident.narx import NarxModel
 
-__all__ = ["DRAWS", "Spread", "departure", "spread_of", "symbol_of", "whitened"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -32,19 +30,7 @@ _DIGITS = "₀₁₂₃₄₅₆₇₈"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """A response, propagated and drawn.
-
-    Parameters
-    ----------
-    case : str
-        Whose it is.
-    propagated : Propagated
-        By the linear law.
-    sampled : Sampled
-        By draws.
-    curve : ndarray of complex, shape (n_curve,)
-        The response itself, at frequencies close to each other; empty where it has lines only.
-    """
+    """A response, propagated and drawn."""
 
     case: str
     propagated: Propagated
@@ -92,30 +78,13 @@ class Spread:
 
 
 def symbol_of(response: FrequencyResponse) -> str:
-    """Symbol and order of a response, as plain text.
-
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Of one order.
-    """
+    """Symbol and order of a response, as plain text."""
     return f"{response.symbol}{_DIGITS[response.order]}"
 
 
 def whitened(reference: Array, covariance: Array) -> Array:
-    """Covariances in axes in which the reference is the unit matrix.
-
-    Along an axis that has no variance in the reference, as where a value depends on one parameter only, the variance
-    is taken as one.
-
-    Parameters
-    ----------
-    reference, covariance : ndarray, shape (n, 2, 2)
-        Of real and imaginary parts.
-
-    Returns
-    -------
-    ndarray, shape (n, 2, 2)
+    """Covariances in axes in which the reference is the unit matrix. Shapes: `reference, covariance` (n, 2, 2);
+    returns (n, 2, 2).
     """
     sizes, axes = np.linalg.eigh(reference)
     flat = sizes <= _FLAT * sizes[:, 1:]
@@ -126,12 +95,8 @@ def whitened(reference: Array, covariance: Array) -> Array:
 
 
 def departure(reference: Array, covariance: Array) -> float:
-    """Largest relative departure of covariances from others, over frequency and direction.
-
-    Parameters
-    ----------
-    reference, covariance : ndarray, shape (n, 2, 2)
-        Of real and imaginary parts.
+    """Largest relative departure of covariances from others, over frequency and direction. Shapes: `reference,
+    covariance` (n, 2, 2).
     """
     return float(np.abs(np.linalg.eigvalsh(whitened(reference, covariance)) - 1).max())
 
@@ -139,25 +104,7 @@ def departure(reference: Array, covariance: Array) -> float:
 def spread_of(
     case: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator, curve: Complex | None = None
 ) -> Spread:
-    """Propagate and draw.
-
-    Parameters
-    ----------
-    case : str
-        Whose it is.
-    model : NarxModel
-        With the covariance of its parameters.
-    quantity : callable
-        As `propagate` takes it.
-    rng : numpy.random.Generator
-        Of the draws.
-    curve : ndarray of complex, shape (n_curve,), optional
-        As in `Spread`; empty by default.
-
-    Returns
-    -------
-    Spread
-    """
+    """Propagate and draw. Shapes: `curve` (n_curve,)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)  # the page says it, where it is looked for
         propagated = propagate(model, quantity)

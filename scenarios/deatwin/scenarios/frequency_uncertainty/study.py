@@ -23,8 +23,6 @@ from deatwin.scenarios.frequency_uncertainty.speed import speed
 from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR, NOTCH, POWERS, PRODUCT, SHORT
 from deatwin.studies.voice import Progress
 
-__all__ = ["Plan", "Study", "carry_out"]
-
 Key = tuple[Any, ...]
 Job = tuple[Callable[..., Any], *tuple[Any, ...]]
 
@@ -38,62 +36,23 @@ SWEPT = ((LINEAR, 1), (BILINEAR, 3), (PRODUCT, 2))
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is done.
-
-    Parameters
-    ----------
-    repeats : int
-        Of one stationary actuator.
-    duration : float
-        Of each recording, s.
-    data_sets : int
-        From which each benchmark system is identified.
-    """
+    """How much is done."""
 
     repeats: int = REPEATS
     duration: float = DURATION
-    data_sets: int = DATA_SETS
+    data_sets: int = DATA_SETS  # From which each benchmark system is identified
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it.
+    """All of it."""
 
-    Parameters
-    ----------
-    benchmarks : Benchmarks
-        What was done with systems whose equations are known.
-    consistency : Consistency
-        What is said of the fleet.
-    """
-
-    benchmarks: Benchmarks
-    consistency: Consistency
+    benchmarks: Benchmarks  # What was done with systems whose equations are known
+    consistency: Consistency  # What is said of the fleet
 
 
 def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
-    """Record, draw and compare.
-
-    Parameters
-    ----------
-    seed : int
-        Of everything random.
-    plan : Plan
-        How much is done.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record, draw and compare."""
     wanted = tasks(seed, plan.repeats, plan.duration)
     text = f"recording the fleet, its repeats and its tolerances, {len(wanted)} records"
     recording = {key: (recorded, *arguments) for key, arguments in wanted.items()}

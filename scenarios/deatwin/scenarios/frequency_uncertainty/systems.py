@@ -15,8 +15,6 @@ from deatwin.ident.frequency.uncertainty.parameters import Quantity
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 
-__all__ = ["AT", "BILINEAR", "CASES", "LINEAR", "NOTCH", "POWERS", "PRODUCT", "SHORT", "Case"]
-
 Array = NDArray[np.float64]
 
 POINTS = 40
@@ -29,33 +27,15 @@ LOWEST = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A system, the recordings that it is identified from, and the orders of its response.
-
-    Parameters
-    ----------
-    name : str
-        On the page.
-    system : BenchmarkSystem
-        With its input and noise.
-    n_samples : int
-        Of a recording.
-    orders : tuple of int
-        Of the H_n that do not vanish and are looked at.
-    """
+    """A system, the recordings that it is identified from, and the orders of its response."""
 
     name: str
-    system: BenchmarkSystem
+    system: BenchmarkSystem  # With its input and noise
     n_samples: int
     orders: tuple[int, ...]
 
     def identify(self, rng: np.random.Generator) -> NarxModel:
-        """Estimate the true terms by least squares from a new recording.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Of input and noise.
-        """
+        """Estimate the true terms by least squares from a new recording."""
         return Fixed(terms=self.system.terms).fit(self.system.draw(rng, self.n_samples).recording).model_
 
     @property
@@ -65,32 +45,13 @@ class Case:
 
     def omega(self, order: int, points: int = POINTS) -> Array:
         """Frequencies at which a response is looked at: all tones equal, their sum up to half the sampling rate.
-
-        Parameters
-        ----------
-        order : int
-            Of the response.
-        points : int
-            Their number.
-
-        Returns
-        -------
-        ndarray, shape (points,) or (points, order)
-            rad/s.
+        Shapes: returns (points,), rad/s.
         """
         harmonic = np.pi / self.system.sample_time * np.linspace(LOWEST, 1 - LOWEST, points)
         return harmonic if order == 1 else np.repeat(harmonic[:, None] / order, order, axis=1)
 
     def response(self, order: int, points: int = POINTS) -> Quantity:
-        """What `propagate` takes.
-
-        Parameters
-        ----------
-        order : int
-            n of H_n.
-        points : int
-            Number of frequencies.
-        """
+        """What `propagate` takes."""
         return partial(gfrf, order=order, omega=self.omega(order, points), operating_input=AT)
 
 

@@ -15,8 +15,6 @@ from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.scenarios.frequency_uncertainty.words import column_of
 from deatwin.studies.report.story import Table
 
-__all__ = ["tables"]
-
 _SAYS = {
     UncertaintyStatus.OK: "its law holds",
     UncertaintyStatus.LOW_GAIN: "a gain is near zero",
@@ -28,18 +26,7 @@ _MARKS = {Agreement.DIFFERENT: "differ", Agreement.DRIFT: "drift", Agreement.ALI
 
 
 def tables(study: Study) -> list[Table]:
-    """Make all tables.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make all tables."""
     fleet = study.consistency
     return [
         _by_column(fleet),

@@ -14,8 +14,6 @@ from deatwin.scenarios.frequency_uncertainty.spread import Spread
 from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.studies.report.story import Row
 
-__all__ = ["COVERED", "DRIFTING", "judge"]
-
 Array = NDArray[np.float64]
 
 COVERED = (0.92, 0.98)
@@ -31,17 +29,7 @@ five degrees of freedom)."""
 
 
 def judge(study: Study) -> list[Row]:
-    """Hold the study against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the study against what is demanded."""
     benchmarks, fleet = study.benchmarks, study.consistency
     responses = [spread for each in benchmarks.cases.values() for spread in each]
     return [

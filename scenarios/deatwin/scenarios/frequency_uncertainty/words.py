@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-__all__ = ["band_of", "column_of"]
-
 
 def band_of(low: float, high: float) -> str:
-    """A band of frequencies.
-
-    Parameters
-    ----------
-    low, high : float
-        Its edges, Hz.
-    """
+    """A band of frequencies. `low, high` its edges, Hz."""
     return f"{low:g}–{high:g} Hz"
 
 
 def column_of(column: tuple[int, float, float]) -> str:
-    """An order and a band.
-
-    Parameters
-    ----------
-    column : tuple
-        Order, and edges of the band, Hz.
-    """
+    """An order and a band. `column` order, and edges of the band, Hz."""
     order, low, high = column
     return f"H{'₁₂₃'[order - 1]}, {band_of(low, high)}"

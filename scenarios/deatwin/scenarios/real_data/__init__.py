@@ -37,23 +37,7 @@ Outcomes = Mapping[str, Mapping[str, Outcome]]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Let all methods learn, judge and draw them.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        The measures, the outcome of each method on each data set, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Let all methods learn, judge and draw them."""
     sets = [load(data_folder(setting.data, name)) for name, load in SETS.items()]
     record = RunRecord(
         command=setting.command,
@@ -117,19 +101,7 @@ def _written(setting: Setting, sets: Sequence[DataSet], outcomes: Outcomes, reco
 
 
 def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Row]:
-    """Hold the outcomes against what is demanded.
-
-    Parameters
-    ----------
-    sets : sequence of DataSet
-        The Silverbox first, then the converter.
-    outcomes : mapping of str to mapping of str to Outcome
-        By data set and method.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the outcomes against what is demanded."""
     oscillator, box, converter = sets[0], outcomes["silverbox"], outcomes["buck"]
     best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FRO, LINEAR))
     limit = LARGEST_ERROR / oscillator.scale

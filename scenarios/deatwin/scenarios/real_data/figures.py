@@ -12,13 +12,12 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.scenarios.real_data.records import DataSet
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     pass
 
-__all__ = ["arrow_head", "arrow_head_spectra", "comparison", "converter", "free_runs"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -40,22 +39,7 @@ def _running(values: Array) -> Array:
 
 
 def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
-    """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models.
-
-    Parameters
-    ----------
-    data : DataSet
-        The Silverbox.
-    outcomes : mapping of str to Outcome
-        By method.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models."""
     measured, step = data.test.outputs[0] / data.scale, data.test.sample_time
     timepts = (np.arange(measured.size // WINDOW) + 0.5) * WINDOW * step
     learned = np.abs(data.train.outputs).max() / data.scale
@@ -98,22 +82,7 @@ def _said(outcome: Outcome) -> str:
 
 
 def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
-    """Spectra of the Silverbox's output and of the errors.
-
-    Parameters
-    ----------
-    data : DataSet
-        The Silverbox.
-    outcomes : mapping of str to Outcome
-        By method.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Spectra of the Silverbox's output and of the errors."""
     from scipy.signal import welch
 
     measured, rate = data.test.outputs[0] / data.scale, 1 / data.test.sample_time
@@ -139,22 +108,7 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
 
 
 def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
-    """The buck converter's free run beside that of the documented model.
-
-    Parameters
-    ----------
-    data : DataSet
-        The buck converter.
-    outcomes : mapping of str to Outcome
-        By method.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """The buck converter's free run beside that of the documented model."""
     name, terms = next(iter(DOCUMENTED.items()))
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
     runs = {LINEAR: outcomes[LINEAR].outputs, name: theirs, REFINED: outcomes[REFINED].outputs}
@@ -170,24 +124,7 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, 
 
 
 def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> tuple[Drawing, Columns]:
-    """Free runs of some methods over the test recording, and their errors.
-
-    Parameters
-    ----------
-    data : DataSet
-        Which.
-    outcomes : mapping of str to Outcome
-        By method.
-    methods : sequence of str
-        Up to three.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Free runs of some methods over the test recording, and their errors."""
     runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
     return _runs(data, runs, data.name, f"{data.title}: free run on the test recording", data.note)
 
@@ -214,22 +151,7 @@ def _runs(
 
 
 def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Drawing, Columns]:
-    """Free-run errors of all methods on all data sets, over the standard deviation of the output.
-
-    Parameters
-    ----------
-    sets : sequence of DataSet
-        In the order of the page.
-    outcomes : sequence of Outcome
-        Of all methods on all of them.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Free-run errors of all methods on all data sets, over the standard deviation of the output."""
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     columns: dict[str, Array] = {"method_number": np.arange(1.0, len(methods) + 1)}
     with draw((9.6, 4.0)) as figure:

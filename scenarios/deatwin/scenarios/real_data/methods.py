@@ -24,8 +24,6 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_data.records import DataSet
 
-__all__ = ["FRO", "GROWN", "LINEAR", "METHODS", "REFINED", "SEMP", "Outcome", "attempt"]
-
 Array = NDArray[np.float64]
 Model = NarxModel | LinearModel
 
@@ -74,22 +72,7 @@ def _refined(data: DataSet) -> NarxModel:
 
 
 def _on_part(data: DataSet, part: Recording) -> NarxModel:
-    """Grow a structure from a linear model by the free-run error, half as large again as allowed, and prune it.
-
-    The last third of the recording is held out; of the pruned models the one that runs best over it is kept, and its
-    parameters are estimated on the whole.
-
-    Parameters
-    ----------
-    data : DataSet
-        Its candidates.
-    part : Recording
-        To grow on.
-
-    Returns
-    -------
-    NarxModel
-    """
+    """Grow a structure from a linear model by the free-run error, half as large again as allowed, and prune it."""
     chosen = data.candidates
     lags = [lag for lag in chosen.input_lags if lag <= 2]
     first, held_out = (part.section(*ends) for ends in pairwise((0, 2 * part.n_samples // 3, part.n_samples)))
@@ -126,38 +109,18 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What a method made of a data set.
+    """What a method made of a data set."""
 
-    Parameters
-    ----------
-    data, method : str
-        Their names.
-    terms : int
-        Number of parameters.
-    one_step, free_run : float
-        Root mean square errors over the test recording, in the output's unit; NaN without a model.
-    training : float
-        That of the free run over the training recording.
-    seconds : float
-        To learn.
-    failure : str
-        Why there is no sound free run; empty where there is.
-    model : NarxModel, LinearModel or None
-        The model.
-    outputs : ndarray, shape (n,)
-        Its free run over the test recording.
-    """
-
-    data: str
+    data: str  # Their names
     method: str
-    terms: int
-    one_step: float
+    terms: int  # Number of parameters
+    one_step: float  # Root mean square errors over the test recording, in the output's unit; NaN without a model
     free_run: float
-    training: float
-    seconds: float
-    failure: str
-    model: Model | None
-    outputs: Array
+    training: float  # That of the free run over the training recording
+    seconds: float  # To learn
+    failure: str  # Why there is no sound free run; empty where there is
+    model: Model | None  # The model
+    outputs: Array  # shape (n,): Its free run over the test recording
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -175,19 +138,7 @@ class Outcome:
 
 
 def attempt(method: str, data: DataSet) -> Outcome:
-    """Let a method learn, and judge it.
-
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-    data : DataSet
-        To learn from and to be judged on.
-
-    Returns
-    -------
-    Outcome
-    """
+    """Let a method learn, and judge it."""
     begun = time.perf_counter()
     try:
         model = METHODS[method](data)
@@ -208,23 +159,7 @@ def attempt(method: str, data: DataSet) -> Outcome:
 
 
 def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome:
-    """Hold a model against the test recording.
-
-    Parameters
-    ----------
-    method : str
-        How it was made.
-    data : DataSet
-        With the recordings.
-    model : NarxModel or LinearModel
-        The model.
-    seconds : float
-        It took to learn.
-
-    Returns
-    -------
-    Outcome
-    """
+    """Hold a model against the test recording."""
     run = _free(model, data.test)
     return Outcome(
         data=data.name,

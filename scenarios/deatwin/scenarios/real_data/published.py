@@ -9,8 +9,6 @@ from types import MappingProxyType
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.recording import Recording
 
-__all__ = ["DOCUMENTED", "QUOTED", "Quoted", "documented_errors"]
-
 _PAGE = (
     "SysIdentPy, docs/en/user-guide/tutorials/multiobjective-parameter-estimation-overview.md (its buck example: "
     "FROLS, order_selection, n_info_values=8, ylag=2, xlag=2, aic, LeastSquares, Polynomial(degree=2))"
@@ -87,15 +85,9 @@ DOCUMENTED: Mapping[str, Mapping[str, float]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class Quoted:
-    """A figure of others.
+    """A figure of others."""
 
-    Parameters
-    ----------
-    data, method, error, source : str
-        Data set, method, what is reported, and where.
-    """
-
-    data: str
+    data: str  # Data set, method, what is reported, and where
     method: str
     error: str
     source: str
@@ -148,18 +140,7 @@ QUOTED = (
 
 
 def documented_errors(test: Recording) -> dict[str, float]:
-    """Free-run errors of the documented models.
-
-    Parameters
-    ----------
-    test : Recording
-        The converter's validation record.
-
-    Returns
-    -------
-    dict of str to float
-        Root mean square, V.
-    """
+    """Free-run errors of the documented models. returns Root mean square, V."""
     return {
         name: NarxModel.from_terms(terms, sample_time=test.sample_time).simulate(test).rms_error
         for name, terms in DOCUMENTED.items()

@@ -13,8 +13,6 @@ from deatwin.ident.narx.terms import Rule
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_data.tables import csv_columns, matlab_vectors, require_samples
 
-__all__ = ["Candidates", "DataSet", "buck", "cascaded_tanks", "emps", "silverbox", "silverbox_table"]
-
 Array = NDArray[np.float64]
 
 SILVERBOX_RATE = 1e7 / 2**14
@@ -32,27 +30,13 @@ EMPS_LEAST = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """Among which terms structures are sought.
+    """Among which terms structures are sought."""
 
-    Parameters
-    ----------
-    output_lags : int
-        Number of output lags.
-    input_lags : tuple of int
-        Input lags.
-    degree : int
-        Largest degree.
-    max_terms : int
-        Largest number of terms.
-    rule : callable or None
-        What keeps a candidate.
-    """
-
-    output_lags: int
-    input_lags: tuple[int, ...]
-    degree: int
-    max_terms: int
-    rule: Rule | None = None
+    output_lags: int  # Number of output lags
+    input_lags: tuple[int, ...]  # Input lags
+    degree: int  # Largest degree
+    max_terms: int  # Largest number of terms
+    rule: Rule | None = None  # What keeps a candidate
 
     @property
     def arguments(self) -> dict[str, object]:
@@ -67,50 +51,22 @@ class Candidates:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataSet:
-    """A public data set.
+    """A public data set."""
 
-    Parameters
-    ----------
-    name, title : str
-        What it is called in files and on the page.
-    train, test : Recording
-        To learn from, and to judge on.
-    candidates : Candidates
-        The same for all methods.
-    unit, scale : str, float
-        Unit in which errors are shown, and its size in that of the output.
-    files : tuple of path
-        Read from.
-    note : str
-        What was done with it.
-    parts : int
-        Into so many a long training recording is cut where structures are grown.
-    """
-
-    name: str
+    name: str  # What it is called in files and on the page
     title: str
-    train: Recording
+    train: Recording  # To learn from, and to judge on
     test: Recording
     candidates: Candidates
-    unit: str
+    unit: str  # Unit in which errors are shown, and its size in that of the output
     scale: float
-    files: tuple[Path, ...]
-    note: str
-    parts: int = 1
+    files: tuple[Path, ...]  # Read from
+    note: str  # What was done with it
+    parts: int = 1  # Into so many a long training recording is cut where structures are grown
 
 
 def buck(folder: Path) -> DataSet:
-    """The converter, with the candidates of SysIdentPy's documentation.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    DataSet
-    """
+    """The converter, with the candidates of SysIdentPy's documentation."""
     files = tuple(folder / f"buck_{part}.csv" for part in ("id", "valid"))
     tables = [csv_columns(file, ("input", "y")) for file in files]
     train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
@@ -128,17 +84,7 @@ def buck(folder: Path) -> DataSet:
 
 
 def silverbox(folder: Path) -> DataSet:
-    """The oscillator, learned from the multisine alone.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    DataSet
-    """
+    """The oscillator, learned from the multisine alone."""
     table, file = silverbox_table(folder)
     require_samples(file, len(table), MULTISINE.stop)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
@@ -159,35 +105,12 @@ def silverbox(folder: Path) -> DataSet:
 
 
 def silverbox_table(folder: Path) -> tuple[Array, Path]:
-    """All samples of the oscillator, those between the parts too.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    table : ndarray, shape (131072, 2)
-        Input and output, V.
-    file : path
-        Read from.
-    """
+    """All samples of the oscillator, those between the parts too. Shapes: returns (131072, 2), Input and output, V."""
     return _columns(folder, "SNLS80mV", ("V1", "V2"))
 
 
 def cascaded_tanks(folder: Path) -> DataSet:
-    """The two tanks, with an overflow at 10 V.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    DataSet
-    """
+    """The two tanks, with an overflow at 10 V."""
     table, file = _columns(folder, "dataBenchmark", ("uEst", "uVal", "yEst", "yVal"))
     train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
     return DataSet(
@@ -204,17 +127,7 @@ def cascaded_tanks(folder: Path) -> DataSet:
 
 
 def emps(folder: Path) -> DataSet:
-    """The positioning system: force in, velocity out, decimated.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    DataSet
-    """
+    """The positioning system: force in, velocity out, decimated."""
     files = tuple(folder / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
     train, test = (_emps(path) for path in files)
     return DataSet(

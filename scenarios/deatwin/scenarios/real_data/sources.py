@@ -17,24 +17,14 @@ from deatwin.studies.provenance import hashes
 from deatwin.studies.report.story import Table
 from deatwin.studies.stories import DATA_VARIABLE
 
-__all__ = ["PACKAGE", "SOURCES", "Source", "downloaded", "origins"]
-
 PACKAGE = "nonlinear_benchmarks"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Who published a set of recordings.
+    """Who published a set of recordings."""
 
-    Parameters
-    ----------
-    title, published : str
-        What it is, and who published it where.
-    loader : str
-        Function of nonlinear_benchmarks that downloads it; empty where the package lacks what the scenarios need.
-    """
-
-    title: str
+    title: str  # What it is, and who published it where
     published: str
     loader: str = ""
 
@@ -72,26 +62,7 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
 
 
 def downloaded(name: str) -> Path:
-    """The folder to which nonlinear_benchmarks downloads a set; it does so once.
-
-    The package's own `Input_output_data` has one input and one output; what EMPS and the Silverbox need beyond them
-    (reference, pulses, the samples between the parts) is in the files, whose hash the reports give. So the loaders are
-    asked for the locations of their files, by ``data_file_locations=True``.
-
-    Parameters
-    ----------
-    name : str
-        One of `SOURCES`.
-
-    Returns
-    -------
-    path
-
-    Raises
-    ------
-    DataError
-        If the package lacks the set or is not installed, or the download fails.
-    """
+    """The folder to which nonlinear_benchmarks downloads a set; it does so once."""
     wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
     loader = SOURCES[name].loader
     if not loader:
@@ -112,19 +83,7 @@ def downloaded(name: str) -> Path:
 
 
 def origins(given: Path | None, files: Mapping[str, Iterable[Path]]) -> Table:
-    """Who published the recordings of a page, how they got here, and their hashes.
-
-    Parameters
-    ----------
-    given : path or None
-        Folder of all public recordings, as on the command line.
-    files : mapping of str to iterable of path
-        By sets of `SOURCES`, what was read of each.
-
-    Returns
-    -------
-    Table
-    """
+    """Who published the recordings of a page, how they got here, and their hashes."""
     rows = [
         [SOURCES[name].title, SOURCES[name].published, _way(given), Path(one["file"]).name, one["sha256"]]
         for name, read in files.items()

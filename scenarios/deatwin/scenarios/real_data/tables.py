@@ -21,8 +21,6 @@ from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.intake import clipped
 
-__all__ = ["csv_columns", "hdf5_vectors", "matlab_vectors", "require_file", "require_samples"]
-
 Array = NDArray[np.float64]
 
 LARGEST = 100_000_000
@@ -35,66 +33,20 @@ NUMERIC = frozenset(
 
 
 def require_file(path: Path) -> Path:
-    """Return the path of a file that must be there.
-
-    Parameters
-    ----------
-    path : path
-        Of a public recording.
-
-    Returns
-    -------
-    path
-
-    Raises
-    ------
-    DataError
-        If it is not there.
-    """
+    """Return the path of a file that must be there."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
     return path
 
 
 def require_samples(path: Path, found: int, needed: int) -> None:
-    """Refuse a file with too few samples: one that was cut, or another than that which was published.
-
-    Parameters
-    ----------
-    path : path
-        For the error text.
-    found, needed : int
-        Samples.
-
-    Raises
-    ------
-    DataError
-        With both numbers.
-    """
+    """Refuse a file with too few samples: one that was cut, or another than that which was published."""
     if found < needed:
         raise DataError(f"{path}: it has {found} samples; the published file has at least {needed}: get it anew")
 
 
 def csv_columns(path: Path, names: Sequence[str]) -> Array:
-    """Columns of a CSV file with one line of headers.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    names : sequence of str
-        Headers of the columns wanted.
-
-    Returns
-    -------
-    ndarray, shape (n, len(names))
-        In the file's units.
-
-    Raises
-    ------
-    DataError
-        If it is not there, no such file, or has no such columns of finite numbers.
-    """
+    """Columns of a CSV file with one line of headers. Shapes: returns (n, len(names)."""
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "CSV"):
         head, *lines = content.decode("utf-8-sig").splitlines() or [""]
@@ -108,29 +60,7 @@ def csv_columns(path: Path, names: Sequence[str]) -> Array:
 def matlab_vectors(
     path: Path, names: Sequence[str], *, single: Sequence[str] = (), optional: Sequence[str] = ()
 ) -> Mapping[str, Array]:
-    """Vectors of a MATLAB file of version 5.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    names : sequence of str
-        Variables wanted, all of one length.
-    single : sequence of str
-        Variables wanted that have one value.
-    optional : sequence of str
-        Further vectors of that length, which need not be there.
-
-    Returns
-    -------
-    mapping of str to ndarray, shape (n,) or (1,)
-        In the file's units.
-
-    Raises
-    ------
-    DataError
-        If it is not there, no such file, or has no such vectors of finite numbers.
-    """
+    """Vectors of a MATLAB file of version 5. Shapes: returns (n,)."""
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "MATLAB"):
         plain, held = unpacked(level_5_numbers, content, str(path), *names, *single, *optional)
@@ -155,27 +85,7 @@ def level_5_numbers(content: bytes, path: str, *wanted: str) -> tuple[list[str],
 
 
 def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, ...]:
-    """Vectors of a group of an HDF5 file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    group : str
-        Where they lie.
-    names : sequence of str
-        Datasets wanted, all of one length.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n,)
-        In the file's units.
-
-    Raises
-    ------
-    DataError
-        If it is not there, no such file, has no such vectors of finite numbers, or h5py is not installed.
-    """
+    """Vectors of a group of an HDF5 file. Shapes: returns (n,)."""
     require("h5py", str(path))
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "HDF5"):

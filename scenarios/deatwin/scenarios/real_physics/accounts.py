@@ -11,25 +11,9 @@ from deatwin.studies.report.story import Row, Table
 if TYPE_CHECKING:
     from deatwin.scenarios.real_physics.case import Case, Trial
 
-__all__ = ["error_table", "measures", "tried_table"]
-
 
 def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Row]:
-    """Hold a diagnosis and its free runs against what is demanded.
-
-    Parameters
-    ----------
-    case : Case
-        With the right answers.
-    diagnosis : Diagnosis
-        Of the fitted recordings.
-    trials : sequence of Trial
-        Over the held-out ones.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold a diagnosis and its free runs against what is demanded."""
     causes = [cause.effect for cause in diagnosis.causes]
     right = bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named"
     rows = [
@@ -54,19 +38,7 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
 
 
 def error_table(case: Case, trials: Sequence[Trial]) -> Table:
-    """Errors of all free runs over the held-out recordings.
-
-    Parameters
-    ----------
-    case : Case
-        With unit and scale.
-    trials : sequence of Trial
-        The runs.
-
-    Returns
-    -------
-    Table
-    """
+    """Errors of all free runs over the held-out recordings."""
     rows = []
     for trial in trials:
         name = trial.held_out.name
@@ -84,19 +56,7 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
 
 
 def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
-    """Effects that the diagnosis built in, with what each left.
-
-    Parameters
-    ----------
-    case : Case
-        With unit and scale.
-    diagnosis : Diagnosis
-        Of the fitted recordings.
-
-    Returns
-    -------
-    Table
-    """
+    """Effects that the diagnosis built in, with what each left."""
     tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
     rows = [
         [

@@ -29,8 +29,6 @@ from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.stories import Setting, data_folder
 
-__all__ = ["BoucWen", "LinearOscillator", "case", "run"]
-
 Array = NDArray[np.float64]
 RATE = 750.0
 """Hz."""
@@ -42,13 +40,7 @@ BAND = 200.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinearOscillator(Rig):
-    """A mass between a linear spring and a damper.
-
-    Parameters
-    ----------
-    sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
-    """
+    """A mass between a linear spring and a damper."""
 
     sample_time: float = 1 / RATE
     noise: float = 0.0
@@ -95,24 +87,11 @@ class BoucWen(Hysteresis):
     r"""Bouc's and Wen's spring with any two terms; that of the catalogue has a force that does not grow for ever.
 
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - |v|\,\zeta + \kappa\,v\,|\zeta|
-
-    The second term makes the spring stiffer (:math:`\kappa > 0`) or softer the further it is strained.
-
-    Parameters
-    ----------
-    force : float
-        :math:`F_h` in N.
-    distance : float
-        :math:`x_h` in m.
-    hardening : float
-        :math:`\kappa`.
-    beta : float
-        Not used: here the two terms are free of each other.
     """
 
-    force: float = 20.0
-    distance: float = 1e-3
-    hardening: float = 0.0
+    force: float = 20.0  # :math:`F_h` in N
+    distance: float = 1e-3  # :math:`x_h` in m
+    hardening: float = 0.0  # :math:`\kappa`
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
@@ -132,43 +111,12 @@ class BoucWen(Hysteresis):
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Diagnose the training multisine, and run free over the test signals.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        Verdict, causes, errors, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Diagnose the training multisine, and run free over the test signals."""
     return tell(setting, case(data_folder(setting.data, "boucwen_benchmark_h5")))
 
 
 def case(folder: Path) -> Case:
-    """The recordings and the plant.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    DataError
-        If one is absent.
-    """
+    """The recordings and the plant."""
     train, test = (folder / f"{part}.h5" for part in ("train", "test"))
     (force, motion), (tested, moved), (swept, followed) = (
         _signals(train, "multisine", 4 * PERIOD),

@@ -28,8 +28,6 @@ from deatwin.scenarios.real_data.records import cascaded_tanks as black_box_data
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.studies.stories import Setting, data_folder
 
-__all__ = ["Overflow", "TankPlace", "Tanks", "case", "run"]
-
 
 class TankPlace(Enum):
     """Places that only tanks have."""
@@ -39,13 +37,7 @@ class TankPlace(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Tanks(Rig):
-    """A pump fills the upper of two tanks, which empties into the lower one; levels in volts of the sensor.
-
-    Parameters
-    ----------
-    sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
-    """
+    """A pump fills the upper of two tanks, which empties into the lower one; levels in volts of the sensor."""
 
     sample_time: float = 4.0
     noise: float = 0.0
@@ -105,22 +97,11 @@ class Overflow(Effect):
     r"""Water runs over the brim of both tanks; part of what the upper one loses falls into the lower one.
 
     .. math:: q = r\,p(h - h_b), \qquad p(x) = w\ln(1 + e^{x/w})
-
-    No state. The brims are equally high. Off at r = 0.
-
-    Parameters
-    ----------
-    rate : float
-        r in 1/s.
-    brim : float
-        :math:`h_b` in V of the level's sensor.
-    caught : float
-        Share of the upper tank's overflow that the lower one catches.
     """
 
-    rate: float = 0.2
-    brim: float = 9.5
-    caught: float = 0.5
+    rate: float = 0.2  # r in 1/s
+    brim: float = 9.5  # :math:`h_b` in V of the level's sensor
+    caught: float = 0.5  # Share of the upper tank's overflow that the lower one catches
 
     name: ClassVar[str] = "overflow"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -150,38 +131,12 @@ class Overflow(Effect):
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Diagnose the estimation record, and run free over the validation record.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        Verdict, causes, errors, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Diagnose the estimation record, and run free over the validation record."""
     return tell(setting, case(data_folder(setting.data, "cascaded_tanks")))
 
 
 def case(folder: Path) -> Case:
-    """The recordings and the plant.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    Case
-    """
+    """The recordings and the plant."""
     data = black_box_data(folder)
     fitted, judged = (Experiment(recordings=(_named(record),)) for record in (data.train, data.test))
     return Case(

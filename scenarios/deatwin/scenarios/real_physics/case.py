@@ -29,8 +29,6 @@ from deatwin.studies.report.story import Note, StoryPage, write_story
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
-__all__ = ["Case", "HeldOut", "Law", "Trial", "diagnosed", "judged", "tell"]
-
 Array = NDArray[np.float64]
 FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
 """Of the recordings, where the story is called otherwise."""
@@ -40,41 +38,16 @@ RIVALS = (LINEAR, REFINED, GROWN)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldOut:
-    """A recording on which nothing is fitted or chosen.
-
-    Parameters
-    ----------
-    name : str
-        In words.
-    experiment : Experiment
-        From rest, or through what goes before.
-    first : int
-        Sample of its last record from which on it counts; those before lead in.
-    rival : DataSet, or None
-        The same for a NARX: learned from what the plant was fitted to, judged on what counts here.
-    follows : bool
-        Whether the readings follow the input so closely that only the deviation from it can be seen in a figure.
-    """
+    """A recording on which nothing is fitted or chosen."""
 
     name: str
-    experiment: Experiment
-    first: int = 0
+    experiment: Experiment  # From rest, or through what goes before
+    first: int = 0  # Sample of its last record from which on it counts; those before lead in
     rival: DataSet | None = None
     follows: bool = False
 
     def readings(self, plant: Plant) -> Array:
-        """A plant's free run where it counts.
-
-        Parameters
-        ----------
-        plant : Plant
-            Calibrated.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            SI.
-        """
+        """A plant's free run where it counts. Shapes: returns (n,)."""
         return plant.simulate(self.experiment).require().outputs[-1][0, self.first :]
 
     @property
@@ -96,89 +69,41 @@ class HeldOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Law:
-    """What the missing physics does, over what it depends on.
+    """What the missing physics does, over what it depends on."""
 
-    Parameters
-    ----------
-    state, force : str
-        Labels with units.
-    measured : tuple of ndarray, each of shape (n,)
-        State and force, or what else is missing, that the recordings show where the base part of the plant is
-        taken off; empty where they do not show it.
-    modelled : tuple of ndarray, each of shape (m,)
-        The same of the amended plant.
-    caption : str
-        How the measured one was made.
-    """
-
-    state: str
+    state: str  # Labels with units
     force: str
     measured: tuple[Array, Array]
-    modelled: tuple[Array, Array]
-    caption: str
+    modelled: tuple[Array, Array]  # shape (m,): The same of the amended plant
+    caption: str  # How the measured one was made
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A recording and a plant from which its documented physics is left out.
-
-    Parameters
-    ----------
-    name, title : str
-        Of the story, and of the system in words.
-    documented : tuple of str
-        Effects that would be right answers.
-    plant : Plant
-        Without them.
-    fitted : tuple of Experiment
-        For the diagnosis.
-    held_out : tuple of HeldOut
-        The official test recording first, where there is one.
-    unit, scale : str, float
-        In which errors are shown, and its size in SI or the recording's own unit.
-    files : tuple of path
-        Read from.
-    notes : tuple of str
-        What was done with the recordings, and what of the plant needs saying.
-    law : callable
-        Takes the amended plant, returns the `Law`.
-    loop : str
-        ``open loop``, or ``closed loop`` where the plant holds the recording's controller and a run gets its reference:
-        the controller then corrects the model's errors, and the two kinds of error must not be compared.
-    """
+    """A recording and a plant from which its documented physics is left out."""
 
     name: str
     title: str
-    documented: tuple[str, ...]
-    plant: Plant
+    documented: tuple[str, ...]  # Effects that would be right answers
+    plant: Plant  # Without them
     fitted: tuple[Experiment, ...]
-    held_out: tuple[HeldOut, ...]
+    held_out: tuple[HeldOut, ...]  # The official test recording first, where there is one
     unit: str
     scale: float
-    files: tuple[Path, ...]
-    notes: tuple[str, ...]
-    law: Callable[[Plant], Law]
+    files: tuple[Path, ...]  # Read from
+    notes: tuple[str, ...]  # What was done with the recordings, and what of the plant needs saying
+    law: Callable[[Plant], Law]  # Takes the amended plant, returns the `Law`
     loop: str = "open loop"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """Free runs over a held-out recording.
+    """Free runs over a held-out recording."""
 
-    Parameters
-    ----------
-    held_out : HeldOut
-        The recording.
-    base, amended : ndarray, shape (n,)
-        Readings of the calibrated base plant and of the amended one, SI.
-    rivals : tuple of Outcome
-        Of black boxes that learned from the same samples.
-    """
-
-    held_out: HeldOut
-    base: Array
+    held_out: HeldOut  # The recording
+    base: Array  # shape (n,): Readings of the calibrated base plant and of the amended one, SI
     amended: Array
-    rivals: tuple[Outcome, ...]
+    rivals: tuple[Outcome, ...]  # Of black boxes that learned from the same samples
 
     @property
     def base_error(self) -> float:
@@ -198,20 +123,7 @@ class Trial:
 
 
 def tell(setting: Setting, case: Case) -> Mapping[str, Any]:
-    """Diagnose, judge on the held-out recordings, and write the page.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-    case : Case
-        The story's own.
-
-    Returns
-    -------
-    mapping
-        Verdict, causes, errors, and a sentence.
-    """
+    """Diagnose, judge on the held-out recordings, and write the page."""
     record = RunRecord(command=setting.command, inputs=hashes(case.files), seed=setting.seed, jobs=setting.jobs)
     diagnosis = diagnosed(setting, case, "diagnosis", lambda share, text: setting.progress(0.7 * share, text))
     setting.progress(0.7, "the held-out recordings")
@@ -221,23 +133,7 @@ def tell(setting: Setting, case: Case) -> Mapping[str, Any]:
 
 
 def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
-    """Diagnose the fitted recordings, into a folder below that of the story.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder and the like.
-    case : Case
-        With the recordings.
-    name : str
-        Of the folder.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Diagnosis
-    """
+    """Diagnose the fitted recordings, into a folder below that of the story."""
     task = DiagnosisTask(
         plant=case.plant,
         experiments=case.fitted,
@@ -253,27 +149,7 @@ def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Di
 
 
 def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
-    """Run the plants, and black boxes that learned from the same samples, over the held-out recordings.
-
-    Parameters
-    ----------
-    case : Case
-        With the recordings.
-    diagnosis : Diagnosis
-        Of the fitted ones.
-    jobs : int
-        Worker processes.
-
-    Returns
-    -------
-    tuple of Trial
-        In the order of the recordings. The base plant is fitted to all that the amended one is fitted to.
-
-    Raises
-    ------
-    ModelError
-        If the diagnosis has no evidence, or no model.
-    """
+    """Run the plants, and black boxes that learned from the same samples, over the held-out recordings."""
     seen, model = diagnosis.evidence, diagnosis.model
     if seen is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")

@@ -27,8 +27,6 @@ from deatwin.scenarios.real_data.tables import matlab_vectors, require_samples
 from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.studies.stories import Setting, data_folder
 
-__all__ = ["ControlledCarriage", "case", "run"]
-
 Array = NDArray[np.float64]
 FITTED = 13_000
 """Samples: two strokes out and back."""
@@ -41,13 +39,7 @@ SMOOTH = 25.0
 
 @dataclass(frozen=True, kw_only=True)
 class ControlledCarriage(Rig):
-    """A carriage with viscous friction and a force offset, driven by a motor under a cascade of two gains.
-
-    Parameters
-    ----------
-    sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
-    """
+    """A carriage with viscous friction and a force offset, driven by a motor under a cascade of two gains."""
 
     sample_time: float = 1e-3
     noise: float = 0.0
@@ -98,43 +90,12 @@ class ControlledCarriage(Rig):
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Diagnose the opening of the estimation record, and run free over the rest and over the validation record.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        Verdict, causes, errors, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Diagnose the opening of the estimation record, and run free over the rest and over the validation record."""
     return tell(setting, case(data_folder(setting.data, "emps")))
 
 
 def case(folder: Path) -> Case:
-    """The recordings and the plant.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    Case
-
-    Raises
-    ------
-    DataError
-        If one is absent.
-    """
+    """The recordings and the plant."""
     files = tuple(folder / name for name in FILES)
     estimation, validation = (_recording(file) for file in files)
     pulsed = HeldOut(

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from deatwin.scenarios.real_physics.case import Case, Law, Trial
 
-__all__ = ["held_out", "law", "residuals"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -26,22 +25,7 @@ DRAWN = 4000
 
 
 def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
-    """The recording beside both plants: the whole, and where the base plant fails most.
-
-    Parameters
-    ----------
-    case : Case
-        Names and units.
-    trial : Trial
-        Free runs.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data, around the largest error of the base plant.
-    """
+    """The recording beside both plants: the whole, and where the base plant fails most."""
     held, rig = trial.held_out, case.plant.rig
     time, scale = held.timepts, case.scale
     measured, base, amended = ((y - held.level) / scale for y in (held.measured, trial.base, trial.amended))
@@ -71,22 +55,7 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
 
 
 def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
-    """What both plants leave of the recording, over time and over frequency.
-
-    Parameters
-    ----------
-    case : Case
-        Names and units.
-    trial : Trial
-        Free runs.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Spectra.
-    """
+    """What both plants leave of the recording, over time and over frequency."""
     from scipy.signal import welch
 
     time, rate = trial.held_out.timepts, 1 / case.plant.rig.sample_time
@@ -114,22 +83,7 @@ def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
 
 
 def law(case: Case, found: Law) -> tuple[Drawing, Columns]:
-    """The missing force over what it depends on.
-
-    Parameters
-    ----------
-    case : Case
-        Names.
-    found : Law
-        Of the recording and of the amended plant.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        The amended plant's force.
-    """
+    """The missing force over what it depends on."""
     with draw((6.4, 4.2)) as figure:
         axes = figure.add_subplot()
         if found.measured[0].size:

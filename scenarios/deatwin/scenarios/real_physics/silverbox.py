@@ -28,8 +28,6 @@ from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.stories import Setting, data_folder
 
-__all__ = ["LinearOscillator", "case", "run"]
-
 Array = NDArray[np.float64]
 FITTED = slice(40_540, 57_900)
 """Two realisations of the multisine, each after some hundred samples of rest."""
@@ -39,13 +37,7 @@ BAND = 250.0
 
 @dataclass(frozen=True, kw_only=True)
 class LinearOscillator(Rig):
-    """A mass between a spring and a damper, in volts: what the circuit is without its cubic term.
-
-    Parameters
-    ----------
-    sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
-    """
+    """A mass between a spring and a damper, in volts: what the circuit is without its cubic term."""
 
     sample_time: float = 1 / SILVERBOX_RATE
     noise: float = 0.0
@@ -88,38 +80,12 @@ class LinearOscillator(Rig):
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Diagnose the multisine, and run free over the arrow-head.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, data and the like.
-
-    Returns
-    -------
-    mapping
-        Verdict, causes, errors, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the recordings are absent.
-    """
+    """Diagnose the multisine, and run free over the arrow-head."""
     return tell(setting, case(data_folder(setting.data, "silverbox")))
 
 
 def case(folder: Path) -> Case:
-    """The recordings and the plant.
-
-    Parameters
-    ----------
-    folder : path
-        Of these recordings.
-
-    Returns
-    -------
-    Case
-    """
+    """The recordings and the plant."""
     data = black_box_data(folder)
     table, _ = silverbox_table(folder)
     command, output = held(table[:, 0]), table[:, 1]

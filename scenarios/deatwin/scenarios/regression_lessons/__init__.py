@@ -23,18 +23,7 @@ __all__ = ["run"]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Work out the lessons, judge and draw them.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, and a sentence.
-    """
+    """Work out the lessons, judge and draw them."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     generators = spawn_generators(setting.seed, 7)
     setting.progress(0.0, "ridge and LASSO under their constraints")

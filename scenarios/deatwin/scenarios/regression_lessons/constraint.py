@@ -14,8 +14,6 @@ from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.ident.narx.terms import Term, TermTable
 
-__all__ = ["Plane", "Structure", "plane", "structure"]
-
 Array = NDArray[np.float64]
 
 N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
@@ -28,67 +26,29 @@ PENALTIES = np.geomspace(1e-3, 1e2, 200)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Constrained:
-    """A minimum on a constraint, found on the constraint, and the same from the penalty that belongs to it.
+    """A minimum on a constraint, found on the constraint, and the same from the penalty that belongs to it."""
 
-    Parameters
-    ----------
-    size : float
-        Norm that the constraint allows: Euclidean for ridge, sum of magnitudes for the LASSO.
-    point : ndarray, shape (2,)
-        The minimum on the constraint.
-    multiplier : float
-        Lagrange's, from the gradient there.
-    penalised : ndarray, shape (2,)
-        What the estimator answers to that multiplier as its penalty.
-    """
-
-    size: float
-    point: Array
-    multiplier: float
-    penalised: Array
+    size: float  # Norm that the constraint allows: Euclidean for ridge, sum of magnitudes for the LASSO
+    point: Array  # shape (2,): The minimum on the constraint
+    multiplier: float  # Lagrange's, from the gradient there
+    penalised: Array  # shape (2,): What the estimator answers to that multiplier as its penalty
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plane:
-    """The two-parameter example: mean squared error ``(theta - least)' gram (theta - least)`` plus a constant.
+    """The two-parameter example: mean squared error ``(theta - least)' gram (theta - least)`` plus a constant."""
 
-    Parameters
-    ----------
-    gram : ndarray, shape (2, 2)
-        Z'Z/n.
-    least : ndarray, shape (2,)
-        Least-squares parameters.
-    ridge, lasso : Constrained
-        On the circle and on the diamond.
-    shares : ndarray, shape (n_penalties,)
-        Norm of the ridge parameters over that of the least-squares ones.
-    ridge_path : ndarray, shape (2, n_penalties)
-        Ridge parameters.
-    lasso_path : ndarray, shape (2, n_knots)
-        LASSO parameters at the knots of its path.
-    """
-
-    gram: Array
-    least: Array
+    gram: Array  # shape (2, 2): Z'Z/n
+    least: Array  # shape (2,): Least-squares parameters
     ridge: Constrained
     lasso: Constrained
-    shares: Array
-    ridge_path: Array
-    lasso_path: Array
+    shares: Array  # shape (n_penalties,): Norm of the ridge parameters over that of the least-squares ones
+    ridge_path: Array  # shape (2, n_penalties): Ridge parameters
+    lasso_path: Array  # shape (2, n_knots): LASSO parameters at the knots of its path
 
 
 def plane(rng: np.random.Generator) -> Plane:
-    """Draw the two-parameter example and solve it both ways.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws regressors and noise.
-
-    Returns
-    -------
-    Plane
-    """
+    """Draw the two-parameter example and solve it both ways."""
     gram = np.array([[1.0, CORRELATION], [CORRELATION, 1.0]])
     orthogonal, _ = np.linalg.qr(rng.standard_normal((N, 2)))
     rows = np.sqrt(N) * (orthogonal @ np.linalg.cholesky(gram).T).T  # root mean square exactly 1
@@ -157,41 +117,17 @@ def _on_diamond(gram: Array, least: Array, extent: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Structure:
-    """The LASSO's path among the candidates of a NARX system.
-
-    Parameters
-    ----------
-    path : LassoPath
-        As the estimator keeps it.
-    true : tuple of Term
-        Those of the system.
-    violation : float
-        Largest departure from the optimality conditions over all knots, over the first penalty.
-    complete : int or None
-        First knot at which all true terms have entered; None if they never do.
-    false_terms : int
-        How many false ones are in by then.
-    """
+    """The LASSO's path among the candidates of a NARX system."""
 
     path: LassoPath
-    true: tuple[Term, ...]
-    violation: float
-    complete: int | None
-    false_terms: int
+    true: tuple[Term, ...]  # Those of the system
+    violation: float  # Largest departure from the optimality conditions over all knots, over the first penalty
+    complete: int | None  # First knot at which all true terms have entered; None if they never do
+    false_terms: int  # How many false ones are in by then
 
 
 def structure(rng: np.random.Generator) -> Structure:
-    """Follow the LASSO's path on a draw of a benchmark system.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws input and noise.
-
-    Returns
-    -------
-    Structure
-    """
+    """Follow the LASSO's path on a draw of a benchmark system."""
     system = SYSTEMS[SYSTEM]
     recording = system.draw(rng).recording
     found = Lasso(

@@ -13,13 +13,12 @@ from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, 
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["bias_and_variance", "constraint", "overfitting", "paths", "razor", "shrinking", "two_models"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -31,20 +30,7 @@ SHOWN = (1, 5, 12)
 
 
 def constraint(plane: Plane) -> tuple[Drawing, Columns]:
-    """The constraints against the ellipses of the mean squared error.
-
-    Parameters
-    ----------
-    plane : Plane
-        The two-parameter example.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """The constraints against the ellipses of the mean squared error."""
     phase = np.linspace(0, 2 * np.pi, 401)
     circle = plane.ridge.size * np.array([np.cos(phase), np.sin(phase)])
     corners = plane.lasso.size * np.array([(1.0, 0), (0, 1.0), (-1.0, 0), (0, -1.0), (1.0, 0)]).T
@@ -92,22 +78,7 @@ def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
 
 
 def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
-    """Parameters as the constraint widens.
-
-    Parameters
-    ----------
-    plane : Plane
-        The two-parameter example.
-    structure : Structure
-        The LASSO's path among NARX candidates.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Parameters as the constraint widens."""
     path = structure.path
     extent = np.abs(path.coefficients).sum(axis=0)
     shown = extent <= 1.25 * extent[structure.complete if structure.complete is not None else -1]
@@ -146,22 +117,7 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
 
 
 def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
-    """What each rule makes of a parameter, and what it risks.
-
-    Parameters
-    ----------
-    orthogonal : Orthogonal
-        Estimates on an orthogonal design.
-    risks : Risks
-        Expected squared errors.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """What each rule makes of a parameter, and what it risks."""
     least = np.linspace(-2.6, 2.6, 401)
     styles = dict(zip(RULES, ((AFTER, "o"), (BEFORE, "s"), (MARK, "^")), strict=True))
     levels = {"ridge": shrinkage.PENALTY, "LASSO": shrinkage.PENALTY, "subset": shrinkage.THRESHOLD}
@@ -193,20 +149,7 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
 
 
 def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
-    """Fits of low, middling and high degree to the same readings.
-
-    Parameters
-    ----------
-    degrees : Decomposition
-        By degree.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Fits of low, middling and high degree to the same readings."""
     points, truth = variance.POINTS, variance.curve(variance.POINTS)
     columns = {"point": points, "truth": truth, "readings": degrees.example}
     with draw((9.6, 3.4)) as figure:
@@ -230,20 +173,7 @@ def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
 
 
 def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple[Drawing, Columns]:
-    """The expected error and its parts.
-
-    Parameters
-    ----------
-    degrees, penalties : Decomposition
-        By degree, and by ridge penalty.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """The expected error and its parts."""
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for axes, found in ((left, degrees), (right, penalties)):
@@ -285,20 +215,7 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
 
 
 def razor(found: Occam) -> tuple[Drawing, Columns]:
-    """Evidence, training error and test error by degree.
-
-    Parameters
-    ----------
-    found : Occam
-        Of repeated experiments.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Evidence, training error and test error by degree."""
     counts = np.array([np.mean(found.peaks == degree) for degree in found.degrees])
     with draw((9.6, 3.8)) as figure:
         left, middle, right = figure.subplots(1, 3)
@@ -337,20 +254,7 @@ def razor(found: Occam) -> tuple[Drawing, Columns]:
 
 
 def two_models(found: Spread) -> tuple[Drawing, Columns]:
-    """What a line and a parabola say of readings before these are seen.
-
-    Parameters
-    ----------
-    found : Spread
-        Their evidences.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """What a line and a parabola say of readings before these are seen."""
     with draw((6.4, 3.4)) as figure:
         axes = figure.add_subplot()
         axes.plot(found.bends, found.line, color=AFTER, label="line")

@@ -11,8 +11,6 @@ from deatwin.ident.narx.bayes import Priors
 from deatwin.ident.narx.shrinkage import Bayesian
 from deatwin.scenarios.regression_lessons.variance import powers
 
-__all__ = ["TRUE_DEGREE", "Occam", "Spread", "occam", "spread"]
-
 Array = NDArray[np.float64]
 
 N, NOISE, PRECISION = 40, 0.2, 0.04
@@ -27,59 +25,25 @@ POINTS, BETWEEN = np.linspace(-1.0, 1.0, N), np.linspace(-0.99, 0.99, 200)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Occam:
-    """What happens with the degree, over repeated experiments.
+    """What happens with the degree, over repeated experiments."""
 
-    Parameters
-    ----------
-    degrees : ndarray of int, shape (n,)
-        Of the polynomials.
-    training, test : ndarray, shape (n,)
-        Mean squared error of least squares over the samples, and over new ones between them.
-    monotone : bool
-        Whether the training error fell with each degree in each experiment.
-    evidence, evidence_error : ndarray, shape (n,)
-        Mean log evidence with known noise, and its standard error, nats.
-    expected : ndarray, shape (n,)
-        Closed form of that mean.
-    best_fit, occam_factor : ndarray, shape (n,)
-        Mean log likelihood of the least-squares parameters, and what the evidence has less, nats.
-    peaks : ndarray of int, shape (n_experiments,)
-        Degree of the largest evidence when the noise and the size of the parameters are not known.
-    largest_fit : ndarray of int, shape (n_experiments,)
-        Degree of the least training error.
-    agreement : float
-        Largest difference of the estimator's log evidence from the density of a multivariate t law, nats.
-    example : ndarray, shape (N,)
-        Readings of the first experiment.
-    """
-
-    degrees: NDArray[np.int64]
+    degrees: NDArray[np.int64]  # shape (n,): Of the polynomials
     training: Array
     test: Array
-    monotone: bool
-    evidence: Array
+    monotone: bool  # Whether the training error fell with each degree in each experiment
+    evidence: Array  # shape (n,): Mean log evidence with known noise, and its standard error, nats
     evidence_error: Array
-    expected: Array
+    expected: Array  # shape (n,): Closed form of that mean
     best_fit: Array
     occam_factor: Array
     peaks: NDArray[np.int64]
-    largest_fit: NDArray[np.int64]
+    largest_fit: NDArray[np.int64]  # shape (n_experiments,): Degree of the least training error
     agreement: float
-    example: Array
+    example: Array  # shape (N,): Readings of the first experiment
 
 
 def occam(rng: np.random.Generator) -> Occam:
-    """Repeat the experiment and judge all degrees.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Occam
-    """
+    """Repeat the experiment and judge all degrees."""
     truth = TRUTH @ powers(POINTS, TRUE_DEGREE)
     readings = truth + NOISE * rng.standard_normal((DRAWS, N))
     designs = [powers(POINTS, int(degree)) for degree in DEGREES]
@@ -137,42 +101,19 @@ def _agreement(designs: list[Array], y: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Evidence of a line and of a parabola by how curved the readings are.
+    """Evidence of a line and of a parabola by how curved the readings are."""
 
-    Parameters
-    ----------
-    bends : ndarray, shape (n,)
-        Least-squares curvature, in standard errors.
-    line, parabola : ndarray, shape (n,)
-        Densities of that curvature under each; both have area 1.
-    crossing : float
-        Curvature at which they are equal, in closed form.
-    drawn, drawn_error, expected : float
-        Share of experiments with a line in which the parabola has the larger evidence, its standard error, and the
-        closed form.
-    """
-
-    bends: Array
-    line: Array
+    bends: Array  # shape (n,): Least-squares curvature, in standard errors
+    line: Array  # shape (n,): Densities of that curvature under each; both have area 1
     parabola: Array
-    crossing: float
+    crossing: float  # Curvature at which they are equal, in closed form
     drawn: float
     drawn_error: float
     expected: float
 
 
 def spread(rng: np.random.Generator) -> Spread:
-    """Compare the evidences of a line and of a parabola where the line is true.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Spread
-    """
+    """Compare the evidences of a line and of a parabola where the line is true."""
     from scipy.stats import norm
 
     basis, _ = np.linalg.qr(powers(POINTS, 2).T)

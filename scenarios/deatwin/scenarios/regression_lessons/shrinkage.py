@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.lasso import lasso_path
 from deatwin.ident.narx.shrinkage import Ridge
 
-__all__ = ["RULES", "Orthogonal", "Risks", "orthogonal", "risks", "rule", "zero_share"]
-
 Array = NDArray[np.float64]
 
 RULES = ("ridge", "LASSO", "subset")
@@ -26,22 +24,7 @@ DRAWS = 20_000
 
 
 def rule(name: str, least: Array, level: float) -> Array:
-    """What a rule makes of a least-squares parameter, in closed form.
-
-    Parameters
-    ----------
-    name : str
-        One of `RULES`.
-    least : ndarray
-        Least-squares parameters.
-    level : float
-        Penalty of ridge and of the LASSO, threshold of the subset.
-
-    Returns
-    -------
-    ndarray
-        ``least / (1 + level)``, ``sign(least) max(|least| - level, 0)``, or ``least`` where ``|least| > level``.
-    """
+    """What a rule makes of a least-squares parameter, in closed form."""
     if name == "ridge":
         return least / (1 + level)
     if name == "LASSO":
@@ -51,21 +34,11 @@ def rule(name: str, least: Array, level: float) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Orthogonal:
-    """Estimates on an orthogonal design.
+    """Estimates on an orthogonal design."""
 
-    Parameters
-    ----------
-    least : ndarray, shape (m,)
-        Least-squares parameters.
-    found : mapping of str to ndarray, shape (m,)
-        What each of `RULES` estimates.
-    expected : mapping of str to ndarray, shape (m,)
-        The closed forms.
-    """
-
-    least: Array
-    found: Mapping[str, Array]
-    expected: Mapping[str, Array]
+    least: Array  # shape (m,): Least-squares parameters
+    found: Mapping[str, Array]  # shape (m,): What each of `RULES` estimates
+    expected: Mapping[str, Array]  # shape (m,): The closed forms
 
     @property
     def worst(self) -> float:
@@ -74,17 +47,7 @@ class Orthogonal:
 
 
 def orthogonal(rng: np.random.Generator) -> Orthogonal:
-    """Estimate by ridge, by the LASSO and by trying all subsets.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws regressors and noise.
-
-    Returns
-    -------
-    Orthogonal
-    """
+    """Estimate by ridge, by the LASSO and by trying all subsets."""
     basis, _ = np.linalg.qr(rng.standard_normal((N, M)))
     rows = np.sqrt(N) * basis.T
     target = np.linspace(-2.0, 2.0, M) @ rows + NOISE * rng.standard_normal(N)
@@ -112,23 +75,13 @@ def _best_subset(rows: Array, target: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Risks:
-    """Expected squared errors of one parameter by its true size, both in standard errors of least squares.
+    """Expected squared errors of one parameter by its true size, both in standard errors of least squares."""
 
-    Parameters
-    ----------
-    sizes : ndarray, shape (n,)
-        True parameter.
-    expected, drawn, errors : mapping of str to ndarray, shape (n,)
-        Closed form, Monte Carlo, and its standard error.
-    zeros, zero_errors, zeros_expected : ndarray, shape (n,)
-        Share of draws that the LASSO sets to zero, its standard error, and the closed form.
-    """
-
-    sizes: Array
-    expected: Mapping[str, Array]
+    sizes: Array  # shape (n,): True parameter
+    expected: Mapping[str, Array]  # shape (n,): Closed form, Monte Carlo, and its standard error
     drawn: Mapping[str, Array]
     errors: Mapping[str, Array]
-    zeros: Array
+    zeros: Array  # shape (n,): Share of draws that the LASSO sets to zero, its standard error, and the closed form
     zero_errors: Array
     zeros_expected: Array
 
@@ -144,17 +97,7 @@ class Risks:
 
 
 def risks(rng: np.random.Generator) -> Risks:
-    """Compute the risks in closed form and by Monte Carlo.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Risks
-    """
+    """Compute the risks in closed form and by Monte Carlo."""
     sizes = np.linspace(0.0, 6.0, 25)
     least = sizes[:, None] + rng.standard_normal((sizes.size, DRAWS))
     squares = {name: (rule(name, least, LEVEL) - sizes[:, None]) ** 2 for name in RULES}
@@ -171,19 +114,7 @@ def risks(rng: np.random.Generator) -> Risks:
 
 
 def zero_share(size: Array, level: float) -> Array:
-    """Probability that a threshold sets an estimate N(size, 1) to zero.
-
-    Parameters
-    ----------
-    size : ndarray
-        True parameter, in standard errors.
-    level : float
-        Threshold, likewise.
-
-    Returns
-    -------
-    ndarray
-    """
+    """Probability that a threshold sets an estimate N(size, 1) to zero."""
     from scipy.stats import norm
 
     return np.asarray(norm.cdf(level - size) - norm.cdf(-level - size))

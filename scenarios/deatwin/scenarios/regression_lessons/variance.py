@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.estimation import LeastSquares
+from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.shrinkage import Ridge
-
-__all__ = ["Decomposition", "Fitter", "by_degree", "by_penalty", "powers"]
 
 Array = NDArray[np.float64]
 Fitter = Callable[[Array], Array]
@@ -23,75 +21,33 @@ POINTS = np.linspace(-1.0, 1.0, N)
 
 
 def curve(points: Array) -> Array:
-    """What is to be found, which is no polynomial.
-
-    Parameters
-    ----------
-    points : ndarray
-        From -1 to 1.
-
-    Returns
-    -------
-    ndarray
-    """
+    """What is to be found, which is no polynomial."""
     return np.asarray(np.sin(np.pi * points) + 0.5 * np.cos(2 * points))
 
 
 def powers(points: Array, degree: int) -> Array:
-    """Regressors up to a degree: Legendre polynomials, so that none nearly follows from the others.
-
-    Parameters
-    ----------
-    points : ndarray, shape (n,)
-        From -1 to 1.
-    degree : int
-        The largest.
-
-    Returns
-    -------
-    ndarray, shape (degree + 1, n)
+    """Regressors up to a degree: Legendre polynomials, so that none nearly follows from the others. Shapes: `points`
+    (n,); returns (degree + 1, n).
     """
     return np.asarray(np.polynomial.legendre.legvander(points, degree).T, dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Decomposition:
-    """Errors of an estimator by its complexity.
+    """Errors of an estimator by its complexity."""
 
-    Parameters
-    ----------
-    complexity : ndarray, shape (n,)
-        Degree or penalty.
-    freedom : ndarray, shape (n,)
-        Effective number of parameters: trace of the matrix that takes readings to fitted values.
-    bias, variance : ndarray, shape (n,)
-        Mean squared bias and mean variance of the fitted values, in closed form.
-    noise : float
-        Variance of new readings.
-    test, test_error : ndarray, shape (n,)
-        Mean squared error on new readings at the same points over repeated experiments, and its standard error.
-    training : ndarray, shape (n,)
-        Mean squared error on the readings that were fitted, over the same experiments.
-    covariance, covariance_error : ndarray, shape (n,)
-        Sum of the covariances of fitted values and readings over the noise variance, and its standard error.
-    example : ndarray, shape (n_points,)
-        Readings of the first experiment.
-    fits : ndarray, shape (n, n_points)
-        What was fitted to them.
-    """
-
-    complexity: Array
+    complexity: Array  # shape (n,): Degree or penalty
     freedom: Array
-    bias: Array
+    bias: Array  # shape (n,): Mean squared bias and mean variance of the fitted values, in closed form
     variance: Array
-    noise: float
+    noise: float  # Variance of new readings
     test: Array
     test_error: Array
-    training: Array
+    training: Array  # shape (n,): Mean squared error on the readings that were fitted, over the same experiments
     covariance: Array
     covariance_error: Array
-    example: Array
-    fits: Array
+    example: Array  # shape (n_points,): Readings of the first experiment
+    fits: Array  # shape (n, n_points): What was fitted to them
 
     @property
     def expected(self) -> Array:
@@ -110,17 +66,7 @@ class Decomposition:
 
 
 def by_degree(rng: np.random.Generator) -> Decomposition:
-    """Least squares with polynomials of growing degree.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Decomposition
-    """
+    """Least squares with polynomials of growing degree."""
 
     def fitter(degree: float) -> Fitter:
         rows = powers(POINTS, int(degree))
@@ -134,17 +80,7 @@ def by_degree(rng: np.random.Generator) -> Decomposition:
 
 
 def by_penalty(rng: np.random.Generator) -> Decomposition:
-    """Ridge regression of one degree with a growing penalty.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Draws the noise.
-
-    Returns
-    -------
-    Decomposition
-    """
+    """Ridge regression of one degree with a growing penalty."""
     rows = powers(POINTS, RIDGE_DEGREE)
 
     def fitter(penalty: float) -> Fitter:

@@ -10,27 +10,13 @@ from deatwin.scenarios.regression_lessons.shrinkage import Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.studies.report.story import Row
 
-__all__ = ["bias_rows", "constraint_rows", "occam_rows", "shrinkage_rows"]
-
 SURE = 4.0
 """Standard errors that the largest of some dozens of Monte Carlo means may lie off."""
 _WITHIN = f"within {SURE:.0f} standard errors everywhere"
 
 
 def constraint_rows(plane: Plane, structure: Structure) -> list[Row]:
-    """Ridge and LASSO as constrained least squares.
-
-    Parameters
-    ----------
-    plane : Plane
-        The two-parameter example.
-    structure : Structure
-        The LASSO's path among NARX candidates.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Ridge and LASSO as constrained least squares."""
     apart = [float(np.abs(c.point - c.penalised).max()) for c in (plane.ridge, plane.lasso)]
     zero = float(np.abs(plane.lasso.point).min())
     shrunk = np.all(np.diff(plane.shares) < 0)
@@ -70,19 +56,7 @@ def constraint_rows(plane: Plane, structure: Structure) -> list[Row]:
 
 
 def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Row]:
-    """Shrinkage and thresholds on orthogonal regressors.
-
-    Parameters
-    ----------
-    orthogonal : Orthogonal
-        Estimates on an orthogonal design.
-    risks : Risks
-        Expected squared errors.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Shrinkage and thresholds on orthogonal regressors."""
     at_zero = {name: float(risk[0]) for name, risk in risks.expected.items()}
     return [
         Row(
@@ -114,17 +88,7 @@ def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Row]:
 
 
 def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
-    """Bias and variance.
-
-    Parameters
-    ----------
-    degrees, penalties : Decomposition
-        By degree, and by ridge penalty.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Bias and variance."""
     both = (("degree", degrees), ("ridge penalty", penalties))
     rows = [
         Row(
@@ -172,19 +136,7 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Row]:
 
 
 def occam_rows(found: Occam, spread: Spread) -> list[Row]:
-    """Occam's razor.
-
-    Parameters
-    ----------
-    found : Occam
-        Of repeated experiments.
-    spread : Spread
-        A line against a parabola.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Occam's razor."""
     worst = float(np.abs((found.evidence - found.expected) / found.evidence_error).max())
     peak = int(found.degrees[np.argmax(found.expected)])
     share = float(np.mean(found.peaks == TRUE_DEGREE))

@@ -30,24 +30,7 @@ PLAN = Plan()
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Draw, identify, count, draw figures.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed. Each draw is written when it is through: an
-        interrupted run goes on with the same command.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, all rates, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun with another seed, plan, code or version.
-    """
+    """Draw, identify, count, draw figures."""
     record = setting.record()
     setting.folder.written.extend(("seal.json", CASES))  # draws are there as soon as they are through
     study = carry_out(setting.folder.path, setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress)

@@ -17,31 +17,17 @@ from deatwin.scenarios.svb_benchmark.oracle import Contrast, contrast
 from deatwin.scenarios.svb_benchmark.sampling import Comparison, compare
 from deatwin.scenarios.svb_benchmark.trials import Trial, try_out
 
-__all__ = ["Answer", "Case", "Covering", "Noisy", "Sampled", "Tried"]
-
 Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What came of a case; what was not asked is absent.
+    """What came of a case; what was not asked is absent."""
 
-    Parameters
-    ----------
-    trials : tuple of Trial
-        One for each method, in the order of the case.
-    contrast : Contrast, optional
-        How far the true terms stand out.
-    covered : mapping of str to ndarray of bool, shape (draws, n_terms)
-        By estimator: which 95 % intervals cover.
-    comparison : Comparison, optional
-        With the sampler.
-    """
-
-    trials: tuple[Trial, ...] = ()
-    contrast: Contrast | None = None
+    trials: tuple[Trial, ...] = ()  # One for each method, in the order of the case
+    contrast: Contrast | None = None  # How far the true terms stand out
     covered: Mapping[str, Flags] = field(default_factory=dict)
-    comparison: Comparison | None = None
+    comparison: Comparison | None = None  # With the sampler
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
@@ -55,22 +41,7 @@ class Answer:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The answer that `to_dict` described.
-
-        Parameters
-        ----------
-        data : mapping
-            As a file gives it back.
-
-        Returns
-        -------
-        Answer
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError, AttributeError
-            If it is none.
-        """
+        """The answer that `to_dict` described."""
         return cls(
             trials=tuple(map(Trial.from_dict, data["trials"])),
             contrast=None if data["contrast"] is None else Contrast.from_dict(data["contrast"]),
@@ -81,13 +52,7 @@ class Answer:
 
 @dataclass(frozen=True, kw_only=True)
 class Case(ABC):
-    """What is asked of the draws of a system.
-
-    Parameters
-    ----------
-    system : str
-        By name.
-    """
+    """What is asked of the draws of a system."""
 
     system: str
 
@@ -108,17 +73,7 @@ class Case(ABC):
 
     @abstractmethod
     def answer(self, seed: int) -> Answer:
-        """Run it.
-
-        Parameters
-        ----------
-        seed : int
-            Of the study.
-
-        Returns
-        -------
-        Answer
-        """
+        """Run it."""
 
     def _fits(self, methods: tuple[str, ...]) -> float:
         """Seconds that fits by the methods take."""
@@ -131,17 +86,7 @@ class Case(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Tried(Case):
-    """All methods, and the oracles, on a draw.
-
-    Parameters
-    ----------
-    system : str
-        By name.
-    number : int
-        Of the draw.
-    methods : tuple of str
-        By name.
-    """
+    """All methods, and the oracles, on a draw."""
 
     number: int
     methods: tuple[str, ...]
@@ -161,19 +106,9 @@ class Tried(Case):
 
 @dataclass(frozen=True, kw_only=True)
 class Covering(Case):
-    """The intervals of several estimators on all draws of a system; a draw takes milliseconds.
+    """The intervals of several estimators on all draws of a system; a draw takes milliseconds."""
 
-    Parameters
-    ----------
-    system : str
-        By name.
-    draws : int
-        How many.
-    estimators : tuple of str
-        By name.
-    """
-
-    draws: int
+    draws: int  # How many
     estimators: tuple[str, ...]
 
     @property
@@ -195,19 +130,7 @@ class Covering(Case):
 
 @dataclass(frozen=True, kw_only=True)
 class Noisy(Case):
-    """Some methods, and the intervals of variational Bayes, on a draw with other noise.
-
-    Parameters
-    ----------
-    system : str
-        By name.
-    variance : float
-        Of e(k), square of the output's unit.
-    number : int
-        Of the draw.
-    methods : tuple of str
-        By name.
-    """
+    """Some methods, and the intervals of variational Bayes, on a draw with other noise."""
 
     variance: float
     number: int
@@ -231,17 +154,7 @@ class Noisy(Case):
 
 @dataclass(frozen=True, kw_only=True)
 class Sampled(Case):
-    """A method beside the sampler of structures, on a draw.
-
-    Parameters
-    ----------
-    system : str
-        By name.
-    number : int
-        Of the draw.
-    method : str
-        By name.
-    """
+    """A method beside the sampler of structures, on a draw."""
 
     number: int
     method: str

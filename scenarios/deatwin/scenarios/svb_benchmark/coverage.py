@@ -20,44 +20,17 @@ from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.svb_benchmark.trials import draw_of, intervals, system_of
 
-__all__ = ["ESTIMATORS", "VARIATIONAL", "covered"]
-
 Flags = NDArray[np.bool_]
 VARIATIONAL = "variational Bayes"
 
 
 def least_squares(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by least squares.
-
-    Parameters
-    ----------
-    system : BenchmarkSystem
-        Whose terms are taken.
-    recording : Recording
-        To fit.
-
-    Returns
-    -------
-    NarxModel
-    """
+    """Fit the true terms by least squares."""
     return Fixed(terms=system.terms).fit(recording).model_
 
 
 def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by variational Bayes, as `SvbNarx` does each of its steps.
-
-    Parameters
-    ----------
-    system : BenchmarkSystem
-        Whose terms are taken.
-    recording : Recording
-        To fit.
-
-    Returns
-    -------
-    NarxModel
-        With the Student-t posterior of its parameters.
-    """
+    """Fit the true terms by variational Bayes, as `SvbNarx` does each of its steps."""
     usual = SvbNarx()
     data = Regression.on(recording, TermTable(system.terms))
     gram, moment, power = data.gram()
@@ -82,19 +55,7 @@ def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
 
 
 def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms and the true noise terms by the least prediction error.
-
-    Parameters
-    ----------
-    system : BenchmarkSystem
-        Whose terms are taken.
-    recording : Recording
-        To fit.
-
-    Returns
-    -------
-    NarxModel
-    """
+    """Fit the true terms and the true noise terms by the least prediction error."""
     process = Regression.on(recording, TermTable(system.terms))
     found = prediction_error_fit(process, system.noise_terms).estimate
     whole = replace(process, table=TermTable(system.terms + system.noise_terms))
@@ -102,19 +63,7 @@ def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
 
 
 def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by the least prediction error, with noise terms that are chosen.
-
-    Parameters
-    ----------
-    system : BenchmarkSystem
-        Whose terms without noise are taken.
-    recording : Recording
-        To fit.
-
-    Returns
-    -------
-    NarxModel
-    """
+    """Fit the true terms by the least prediction error, with noise terms that are chosen."""
     return Narmax(Fixed(terms=system.terms)).fit(recording).model_
 
 
@@ -130,22 +79,7 @@ ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = Ma
 
 
 def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
-    """Say which intervals hold the true parameter.
-
-    Parameters
-    ----------
-    name, estimator : str
-        Of the system, and one of `ESTIMATORS`.
-    seed, number : int
-        Of study and draw.
-    noise_variance : float, optional
-        If other than the system's own.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_terms,)
-        In the order of the system's terms.
-    """
+    """Say which intervals hold the true parameter. Shapes: returns (n_terms,)."""
     system = system_of(name, noise_variance)
     model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)
     low, high = intervals(model)

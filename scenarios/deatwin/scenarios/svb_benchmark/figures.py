@@ -12,13 +12,12 @@ from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, system_of
 from deatwin.scenarios.svb_benchmark.verdicts import COVERAGE, exact, kept, oracles
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["drawings", "table_text"]
 
 INK, GRID, MEASURED, BEFORE, AFTER, MARK = (
     COLOURS[role][0] for role in ("ink", "grid", "measured", "before", "after", "mark")
@@ -39,37 +38,12 @@ MOST_SHOWN = 12
 
 
 def table_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A CSV file whose cells may be words.
-
-    Parameters
-    ----------
-    header : sequence of str
-        Names of the columns, with their unit.
-    rows : iterable of sequence
-        Cells without commas.
-
-    Returns
-    -------
-    str
-    """
+    """A CSV file whose cells may be words."""
     return "\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n"
 
 
 def drawings(study: Study) -> tuple[list[Drawing], dict[str, str]]:
-    """Draw all figures.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to str
-        Text of each CSV file.
-    """
+    """Draw all figures."""
     made = [_rates(study), _outcomes(study), _coverage(study), _sweep(study)]
     if study.comparisons:
         made.append(_sampler(study))

@@ -32,29 +32,17 @@ from scipy.special import expit
 
 from deatwin.ident.narx.bayes import Priors, Statistics
 
-__all__ = ["SpikeSlab", "Structures", "sample_structures"]
-
 Array = NDArray[np.float64]
 Terms = frozenset[int]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpikeSlab:
-    """The posterior over sets of terms, up to a constant.
-
-    Parameters
-    ----------
-    data : Statistics
-        Of all candidates.
-    priors : Priors
-        Of which a0 and b0 are used.
-    information : float
-        Of the slab, in samples.
-    """
+    """The posterior over sets of terms, up to a constant."""
 
     data: Statistics
     priors: Priors = field(default_factory=Priors)
-    information: float = 0.01
+    information: float = 0.01  # Of the slab, in samples
 
     @property
     def n_terms(self) -> int:
@@ -67,23 +55,11 @@ class SpikeSlab:
         return np.asarray(self.information / self.data.n_samples * np.diag(self.data.gram), dtype=np.float64)
 
     def precision(self, chosen: list[int]) -> Array:
-        """Return Phi'Phi plus the slab's precision for the chosen terms, relative to the noise's.
-
-        Parameters
-        ----------
-        chosen : list of int
-            Terms that are in.
-        """
+        """Return Phi'Phi plus the slab's precision for the chosen terms, relative to the noise's."""
         return np.asarray(self.data.gram[np.ix_(chosen, chosen)] + np.diag(self.slab[chosen]), dtype=np.float64)
 
     def log_evidence(self, terms: Terms) -> float:
-        """Return ln p(y, terms) up to a constant.
-
-        Parameters
-        ----------
-        terms : frozenset of int
-            That are in.
-        """
+        """Return ln p(y, terms) up to a constant."""
         chosen = sorted(terms)
         precision, moment = self.precision(chosen), self.data.moment[chosen]
         left = self.data.power - float(moment @ np.linalg.solve(precision, moment))
@@ -91,16 +67,7 @@ class SpikeSlab:
         return volume + float(self._fit(left)) + self._prior(len(chosen))
 
     def flip_gains(self, terms: Terms) -> Array:
-        """Return the change of `log_evidence` by the flip of each term, shape (n_terms,).
-
-        With C = P^-1 for the terms that are in, another one adds to |P| the factor s, what of it they do not
-        explain, and takes r²/s off the squares that are left; one of them that goes takes C_jj and theta_j²/C_jj back.
-
-        Parameters
-        ----------
-        terms : frozenset of int
-            That are in.
-        """
+        """Return the change of `log_evidence` by the flip of each term, shape (n_terms,)."""
         chosen = sorted(terms)
         inverse = np.linalg.inv(self.precision(chosen))
         theta = inverse @ self.data.moment[chosen]
@@ -119,24 +86,7 @@ class SpikeSlab:
         )
 
     def draw(self, terms: Terms, count: int, rng: np.random.Generator) -> tuple[list[int], Array]:
-        """Draw parameters of one structure.
-
-        Parameters
-        ----------
-        terms : frozenset of int
-            That are in.
-        count : int
-            How often.
-        rng : numpy.random.Generator
-            Of the draws.
-
-        Returns
-        -------
-        chosen : list of int
-            The terms in order.
-        theta : ndarray, shape (count, n_chosen)
-            Their parameters.
-        """
+        """Draw parameters of one structure. Shapes: returns (count, n_chosen)."""
         chosen = sorted(terms)
         precision, moment = self.precision(chosen), self.data.moment[chosen]
         mean = np.linalg.solve(precision, moment)
@@ -156,18 +106,10 @@ class SpikeSlab:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Structures:
-    """Sampled structures.
-
-    Parameters
-    ----------
-    inclusion : ndarray, shape (n_terms,)
-        Probability that a term is in: the mean over the chain of that given all others.
-    weights : mapping of frozenset of int to float
-        Share of the chain at each set of terms.
-    """
+    """Sampled structures."""
 
     inclusion: Array
-    weights: Mapping[Terms, float]
+    weights: Mapping[Terms, float]  # Share of the chain at each set of terms
 
     @property
     def median(self) -> Terms:
@@ -175,22 +117,7 @@ class Structures:
         return frozenset(np.flatnonzero(self.inclusion > 0.5).tolist())
 
     def parameters(self, posterior: SpikeSlab, count: int, rng: np.random.Generator) -> Array:
-        """Draw parameters over all structures.
-
-        Parameters
-        ----------
-        posterior : SpikeSlab
-            That was sampled.
-        count : int
-            How many.
-        rng : numpy.random.Generator
-            Of the draws.
-
-        Returns
-        -------
-        ndarray, shape (count, n_terms)
-            Zero where a term is out.
-        """
+        """Draw parameters over all structures. Shapes: returns (count, n_terms)."""
         sets = list(self.weights)
         counts = rng.multinomial(count, list(self.weights.values()))
         theta = np.zeros((count, posterior.n_terms))
@@ -206,26 +133,7 @@ class Structures:
 def sample_structures(
     posterior: SpikeSlab, rng: np.random.Generator, *, flips: int, burn_in: int, start: Terms = frozenset()
 ) -> Structures:
-    """Sample sets of terms.
-
-    Parameters
-    ----------
-    posterior : SpikeSlab
-        To be sampled.
-    rng : numpy.random.Generator
-        Of the chain.
-    flips : int
-        Flips that are made after the burn-in; between two of them the chain rests at a structure, and counts there for
-        as long as it would be expected to rest.
-    burn_in : int
-        Flips that are thrown away.
-    start : frozenset of int
-        Where the chain starts; by default without terms.
-
-    Returns
-    -------
-    Structures
-    """
+    """Sample sets of terms."""
     terms = start
     weights: dict[Terms, float] = {}
     inclusion, total = np.zeros(posterior.n_terms), 0.0

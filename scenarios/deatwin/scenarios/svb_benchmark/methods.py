@@ -13,29 +13,14 @@ from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.systems import BenchmarkSystem
 
-__all__ = ["METHODS", "Method"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A way to choose the structure.
-
-    Parameters
-    ----------
-    name, label : str
-        In files, and on the page.
-    line : str
-        What it does, in words.
-    make : callable
-        Takes the system, of which only lags and degree may be used unless the line says so, and returns the
-        estimator.
-    efforts : tuple of float
-        Seconds that a fit takes, about, on 500 samples of 165 candidates and on 1000 of 495; for the time left.
-    """
+    """A way to choose the structure."""
 
     name: str
     label: str
-    line: str
+    line: str  # What it does, in words
     make: Callable[[BenchmarkSystem], NarxIdentifier]
     efforts: tuple[float, float]
 

@@ -19,21 +19,13 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.regression import Regression
 from deatwin.scenarios.svb_benchmark.trials import Rate, draw_of, system_of
 
-__all__ = ["Contrast", "Margin", "Oracle", "consult", "contrast", "full_margin", "near_margin"]
-
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """Between which thresholds a draw comes out exactly right.
-
-    Parameters
-    ----------
-    true, false : float
-        Least |t| of a true term, and largest |t| of a false one; the latter infinite where no threshold helps.
-    """
+    """Between which thresholds a draw comes out exactly right."""
 
     true: float
     false: float
@@ -41,58 +33,23 @@ class Margin:
 
 @dataclass(frozen=True, kw_only=True)
 class Contrast:
-    """How far the true terms of a draw stand out.
-
-    Parameters
-    ----------
-    full, near : Margin
-        By least squares on all candidates, and from the true terms.
-    redraws : int
-        Runs that diverged before the draw.
-    snr_db : float
-        Variance of the output over that of e(k), dB.
-    condition : float
-        Condition number of the candidates, each scaled to length 1.
-    """
+    """How far the true terms of a draw stand out."""
 
     full: Margin
     near: Margin
-    redraws: int
-    snr_db: float
-    condition: float
+    redraws: int  # Runs that diverged before the draw
+    snr_db: float  # Variance of the output over that of e(k), dB
+    condition: float  # Condition number of the candidates, each scaled to length 1
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The contrast of plain data, as `dataclasses.asdict` makes it.
-
-        Parameters
-        ----------
-        data : mapping
-            By field.
-
-        Returns
-        -------
-        Contrast
-
-        Raises
-        ------
-        KeyError, TypeError
-            If it is none.
-        """
+        """The contrast of plain data, as `dataclasses.asdict` makes it."""
         return cls(**{**data, "full": Margin(**data["full"]), "near": Margin(**data["near"])})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Oracle:
-    """The best threshold of a system, and what is reached by it.
-
-    Parameters
-    ----------
-    threshold : float
-        On |t|; a term is taken where it is exceeded.
-    exact, kept : Rate
-        Of the right structure, and of all true terms kept.
-    """
+    """The best threshold of a system, and what is reached by it."""
 
     threshold: float
     exact: Rate
@@ -100,20 +57,8 @@ class Oracle:
 
 
 def full_margin(rows: Array, target: Array, true: Indices) -> Margin:
-    """Compare |t| of true and false terms in least squares on all candidates.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (n_terms, n_samples)
-        Regressors, transposed.
-    target : ndarray, shape (n_samples,)
-        Outputs.
-    true : ndarray of int
-        Positions of the true terms.
-
-    Returns
-    -------
-    Margin
+    """Compare |t| of true and false terms in least squares on all candidates. Shapes: `rows` (n_terms, n_samples);
+    `target` (n_samples,).
     """
     from scipy.linalg import solve_triangular
 
@@ -126,17 +71,7 @@ def full_margin(rows: Array, target: Array, true: Indices) -> Margin:
 
 
 def near_margin(rows: Array, target: Array, true: Indices) -> Margin:
-    """Compare the true terms with all sets that differ from them by one term, or by one exchange.
-
-    Parameters
-    ----------
-    rows, target, true : ndarray
-        As for `full_margin`.
-
-    Returns
-    -------
-    Margin
-    """
+    """Compare the true terms with all sets that differ from them by one term, or by one exchange."""
     left, gains = _gains(rows, target, true)
     freedom = target.size - true.size
     most = float(np.delete(gains, true).max())
@@ -152,19 +87,7 @@ def near_margin(rows: Array, target: Array, true: Indices) -> Margin:
 
 
 def contrast(name: str, seed: int, number: int) -> Contrast:
-    """Compare true and false terms of a draw.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    seed, number : int
-        Of study and draw.
-
-    Returns
-    -------
-    Contrast
-    """
+    """Compare true and false terms of a draw."""
     system = system_of(name)
     draw = draw_of(system, seed, number)
     data = Regression.of(
@@ -183,17 +106,7 @@ def contrast(name: str, seed: int, number: int) -> Contrast:
 
 
 def consult(margins: Sequence[Margin]) -> Oracle:
-    """Choose the threshold by which most draws of a system come out exactly right; of equals the least.
-
-    Parameters
-    ----------
-    margins : sequence of Margin
-        Of the draws of one system.
-
-    Returns
-    -------
-    Oracle
-    """
+    """Choose the threshold by which most draws of a system come out exactly right; of equals the least."""
     true = np.array([margin.true for margin in margins])
     false = np.array([margin.false for margin in margins])
     # A draw comes out right if false <= threshold < true, so that one of the lower ends is best of all thresholds.

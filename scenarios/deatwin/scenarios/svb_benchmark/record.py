@@ -12,8 +12,6 @@ from deatwin.studies.provenance import versions
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
 from deatwin.studies.sweep.store import CaseStore
 
-__all__ = ["CASES", "Draws"]
-
 CASES = "draws"
 """Folder of the cases."""
 SCHEMA = "deatwin/hit-rate-case/1"
@@ -24,22 +22,7 @@ VERSIONS = ("deatwin", "numpy", "scipy", "scikit-learn")
 
 
 class Draws(CaseStore[SweepSeal]):
-    """The cases of a study.
-
-    Parameters
-    ----------
-    folder : path
-        Of the study; cases go into the folder ``draws`` in it.
-    seed : int
-        Of the study.
-    plan : mapping
-        What is done, as plain data.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun with another seed, plan, code or version.
-    """
+    """The cases of a study."""
 
     def __init__(self, folder: Path, seed: int, plan: Mapping[str, Any]) -> None:
         parts = {
@@ -51,22 +34,7 @@ class Draws(CaseStore[SweepSeal]):
         super().__init__(folder, SweepSeal(schema=SCHEMA, parts=parts), cases=CASES)
 
     def answer(self, name: str) -> Answer:
-        """Read a case.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        Answer
-
-        Raises
-        ------
-        DataError
-            If it is absent, malformed, or was run under another seal.
-        """
+        """Read a case."""
         found = self.get(name)
         try:
             return Answer.from_dict(found)

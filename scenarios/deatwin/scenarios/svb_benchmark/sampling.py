@@ -15,8 +15,6 @@ from deatwin.ident.narx.regression import Regression
 from deatwin.scenarios.svb_benchmark.gibbs import SpikeSlab, Structures, sample_structures
 from deatwin.scenarios.svb_benchmark.trials import LEVEL, draw_of, system_of, try_out
 
-__all__ = ["Comparison", "compare"]
-
 Array = NDArray[np.float64]
 FLIPS, BURN_IN, DRAWS = 20_000, 2_000, 20_000
 """Of each chain, and the parameters that are drawn at its end."""
@@ -24,37 +22,14 @@ FLIPS, BURN_IN, DRAWS = 20_000, 2_000, 20_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
-    """What the two say of a draw.
-
-    Parameters
-    ----------
-    number : int
-        Of the draw.
-    terms : tuple of str
-        All candidates.
-    inclusion, other_inclusion : ndarray, shape (n_terms,)
-        Probability of each, from a chain that starts without terms, and from one that starts with many at random.
-    sampled : tuple of str
-        Terms that the first chain holds for more likely in than out.
-    chosen : tuple of str
-        Terms that variational Bayes keeps.
-    theta, low, high : ndarray, shape (n_common,)
-        Parameters and 95 % intervals of variational Bayes, of the terms that both keep, in the order of `chosen`.
-    sampled_low, sampled_high : ndarray, shape (n_common,)
-        Ends of the sampler's 95 % intervals, over all structures that hold the term.
-    mass, mass_given : ndarray, shape (n_common,)
-        Probability that the sampler gives to the intervals of variational Bayes: over all structures that hold the
-        term, and with the structure that variational Bayes chose.
-    seconds, sampled_seconds : float
-        Processor times of variational Bayes and of one chain.
-    """
+    """What the two say of a draw."""
 
     number: int
-    terms: tuple[str, ...]
+    terms: tuple[str, ...]  # All candidates
     inclusion: Array
     other_inclusion: Array
-    sampled: tuple[str, ...]
-    chosen: tuple[str, ...]
+    sampled: tuple[str, ...]  # Terms that the first chain holds for more likely in than out
+    chosen: tuple[str, ...]  # Terms that variational Bayes keeps
     theta: Array
     low: Array
     high: Array
@@ -62,27 +37,12 @@ class Comparison:
     sampled_high: Array
     mass: Array
     mass_given: Array
-    seconds: float
+    seconds: float  # Processor times of variational Bayes and of one chain
     sampled_seconds: float
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The comparison of plain data.
-
-        Parameters
-        ----------
-        data : mapping
-            By field, arrays as lists.
-
-        Returns
-        -------
-        Comparison
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If it is none.
-        """
+        """The comparison of plain data."""
         names = {key: tuple(data[key]) for key in ("terms", "sampled", "chosen")}
         numbers = {k: np.array(v, dtype=float) for k, v in data.items() if isinstance(v, list) and k not in names}
         return cls(**{**data, **numbers, **names})
@@ -104,19 +64,7 @@ class Comparison:
 
 
 def compare(name: str, method: str, seed: int, number: int) -> Comparison:
-    """Sample the structures of a draw, and let a method choose one.
-
-    Parameters
-    ----------
-    name, method : str
-        Of system and method.
-    seed, number : int
-        Of study and draw.
-
-    Returns
-    -------
-    Comparison
-    """
+    """Sample the structures of a draw, and let a method choose one."""
     system = system_of(name)
     record = draw_of(system, seed, number).recording
     trial = try_out(name, method, seed, number)

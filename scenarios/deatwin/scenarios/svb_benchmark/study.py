@@ -22,8 +22,6 @@ from deatwin.scenarios.svb_benchmark.sampling import Comparison
 from deatwin.scenarios.svb_benchmark.trials import Trial
 from deatwin.studies.sweep.run import run_sweep
 
-__all__ = ["DRAWS", "LEVELS", "SWEPT", "Level", "Plan", "Study", "carry_out", "cases_of"]
-
 Flags = NDArray[np.bool_]
 
 DRAWS = 100
@@ -39,28 +37,14 @@ COVERAGE = {name: tuple(ESTIMATORS)[:2] for name in (*WHITE, SWEPT)} | {"S5": tu
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is done.
-
-    Parameters
-    ----------
-    systems, methods : tuple of str
-        By name.
-    draws : int
-        Of each system.
-    swept_draws : int
-        Of each noise level.
-    sampled_draws : int
-        Of S4, for the sampler.
-    levels : tuple of float
-        Variances of e(k) in the sweep.
-    """
+    """How much is done."""
 
     systems: tuple[str, ...] = tuple(SYSTEMS)
     methods: tuple[str, ...] = tuple(METHODS)
     draws: int = DRAWS
     swept_draws: int = DRAWS // 2
     sampled_draws: int = DRAWS // 10
-    levels: tuple[float, ...] = LEVELS
+    levels: tuple[float, ...] = LEVELS  # Variances of e(k) in the sweep
 
     @property
     def bayesian(self) -> tuple[str, ...]:
@@ -70,90 +54,31 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Level:
-    """One noise level of the sweep.
-
-    Parameters
-    ----------
-    variance : float
-        Of e(k).
-    trials : tuple of Trial
-        Of the Bayesian methods.
-    covered : ndarray of bool, shape (draws, n_terms)
-        Which 95 % intervals cover, given the right structure.
-    """
+    """One noise level of the sweep."""
 
     variance: float
     trials: tuple[Trial, ...]
-    covered: Flags
+    covered: Flags  # shape (draws, n_terms): Which 95 % intervals cover, given the right structure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What came out.
+    """What came out."""
 
-    Parameters
-    ----------
-    plan : Plan
-        What was done.
-    trials : tuple of Trial
-        Each method on each draw.
-    contrasts : mapping of str to tuple of Contrast
-        Of each system's draws.
-    covered : mapping of (str, str) to ndarray of bool, shape (draws, n_terms)
-        By system and estimator: which 95 % intervals cover, given the right structure.
-    levels : tuple of Level
-        The noise sweep.
-    comparisons : tuple of Comparison
-        With the sampler.
-    """
-
-    plan: Plan
-    trials: tuple[Trial, ...]
+    plan: Plan  # What was done
+    trials: tuple[Trial, ...]  # Each method on each draw
     contrasts: Mapping[str, tuple[Contrast, ...]]
     covered: Mapping[tuple[str, str], Flags]
-    levels: tuple[Level, ...]
-    comparisons: tuple[Comparison, ...]
+    levels: tuple[Level, ...]  # The noise sweep
+    comparisons: tuple[Comparison, ...]  # With the sampler
 
     def of(self, system: str, method: str) -> list[Trial]:
-        """Return the trials of a method on a system.
-
-        Parameters
-        ----------
-        system, method : str
-            By name.
-
-        Returns
-        -------
-        list of Trial
-        """
+        """Return the trials of a method on a system."""
         return [trial for trial in self.trials if (trial.system, trial.method) == (system, method)]
 
 
 def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:
-    """Run every case that the folder does not hold yet, and put all together.
-
-    Parameters
-    ----------
-    folder : path
-        For the cases.
-    seed : int
-        Of the study.
-    plan : Plan
-        What to do.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    tell : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    DataError
-        If the folder was begun with another seed, plan, code or version, or holds a malformed case.
-    """
+    """Run every case that the folder does not hold yet, and put all together."""
     cases = {case.name: case for case in cases_of(plan)}
     store = Draws(folder, seed, asdict(plan))
     for name in store.names() & set(cases):
@@ -164,18 +89,7 @@ def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[
 
 
 def cases_of(plan: Plan) -> list[Case]:
-    """All cases.
-
-    Parameters
-    ----------
-    plan : Plan
-        What to do.
-
-    Returns
-    -------
-    list of Case
-        In the order in which they are run.
-    """
+    """All cases."""
     tried = (case for system in plan.systems for case in _tried(plan, system))
     noisy = (case for variance in plan.levels for case in _noisy(plan, variance))
     return [*tried, *_covering(plan), *noisy, *_sampled(plan)]

@@ -13,22 +13,9 @@ from deatwin.scenarios.svb_benchmark.verdicts import exact, kept, oracles
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 
-__all__ = ["tables"]
-
 
 def tables(study: Study) -> list[Table]:
-    """Make all tables.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-
-    Returns
-    -------
-    list of Table
-        In the order of the page.
-    """
+    """Make all tables."""
     made = [_method(study, method) for method in study.plan.methods]
     made.append(_oracles(study))
     if SWEPT in study.plan.systems:

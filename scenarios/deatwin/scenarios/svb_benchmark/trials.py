@@ -15,8 +15,6 @@ from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant.errors import DeatwinError
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 
-__all__ = ["LEVEL", "Rate", "Trial", "as_csv", "draw_of", "intervals", "system_of", "try_out"]
-
 Array = NDArray[np.float64]
 LEVEL = 0.95
 """Of all intervals."""
@@ -24,26 +22,14 @@ LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """How often something happened.
+    """How often something happened."""
 
-    Parameters
-    ----------
-    hits, count : int
-        How often, and out of how many.
-    """
-
-    hits: int
+    hits: int  # How often, and out of how many
     count: int
 
     @classmethod
     def of(cls, happened: Iterable[bool]) -> Rate:
-        """Count.
-
-        Parameters
-        ----------
-        happened : iterable of bool
-            Whether it did, each time.
-        """
+        """Count."""
         flags = list(happened)
         return cls(hits=sum(map(bool, flags)), count=len(flags))
 
@@ -69,59 +55,24 @@ class Rate:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a method made of a draw.
+    """What a method made of a draw."""
 
-    Parameters
-    ----------
-    system, method : str
-        Their names.
-    number : int
-        Of the draw.
-    redraws : int
-        Runs that diverged before it.
-    terms : tuple of str
-        That were kept; none if the method failed.
-    theta, low, high : tuple of float
-        Their parameters and 95 % intervals.
-    missed, false : int
-        True terms that were not kept, and false ones that were.
-    seconds : float
-        Processor time of the fit.
-    failure : str
-        What the method complained of.
-    """
-
-    system: str
+    system: str  # Their names
     method: str
     number: int
-    redraws: int
-    terms: tuple[str, ...]
-    theta: tuple[float, ...]
+    redraws: int  # Runs that diverged before it
+    terms: tuple[str, ...]  # That were kept; none if the method failed
+    theta: tuple[float, ...]  # Their parameters and 95 % intervals
     low: tuple[float, ...]
     high: tuple[float, ...]
-    missed: int
+    missed: int  # True terms that were not kept, and false ones that were
     false: int
-    seconds: float
-    failure: str = ""
+    seconds: float  # Processor time of the fit
+    failure: str = ""  # What the method complained of
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The trial of plain data, as `dataclasses.asdict` makes it and as a file gives it back.
-
-        Parameters
-        ----------
-        data : mapping
-            By field.
-
-        Returns
-        -------
-        Trial
-
-        Raises
-        ------
-        TypeError
-            If it is none.
-        """
+        """The trial of plain data, as `dataclasses.asdict` makes it and as a file gives it back."""
         fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
         return cls(**fields)
 
@@ -137,56 +88,19 @@ class Trial:
 
 
 def system_of(name: str, noise_variance: float | None = None) -> BenchmarkSystem:
-    """A benchmark system, with other noise if wanted.
-
-    Parameters
-    ----------
-    name : str
-        One of `deatwin.ident.narx.systems.SYSTEMS`.
-    noise_variance : float, optional
-        Square of the output's unit.
-
-    Returns
-    -------
-    BenchmarkSystem
-    """
+    """A benchmark system, with other noise if wanted."""
     system = SYSTEMS[name]
     return system if noise_variance is None else replace(system, noise_std=noise_variance**0.5)
 
 
 def draw_of(system: BenchmarkSystem, seed: int, number: int) -> Draw:
-    """The same draw for the same numbers, whatever else is drawn.
-
-    Parameters
-    ----------
-    system : BenchmarkSystem
-        To be recorded.
-    seed : int
-        Of the study; each system has a sequence spawned of it, and each draw one spawned of that.
-    number : int
-        Of the draw.
-
-    Returns
-    -------
-    Draw
-    """
+    """The same draw for the same numbers, whatever else is drawn."""
     place = list(SYSTEMS).index(system.name)
     return system.draw(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(place, number))))
 
 
 def intervals(model: NarxModel) -> tuple[Array, Array]:
-    """Ends of the 95 % intervals of a model's parameters.
-
-    Parameters
-    ----------
-    model : NarxModel
-        With a normal or Student-t law of its parameters.
-
-    Returns
-    -------
-    low, high : ndarray, shape (n_terms,)
-        In the parameters' units.
-    """
+    """Ends of the 95 % intervals of a model's parameters. Shapes: returns (n_terms,)."""
     from scipy.stats import norm, t
 
     variance, dof = np.diag(model.theta_cov), model.theta_dof
@@ -198,26 +112,7 @@ def intervals(model: NarxModel) -> tuple[Array, Array]:
 
 
 def try_out(name: str, method: str, seed: int, number: int, noise_variance: float | None = None) -> Trial:
-    """Let a method identify a draw.
-
-    Parameters
-    ----------
-    name, method : str
-        Of system and method.
-    seed, number : int
-        Of study and draw.
-    noise_variance : float, optional
-        If other than the system's own.
-
-    Returns
-    -------
-    Trial
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the method was interrupted.
-    """
+    """Let a method identify a draw."""
     system = system_of(name, noise_variance)
     draw = draw_of(system, seed, number)
     identifier = METHODS[method].make(system)
@@ -248,18 +143,7 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
 
 
 def as_csv(trials: Iterable[Trial]) -> str:
-    """A line for each trial.
-
-    Parameters
-    ----------
-    trials : iterable of Trial
-        In the order wanted.
-
-    Returns
-    -------
-    str
-        With a header. Times are not in it, so that equal runs write equal files.
-    """
+    """A line for each trial."""
     lines = ["system,method,draw,redraws,missed,false,terms"]
     for t in trials:
         lines.append(f"{t.system},{t.method},{t.number},{t.redraws},{t.missed},{t.false},{' + '.join(t.terms)}")

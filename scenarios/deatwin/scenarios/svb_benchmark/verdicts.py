@@ -12,8 +12,6 @@ from deatwin.scenarios.svb_benchmark.study import WHITE, Study
 from deatwin.scenarios.svb_benchmark.trials import Rate
 from deatwin.studies.report.story import Row
 
-__all__ = ["exact", "judge", "kept", "oracles"]
-
 COVERAGE = (0.92, 0.98)
 LEAST_PARAMETERS = 500
 WEAK = "S6"
@@ -22,71 +20,23 @@ CLEAN = "svb-clean"
 
 
 def exact(study: Study, system: str, method: str) -> Rate:
-    """Count the draws of which a method finds the true structure.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-    system, method : str
-        By name.
-
-    Returns
-    -------
-    Rate
-    """
+    """Count the draws of which a method finds the true structure."""
     return Rate.of(trial.exact for trial in study.of(system, method))
 
 
 def kept(study: Study, system: str, method: str) -> Rate:
-    """Count the draws of which a method keeps every true term.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-    system, method : str
-        By name.
-
-    Returns
-    -------
-    Rate
-    """
+    """Count the draws of which a method keeps every true term."""
     return Rate.of(trial.kept for trial in study.of(system, method))
 
 
 def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
-    """Ask those who know the truth.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-    system : str
-        By name.
-
-    Returns
-    -------
-    full, near : Oracle
-        By least squares on all candidates, and from the true terms.
-    """
+    """Ask those who know the truth."""
     draws = study.contrasts[system]
     return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
 
 
 def judge(study: Study) -> list[Row]:
-    """Hold the study against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        What came out.
-
-    Returns
-    -------
-    list of Row
-        Only of the systems and methods of the study.
-    """
+    """Hold the study against what is demanded."""
     rows: list[Row] = []
     if "semp" in study.plan.methods:
         rows += _shares(study, "semp", "exact structure", ("S2", "S3", "S4"), 0.95)

@@ -30,23 +30,7 @@ __all__ = ["run"]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record the fleet, measure, draw.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, the two counter-examples, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Record the fleet, measure, draw."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     setting.progress(0.0, "recording six actuators")
     study = carry_out(

@@ -9,8 +9,6 @@ import numpy as np
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["SideBands", "SmallVoltages", "side_bands", "small_voltages"]
-
 Array = np.ndarray
 LEVELS = 0.05 * 2.0 ** np.arange(5)
 """Commands from far below the smallest of the excitation up to near it, V."""
@@ -20,21 +18,11 @@ HOLD = 12.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallVoltages:
-    """Displacements at voltages at which nothing seems to move.
+    """Displacements at voltages at which nothing seems to move."""
 
-    Parameters
-    ----------
-    voltages : ndarray, shape (n,)
-        At the film, V.
-    displacements : ndarray, shape (n,)
-        Where the ball comes to rest, without the sensor's noise and rounding, m.
-    visible : float
-        Voltage at which the displacement is one step of the sensor's reading, V.
-    """
-
-    voltages: Array
-    displacements: Array
-    visible: float
+    voltages: Array  # shape (n,): At the film, V
+    displacements: Array  # shape (n,): Where the ball comes to rest, without the sensor's noise and rounding, m
+    visible: float  # Voltage at which the displacement is one step of the sensor's reading, V
 
     @property
     def exponents(self) -> Array:
@@ -45,28 +33,14 @@ class SmallVoltages:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideBands:
-    """The line spectrum of a linear plant whose gain drifts.
+    """The line spectrum of a linear plant whose gain drifts."""
 
-    Parameters
-    ----------
-    frequencies : ndarray, shape (n,)
-        Hz.
-    inputs, outputs : ndarray, shape (n,)
-        Amplitudes of input and output.
-    line, drift : float
-        Frequency of the only line of the input, and of the drift of the gain, Hz.
-    expected : tuple of float
-        Amplitudes of the two side bands in closed form.
-    superposition : float
-        Largest departure of the response to a sum from the sum of the responses, over the largest response.
-    """
-
-    frequencies: Array
-    inputs: Array
+    frequencies: Array  # shape (n,): Hz
+    inputs: Array  # shape (n,): Amplitudes of input and output
     outputs: Array
-    line: float
+    line: float  # Frequency of the only line of the input, and of the drift of the gain, Hz
     drift: float
-    expected: tuple[float, float]
+    expected: tuple[float, float]  # Amplitudes of the two side bands in closed form
     superposition: float
 
     @property
@@ -77,19 +51,7 @@ class SideBands:
 
 
 def small_voltages(plant: Plant, step: float) -> SmallVoltages:
-    """Let an actuator rest at small voltages, one after another.
-
-    Parameters
-    ----------
-    plant : Plant
-        Without drifts.
-    step : float
-        Of the sensor's reading, m.
-
-    Returns
-    -------
-    SmallVoltages
-    """
+    """Let an actuator rest at small voltages, one after another."""
     rig = plant.rig
     commands = np.repeat(LEVELS, round(HOLD / rig.sample_time))
     record = Recording.from_arrays(commands, np.zeros_like(commands), rig.sample_time)
@@ -107,21 +69,7 @@ def side_bands(
 
     .. math:: y_k = c\,y_{k-1} + (1 - c)\,(1 + d\cos 2\pi f_d t_k)\,u_k, \qquad c = e^{-h/T}
 
-    It is linear in u, and varies in time. Of :math:`u = \cos 2\pi f t` the product has lines at :math:`f` and, with
-    half the depth, at :math:`f \pm f_d`; the lag passes each on by its response.
-
-    Parameters
-    ----------
-    line, drift : float
-        f and :math:`f_d`, Hz.
-    depth : float
-        d.
-    time, sample_time : float
-        T and h, s.
-
-    Returns
-    -------
-    SideBands
+    `line, drift` f and :math:`f_d`, Hz.
     """
     period = round(1 / (drift * sample_time)) * 2
     timepts = sample_time * np.arange(2 * period)

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["GainChange", "Shift", "at_same_input", "fast_part", "gain_change", "mean_shift", "moving_mean", "roughness"]
-
 Array = np.ndarray
 Window = tuple[float, float]
 DEGREE, DEGREE_OF_RATE = 6, 3
@@ -21,15 +19,9 @@ DEGREE, DEGREE_OF_RATE = 6, 3
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
-    """How far the mean has moved from one time to another, at the same input.
+    """How far the mean has moved from one time to another, at the same input."""
 
-    Parameters
-    ----------
-    size, error : float
-        Shift and its standard error, m.
-    """
-
-    size: float
+    size: float  # Shift and its standard error, m
     error: float
 
     @property
@@ -40,37 +32,16 @@ class Shift:
 
 @dataclass(frozen=True, kw_only=True)
 class GainChange:
-    """How gain and nonlinearity have changed from one time to another.
+    """How gain and nonlinearity have changed from one time to another."""
 
-    Parameters
-    ----------
-    gain, gain_error : float
-        Relative change of the gain over all commands, and its standard error.
-    bend, bend_error : float
-        Relative change of the ratio of the slopes at an upper and a lower command, and its standard error.
-    """
-
-    gain: float
+    gain: float  # Relative change of the gain over all commands, and its standard error
     gain_error: float
-    bend: float
+    bend: float  # Relative change of the ratio of the slopes at an upper and a lower command, and its standard error
     bend_error: float
 
 
 def moving_mean(values: ArrayLike, samples: int) -> Array:
-    """Mean of as many neighbours to either side.
-
-    Parameters
-    ----------
-    values : (n,) array_like
-        Of any unit.
-    samples : int
-        In the window.
-
-    Returns
-    -------
-    (n,) array
-        NaN where the window does not lie within the record.
-    """
+    """Mean of as many neighbours to either side."""
     v = np.asarray(values, dtype=np.float64)
     mean = np.full(v.size, np.nan)
     if samples <= v.size:
@@ -85,25 +56,11 @@ def mean_shift(
 ) -> Shift:
     """Shift of the mean from one time to another, at the same input.
 
-    The mean of 100 s of the thesis' noise wanders of itself, by several per cent of the stroke, and a drift of the gain
-    shows the more the larger the commands happen to be. So in each window a line is laid through the readings over what
-    command and rate explain (`at_same_input`), and taken where that has its mean over the whole record.
+    The mean of 100 s of the thesis' noise wanders of itself, by several per cent of the stroke, and a drift of the
+    gain shows the more the larger the commands happen to be. So in each window a line is laid through the readings
+    over what command and rate explain (`at_same_input`), and taken where that has its mean over the whole record.
 
-    Parameters
-    ----------
-    commands, readings : (n,) array_like
-        Of the whole record, V and m.
-    sample_time : float
-        s.
-    early, late : tuple of float
-        The two times, each from and to, s.
-    block : float
-        Time after which departures count as independent, s: leaving out one block of it at a time gives the error
-        (jackknife).
-
-    Returns
-    -------
-    Shift
+    `commands, readings` of the whole record, V and m.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
@@ -117,19 +74,8 @@ def mean_shift(
 
 
 def at_same_input(commands: ArrayLike, readings: ArrayLike, sample_time: float) -> Array:
-    """Readings without what the command and its rate explain, on average over the record.
-
-    Parameters
-    ----------
-    commands, readings : (n,) array_like
-        Of the whole record, V and m.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    (n,) array
-        m, about 0.
+    """Readings without what the command and its rate explain, on average over the record. `commands, readings` of the
+    whole record, V and m.
     """
     y = np.asarray(readings, dtype=np.float64)
     return y - _expected(np.asarray(commands, dtype=np.float64), y, sample_time)
@@ -144,28 +90,8 @@ def gain_change(
     at: tuple[float, float] = (2.0, 3.0),
     blocks: int = 10,
 ) -> GainChange:
-    """Change of gain and of nonlinearity from one time to another.
-
-    The readings of each window are set against those that command and rate explain over the whole record: the slope of
-    a line through them is the gain, the slopes of a parabola, where the command is `at` its lower and its upper value,
-    give the nonlinearity.
-
-    Parameters
-    ----------
-    commands, readings : (n,) array_like
-        Of the whole record, V and m.
-    sample_time : float
-        s.
-    early, late : tuple of float
-        The two times, each from and to, s.
-    at : tuple of float
-        Lower and upper command, V.
-    blocks : int
-        Into which each window is cut; leaving out one at a time gives the error (jackknife).
-
-    Returns
-    -------
-    GainChange
+    """Change of gain and of nonlinearity from one time to another. `commands, readings` of the whole record, V and m;
+    `at` lower and upper command, V.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
@@ -182,22 +108,7 @@ def gain_change(
 
 
 def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Array:
-    """What is fast in a reading, without delay.
-
-    Parameters
-    ----------
-    readings : (n,) array_like
-        Of the whole record, m.
-    sample_time : float
-        s.
-    above : float
-        Frequency above which a motion is fast, Hz; the thesis' input ends at 1 Hz.
-
-    Returns
-    -------
-    (n,) array
-        m.
-    """
+    """What is fast in a reading, without delay. `above` frequency above which a motion is fast, Hz."""
     from scipy.signal import butter, sosfiltfilt
 
     passed = butter(4, above, "highpass", fs=1 / sample_time, output="sos")
@@ -205,29 +116,7 @@ def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Ar
 
 
 def roughness(readings: ArrayLike, sample_time: float, window: Window, between: tuple[float, float]) -> float:
-    """Rms of the fast part of a reading, while it lies between two displacements.
-
-    Parameters
-    ----------
-    readings : (n,) array_like
-        Of the whole record, m.
-    sample_time : float
-        s.
-    window : tuple of float
-        Time from and to, s.
-    between : tuple of float
-        Displacements from and to, m.
-
-    Returns
-    -------
-    float
-        m.
-
-    Raises
-    ------
-    DataError
-        If no sample lies there.
-    """
+    """Rms of the fast part of a reading, while it lies between two displacements."""
     y = np.asarray(readings, dtype=np.float64)
     timepts = sample_time * np.arange(y.size)
     there = (timepts >= window[0]) & (timepts < window[1]) & (y > between[0]) & (y < between[1])

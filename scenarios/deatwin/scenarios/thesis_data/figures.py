@@ -13,14 +13,13 @@ from deatwin.scenarios.thesis_data.drifts import at_same_input, fast_part, movin
 from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, mean_curve, straight_line
 from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
 from deatwin.scenarios.thesis_data.verdicts import RIDGE
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw
 from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ELASTIC", "SPECIFIED", "drawings"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -36,26 +35,7 @@ COMMAND, DISPLACEMENT = "command (V)", "displacement (mm)"
 def drawings(
     study: Study, rests: Mapping[str, SmallVoltages], bands: SideBands, step: float
 ) -> tuple[list[Drawing], dict[str, Columns]]:
-    """Draw all figures.
-
-    Parameters
-    ----------
-    study : Study
-        The experiments.
-    rests : mapping of str to SmallVoltages
-        Of the specification and of the same without its hysteresis, under `SPECIFIED` and `ELASTIC`.
-    bands : SideBands
-        Of the linear example.
-    step : float
-        Of the sensor's reading, m.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to dict of str to ndarray
-        Columns of each CSV file.
-    """
+    """Draw all figures."""
     made = [
         _excitation(study.benches[0]),
         _curve(study.benches[-1]),

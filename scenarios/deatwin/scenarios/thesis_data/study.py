@@ -16,8 +16,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.thesis_data.measures import loop_area
 
-__all__ = ["LOOP_RATE", "RATES", "Bench", "Loop", "Study", "carry_out", "cycle", "loops_of"]
-
 LOOP_RATE = 0.01
 """Of the actuators' loops, Hz."""
 RATES = (0.1, 0.01, 0.001)
@@ -26,18 +24,10 @@ RATES = (0.1, 0.01, 0.001)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loop:
-    """One cycle of a triangle.
+    """One cycle of a triangle."""
 
-    Parameters
-    ----------
-    rate : float
-        Hz.
-    commands, displacements : ndarray, shape (n,)
-        V and m.
-    """
-
-    rate: float
-    commands: NDArray[np.float64]
+    rate: float  # Hz
+    commands: NDArray[np.float64]  # shape (n,): V and m
     displacements: NDArray[np.float64]
 
     @property
@@ -48,34 +38,16 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """What was done with one actuator.
+    """What was done with one actuator."""
 
-    Parameters
-    ----------
-    actuator : Actuator
-        The one.
-    recording : Recording
-        Of the thesis' noise.
-    loop : Loop
-        At `LOOP_RATE`, of another experiment, which begins at rest too.
-    """
-
-    actuator: Actuator
+    actuator: Actuator  # The one
     recording: Recording
-    loop: Loop
+    loop: Loop  # At `LOOP_RATE`, of another experiment, which begins at rest too
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All experiments.
-
-    Parameters
-    ----------
-    benches : tuple of Bench
-        Of the six actuators.
-    loops, elastic_loops : tuple of Loop
-        At each of `RATES`, without noise: of the specification, and of the same without its hysteresis.
-    """
+    """All experiments."""
 
     benches: tuple[Bench, ...]
     loops: tuple[Loop, ...]
@@ -85,28 +57,7 @@ class Study:
 def carry_out(
     seed: int, duration: float = DURATION, *, jobs: int = 1, finished: Callable[[int, int], None] | None = None
 ) -> Study:
-    """Do all experiments.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-    duration : float
-        Of each recording of noise, s.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    finished : callable, optional
-        Called with the number of finished experiments and that of all.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Do all experiments."""
     wished = specification()
     tasks: list[tuple[Any, ...]] = [(_record, actuator, duration) for actuator in fleet(seed)]
     tasks += [(loops_of, plant, RATES) for plant in (wished, wished.without_effects())]
@@ -118,18 +69,7 @@ def carry_out(
 
 def cycle(rate: float, sample_time: float) -> Experiment:
     """Triangles over the thesis' range of commands: two that make the film forget its start, and one to look at.
-
-    Parameters
-    ----------
-    rate : float
-        Of the last one, Hz; the others are at 0.1 Hz.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    Experiment
-        Of three recordings, one a triangle.
+    `rate` of the last one, Hz.
     """
     pieces = [triangles(sample_time, lower=1.1, upper=3.75, rates=(r,), cycles=1) for r in (0.1, 0.1, rate)]
     starts = np.cumsum([0, *(p.size for p in pieces[:-1])]) * sample_time
@@ -142,19 +82,7 @@ def cycle(rate: float, sample_time: float) -> Experiment:
 
 
 def loops_of(plant: Plant, rates: tuple[float, ...]) -> tuple[Loop, ...]:
-    """Loops of a plant, as they are without the sensor.
-
-    Parameters
-    ----------
-    plant : Plant
-        Simulated once for each rate.
-    rates : tuple of float
-        Hz.
-
-    Returns
-    -------
-    tuple of Loop
-    """
+    """Loops of a plant, as they are without the sensor. `rates` hz."""
     found = []
     for rate in rates:
         experiment = cycle(rate, plant.rig.sample_time)

@@ -11,8 +11,6 @@ from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, mea
 from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.story import Row
 
-__all__ = ["CHANGES", "MOVES", "RIDGE", "Change", "Move", "judge"]
-
 Window = tuple[float, float]
 Change = tuple[int, Window, Window]
 SURE = 3.0
@@ -21,22 +19,12 @@ SURE = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """What the mean of an actuator does from one time to another.
-
-    Parameters
-    ----------
-    number : int
-        Of the actuator, from 1.
-    early, late : tuple of float
-        The two times, each from and to, s.
-    sign : int
-        1 where it rises, -1 where it falls.
-    """
+    """What the mean of an actuator does from one time to another."""
 
     number: int
-    early: Window
+    early: Window  # The two times, each from and to, s
     late: Window
-    sign: int
+    sign: int  # 1 where it rises, -1 where it falls
 
 
 MOVES = (
@@ -66,17 +54,7 @@ RIDGE: tuple[Window, Window] = ((10.0, 30.0), (0.4e-3, 0.5e-3))
 
 
 def judge(study: Study) -> list[Row]:
-    """Hold the study against what the thesis saw.
-
-    Parameters
-    ----------
-    study : Study
-        With recordings of the thesis' length.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the study against what the thesis saw."""
     return [
         *_shape([bench.recording for bench in study.benches]),
         *_loops(study),

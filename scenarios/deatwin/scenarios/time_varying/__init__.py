@@ -32,23 +32,7 @@ SAVED_EVERY = 20
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Follow known systems and the fleet along time.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        The measures with what they demand and reach, each actuator's errors, and a sentence.
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Follow known systems and the fleet along time."""
     record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
     study = carry_out(setting.seed, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.92, "judging and drawing")

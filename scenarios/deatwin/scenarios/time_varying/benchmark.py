@@ -25,21 +25,6 @@ from deatwin.scenarios.time_varying.systems import (
     standing_at,
 )
 
-__all__ = [
-    "LINES",
-    "ORDERS",
-    "SPEEDS",
-    "Benchmark",
-    "Followed",
-    "FrozenRun",
-    "carry_out_benchmark",
-    "covered",
-    "follow",
-    "frozen_run",
-    "lines",
-    "smoothed",
-]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 H1, H2_SUM, H2_DIFFERENCE = "H1", "H2, f2 = f1", "H2, f2 = -f1"
@@ -67,25 +52,13 @@ CHI_SQUARE = 5.991464547107979
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
-    """A known system, its recording, and what was found of it.
-
-    Parameters
-    ----------
-    name : str
-        Of the system.
-    recording : Recording
-        What was fitted.
-    truth, trajectory : ThetaTrajectory
-        Its parameters, and those of the smoother.
-    true, found : mapping of str to Map
-        TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", of either.
-    """
+    """A known system, its recording, and what was found of it."""
 
     name: str
-    recording: Recording
-    truth: ThetaTrajectory
+    recording: Recording  # What was fitted
+    truth: ThetaTrajectory  # Its parameters, and those of the smoother
     trajectory: ThetaTrajectory
-    true: Mapping[str, Map]
+    true: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", of either
     found: Mapping[str, Map]
 
     @property
@@ -97,35 +70,18 @@ class Followed:
         return share
 
     def error(self, name: str) -> float:
-        """Root mean square error of a response over its map, over the root mean square of the true one.
-
-        Parameters
-        ----------
-        name : str
-            Of the response.
-        """
+        """Root mean square error of a response over its map, over the root mean square of the true one."""
         true = self.true[name].values
         return root_mean_square(self.found[name].values - true) / root_mean_square(true)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrozenRun:
-    """How far the frozen-time response is from the true one, at one rate of variation.
+    """How far the frozen-time response is from the true one, at one rate of variation."""
 
-    Parameters
-    ----------
-    system, response : str
-        Which.
-    speed : float
-        One of `SPEEDS`.
-    error, estimate, corrected : float
-        Root mean squares over a cycle and `PROBED`, over that of the response: of the true error, of the estimated one,
-        and of what is left after the correction to first order.
-    """
-
-    system: str
+    system: str  # Which
     response: str
-    speed: float
+    speed: float  # One of `SPEEDS`
     error: float
     estimate: float
     corrected: float
@@ -133,50 +89,19 @@ class FrozenRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Benchmark:
-    """All of it.
-
-    Parameters
-    ----------
-    followed : tuple of Followed
-        For each known system.
-    solved, held : mapping of int to Map
-        By order, H_n of the moving DC at 0.1 Hz: about the equilibrium of each time, and about the first for all times.
-    frozen : tuple of FrozenRun
-        Both systems, all speeds.
-    coverage : mapping of int to ndarray, shape (n_realisations, n_times, n)
-        By order: whether the 95 % ellipse of H_n held the truth.
-    coverage_times, coverage_Hz : ndarray
-        Of the map.
-    """
+    """All of it."""
 
     followed: tuple[Followed, ...]
     solved: Mapping[int, Map]
     held: Mapping[int, Map]
-    frozen: tuple[FrozenRun, ...]
+    frozen: tuple[FrozenRun, ...]  # Both systems, all speeds
     coverage: Mapping[int, NDArray[np.bool_]]
     coverage_times: Array
     coverage_Hz: Array
 
 
 def smoothed(structure: Structure, recording: Recording) -> ThetaTrajectory:
-    """Estimate theta(t), with drift variances from the posterior mode.
-
-    Parameters
-    ----------
-    structure : NarxModel or terms
-        As `ThetaSmoother` takes it.
-    recording : Recording
-        What is fitted.
-
-    Returns
-    -------
-    ThetaTrajectory
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If interrupted: the search itself would end with the best so far.
-    """
+    """Estimate theta(t), with drift variances from the posterior mode."""
     smoother = ThetaSmoother(terms=structure, variances="posterior").fit(recording)
     if smoother.status_ is FitStatus.INTERRUPTED:
         raise KeyboardInterrupt
@@ -184,38 +109,13 @@ def smoothed(structure: Structure, recording: Recording) -> ThetaTrajectory:
 
 
 def lines(frequencies: Array, name: str) -> Array:
-    """Angular frequencies along one of `LINES`.
-
-    Parameters
-    ----------
-    frequencies : ndarray, shape (n,)
-        Of the first tone, Hz.
-    name : str
-        Of the line.
-
-    Returns
-    -------
-    ndarray, shape (n,) or (n, 2)
-        rad/s.
-    """
+    """Angular frequencies along one of `LINES`. Shapes: `frequencies` (n,); returns (n,), rad/s."""
     tones = 2 * np.pi * np.outer(frequencies, LINES[name])
     return tones[:, 0] if len(LINES[name]) == 1 else tones
 
 
 def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
-    """Record a known system, estimate its parameters along time, and compute both sides' responses.
-
-    Parameters
-    ----------
-    system : KnownSystem
-        The one.
-    rng : numpy.random.Generator
-        Of excitation and noise.
-
-    Returns
-    -------
-    Followed
-    """
+    """Record a known system, estimate its parameters along time, and compute both sides' responses."""
     truth, inputs = system.truth(), system.excitation(rng)
     recording = recorded(truth, inputs, NOISE * rng.standard_normal(inputs.size))
     trajectory = smoothed(system.structure, recording)
@@ -260,19 +160,7 @@ def _dc_effect() -> tuple[dict[int, Map], dict[int, Map]]:
 
 
 def frozen_run(system: KnownSystem, speed: float) -> list[FrozenRun]:
-    """Measure the frozen-time error of H_1, and of H_2(f, f) of the nonlinear system, by tones.
-
-    Parameters
-    ----------
-    system : KnownSystem
-        The one.
-    speed : float
-        One of `SPEEDS`.
-
-    Returns
-    -------
-    list of FrozenRun
-    """
+    """Measure the frozen-time error of H_1, and of H_2(f, f) of the nonlinear system, by tones."""
     truth = system.truth(speed)
     cycle = DURATION / speed
     first = max(SETTLED, DURATION - cycle)
@@ -299,11 +187,7 @@ def frozen_run(system: KnownSystem, speed: float) -> list[FrozenRun]:
 
 
 def _probed(truth: ThetaTrajectory, omega: float, order: int) -> Complex:
-    """H_1(t, w) or H_2(t, w, w) of the system that varies, by simulation, shape (n,).
-
-    Tones of both signs tell odd orders from even ones. Of the even ones H_2(w, -w) does not depend on the tone's phase
-    and falls out of differences, as the motion of the equilibrium does.
-    """
+    """H_1(t, w) or H_2(t, w, w) of the system that varies, by simulation, shape (n,)."""
 
     def run(phase: float, sign: float) -> Array:
         tone = sign * PROBE * np.cos(omega * truth.timepts + phase)
@@ -321,21 +205,8 @@ def _probed(truth: ThetaTrajectory, omega: float, order: int) -> Complex:
 
 
 def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dict[int, NDArray[np.bool_]]:
-    """Draw parameters from a random walk, record, estimate, and look whether the ellipses hold the truth.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of parameters, excitation and noise.
-    timepts : ndarray, shape (n_times,)
-        s.
-    frequencies : ndarray, shape (n,)
-        Hz.
-
-    Returns
-    -------
-    dict of int to ndarray of bool, shape (n_times, n)
-        For H_1, and for H_2 along f2 = f1.
+    """Draw parameters from a random walk, record, estimate, and look whether the ellipses hold the truth. Shapes:
+    `timepts` (n_times,); `frequencies` (n,); returns (n_times, n).
     """
     truth = drawn_walk(WALK, WANDER, WALK_SAMPLES, rng)
     inputs = 0.5 * rng.standard_normal(WALK_SAMPLES)
@@ -359,23 +230,7 @@ def carry_out_benchmark(
     timepts: Array,
     frequencies: Array,
 ) -> Benchmark:
-    """Put the parts together.
-
-    Parameters
-    ----------
-    followed : tuple of Followed
-        From `follow`.
-    frozen : tuple of FrozenRun
-        From `frozen_run`.
-    held : list of dict
-        From `covered`.
-    timepts, frequencies : ndarray
-        As given to it.
-
-    Returns
-    -------
-    Benchmark
-    """
+    """Put the parts together."""
     solved, standing = _dc_effect()
     return Benchmark(
         followed=followed,

@@ -25,10 +25,8 @@ from deatwin.scenarios.time_varying.figure_parts import (
     share_bar,
 )
 from deatwin.scenarios.time_varying.maps import Map
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw, legend_above
-
-__all__ = ["QUANTILE", "benchmark_drawings", "plain_name", "symbol_of"]
 
 Array = NDArray[np.float64]
 QUANTILE = 1.959963984540054
@@ -39,18 +37,7 @@ OF_ORDER = {1: AFTER, 2: BEFORE, 3: MARK}
 
 
 def benchmark_drawings(benchmark: Benchmark) -> list[tuple[Drawing, Columns]]:
-    """Draw all figures of the benchmark systems.
-
-    Parameters
-    ----------
-    benchmark : Benchmark
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures with the columns of their CSV files.
-    """
+    """Draw all figures of the benchmark systems."""
     linear, quadratic = benchmark.followed
     return [
         _parameters(benchmark.followed),
@@ -260,24 +247,12 @@ def _coverage(benchmark: Benchmark) -> tuple[Drawing, Columns]:
 
 
 def symbol_of(name: str) -> str:
-    """Return what a response is called in a title, as H₂ along a line, or G₂.
-
-    Parameters
-    ----------
-    name : str
-        One of `LINES`, or "G1" and the like.
-    """
+    """Return what a response is called in a title, as H₂ along a line, or G₂."""
     symbol, *line = name.split(", ")
     written = f"${symbol[0]}_{symbol[1]}$"
     return f"{written}, {line[0].replace('f2', 'f₂').replace('f1', 'f₁').replace('-', '−')}" if line else written
 
 
 def plain_name(name: str) -> str:
-    """Return the same for names of columns.
-
-    Parameters
-    ----------
-    name : str
-        One of `LINES`, or "G1" and the like.
-    """
+    """Return the same for names of columns."""
     return {"H2, f2 = f1": "H2_sum", "H2, f2 = -f1": "H2_difference"}.get(name, name)

@@ -15,10 +15,8 @@ from deatwin.scenarios.time_varying.figure_parts import AFTER, BEFORE, INK, MARK
 from deatwin.scenarios.time_varying.following import CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.spectra import BANDS
 from deatwin.scenarios.time_varying.study import OPERATING_INPUT, Driven, Study
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw, legend_above
-
-__all__ = ["fleet_drawings", "key_of"]
 
 Array = NDArray[np.float64]
 OF_WAY = {CONSTANT: BEFORE, REFINED: MARK, VARYING: AFTER, LIKELIEST: MEASURED}
@@ -31,18 +29,7 @@ MICRO = 1e6
 
 
 def fleet_drawings(study: Study) -> list[tuple[Drawing, Columns]]:
-    """Draw the figures of the fleet, but for its maps.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures with the columns of their CSV files.
-    """
+    """Draw the figures of the fleet, but for its maps."""
     return [
         _sliding(study),
         _wander(study.driven),
@@ -54,13 +41,7 @@ def fleet_drawings(study: Study) -> list[tuple[Drawing, Columns]]:
 
 
 def key_of(driven: Driven) -> str:
-    """Name of an actuator for columns and files.
-
-    Parameters
-    ----------
-    driven : Driven
-        The one.
-    """
+    """Name of an actuator for columns and files."""
     return driven.name.replace(" ", "")
 
 

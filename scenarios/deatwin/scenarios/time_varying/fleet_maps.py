@@ -13,10 +13,8 @@ from deatwin.scenarios.time_varying.figure_parts import Columns, draw_map, fille
 from deatwin.scenarios.time_varying.fleet_figures import key_of
 from deatwin.scenarios.time_varying.following import VARYING
 from deatwin.scenarios.time_varying.study import LEVEL, Driven
-from deatwin.studies.report.figures import Drawing
+from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw
-
-__all__ = ["map_drawings"]
 
 Array = NDArray[np.float64]
 DYNAMIC_DB = 60.0
@@ -27,18 +25,7 @@ HIGHEST_HZ = 3.0
 
 
 def map_drawings(shown: Sequence[Driven]) -> list[tuple[Drawing, Columns]]:
-    """Draw the maps of some actuators.
-
-    Parameters
-    ----------
-    shown : sequence of Driven
-        Those with maps.
-
-    Returns
-    -------
-    list of (Drawing, mapping of str to ndarray)
-        Figures with the columns of their CSV files.
-    """
+    """Draw the maps of some actuators."""
     return [
         _changes(
             shown,

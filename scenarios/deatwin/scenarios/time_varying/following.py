@@ -18,22 +18,6 @@ from deatwin.ident.narx.recursive import regressor_sizes
 from deatwin.ident.narx.regression import Regression
 from deatwin.scenarios.time_varying.maps import root_mean_square
 
-__all__ = [
-    "BLOCK",
-    "CONSTANT",
-    "LIKELIEST",
-    "REFINED",
-    "SHARES",
-    "VARYING",
-    "Track",
-    "blocks_of",
-    "chosen_share",
-    "follow_actuator",
-    "free_run_errors",
-    "stretches",
-    "walked",
-]
-
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
 Recordings = Sequence[Recording]
@@ -54,70 +38,24 @@ KEPT_EVERY = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """An actuator's parameters along time, and its free-run errors in rms over the reading's deviation.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    recording : Recording
-        Whole, thinned.
-    share : float
-        Of `SHARES`, the one chosen.
-    choosing : ndarray, shape (n_shares,)
-        Errors on the blocks for choosing, of each of `SHARES`.
-    seen : mapping of str to float
-        Errors over the whole record, parameters of the whole record: of `CONSTANT`, `REFINED` and `VARYING`. Of
-        `LIKELIEST`: over all but the blocks for judging, parameters of the same.
-    unseen : mapping of str to float
-        Errors of these four on the blocks for judging, parameters of all others.
-    ahead : mapping of str to float
-        Errors of `CONSTANT` and `VARYING` on each block, parameters of what came before it.
-    runs : mapping of str to ndarray, shape (n,)
-        Free runs of `CONSTANT` and `VARYING` over the whole record, m.
-    trajectory, held : ThetaTrajectory
-        Of the whole record, and without the blocks for judging; every second.
-    held_constant : NarxModel
-        Least squares without the blocks for judging.
-    judged : tuple of Recording
-        The blocks for judging.
-    """
+    """An actuator's parameters along time, and its free-run errors in rms over the reading's deviation."""
 
     name: str
-    recording: Recording
+    recording: Recording  # Whole, thinned
     share: float
-    choosing: Array
+    choosing: Array  # shape (n_shares,): Errors on the blocks for choosing, of each of `SHARES`
     seen: Mapping[str, float]
-    unseen: Mapping[str, float]
-    ahead: Mapping[str, float]
-    runs: Mapping[str, Array]
-    trajectory: ThetaTrajectory
+    unseen: Mapping[str, float]  # Errors of these four on the blocks for judging, parameters of all others
+    ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, parameters of what came before it
+    runs: Mapping[str, Array]  # shape (n,): Free runs of `CONSTANT` and `VARYING` over the whole record, m
+    trajectory: ThetaTrajectory  # Of the whole record, and without the blocks for judging; every second
     held: ThetaTrajectory
-    held_constant: NarxModel
-    judged: tuple[Recording, ...]
+    held_constant: NarxModel  # Least squares without the blocks for judging
+    judged: tuple[Recording, ...]  # The blocks for judging
 
 
 def follow_actuator(name: str, recording: Recording, structure: Structure) -> Track:
-    """Choose how far the parameters may wander, estimate them along time, and judge.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    recording : Recording
-        Whole, thinned.
-    structure : tuple of Term
-        Fixed.
-
-    Returns
-    -------
-    Track
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If interrupted.
-    """
+    """Choose how far the parameters may wander, estimate them along time, and judge."""
 
     def error(model: NarxModel | ThetaTrajectory, sections: Recordings) -> float:
         return root_mean_square(free_run_errors(model, sections)) / float(recording.outputs.std())
@@ -161,39 +99,12 @@ def _choice_errors(structure: Structure, recording: Recording) -> Array:
 
 
 def chosen_share(errors: Array) -> float:
-    """Of `SHARES`, the one of least error.
-
-    Parameters
-    ----------
-    errors : ndarray, shape (n_shares,)
-        Of each.
-
-    Returns
-    -------
-    float
-    """
+    """Of `SHARES`, the one of least error. Shapes: `errors` (n_shares,)."""
     return SHARES[int(np.argmin(errors))]
 
 
 def walked(structure: Structure, training: Recordings, share: float, whole: Recording) -> ThetaSmoother:
-    """Filter and smooth parameters that may wander by a given share.
-
-    Parameters
-    ----------
-    structure : tuple of Term
-        Fixed.
-    training : sequence of Recording
-        What is fitted; over gaps the walk goes on.
-    share : float
-        Of the reading's deviation, gained by the contribution of each term over the whole record; 0 for none.
-    whole : Recording
-        From whose deviation and length the walk's variances follow.
-
-    Returns
-    -------
-    ThetaSmoother
-        Fitted; the noise is taken to be the one-step residual of constant parameters.
-    """
+    """Filter and smooth parameters that may wander by a given share."""
     regression = Regression.on(whole, TermTable(structure))
     sizes = regressor_sizes(regression.matrix()[0]) * regression.output_scale / regression.term_scales
     wander = share * float(whole.outputs.std()) / sizes
@@ -219,20 +130,7 @@ def _likeliest(structure: Structure, training: Recordings) -> ThetaTrajectory:
 
 
 def free_run_errors(model: NarxModel | ThetaTrajectory, sections: Recordings) -> Array:
-    """Errors of free runs, each started from the first samples of its section.
-
-    Parameters
-    ----------
-    model : NarxModel or ThetaTrajectory
-        What runs.
-    sections : sequence of Recording
-        One run each.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Of all sections, in the output's unit; infinite throughout a section where the run diverges.
-    """
+    """Errors of free runs, each started from the first samples of its section. Shapes: returns (n,)."""
     errors = []
     for section in sections:
         run = model.simulate(section)
@@ -248,36 +146,12 @@ def _ahead(filtered: ThetaTrajectory, recording: Recording) -> float:
 
 
 def blocks_of(recording: Recording, kind: int) -> list[Recording]:
-    """Every fourth block of a record.
-
-    Parameters
-    ----------
-    recording : Recording
-        Whole.
-    kind : int
-        Position of the blocks in each four, `CHOOSING` or `JUDGING`.
-
-    Returns
-    -------
-    list of Recording
-    """
+    """Every fourth block of a record."""
     return [block for number, block in enumerate(_cut(recording)) if number % CYCLE == kind]
 
 
 def stretches(recording: Recording, left_out: Sequence[int]) -> list[Recording]:
-    """What is left of a record without some blocks, neighbours joined.
-
-    Parameters
-    ----------
-    recording : Recording
-        Whole.
-    left_out : sequence of int
-        Positions, in each four, of the blocks that are left out.
-
-    Returns
-    -------
-    list of Recording
-    """
+    """What is left of a record without some blocks, neighbours joined."""
     size, count = _block_size(recording), len(_cut(recording))
     kept = np.array([number % CYCLE not in left_out for number in range(count)])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))

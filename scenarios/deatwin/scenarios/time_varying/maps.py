@@ -10,45 +10,23 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.varying.response import VaryingResponse
 
-__all__ = ["Map", "root_mean_square"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Map:
-    """A response over time and frequency.
+    """A response over time and frequency."""
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n_times,)
-        s.
-    frequencies : ndarray, shape (n,)
-        Of the first tone, Hz.
-    values : ndarray of complex, shape (n_times, n)
-        In ``unit``.
-    unit : str
-        Of the values.
-    equilibria, equilibrium_std : ndarray, shape (n_times,)
-        Equilibrium of each time and its standard deviation, in the output's unit.
-    """
-
-    timepts: Array
-    frequencies: Array
-    values: NDArray[np.complex128]
+    timepts: Array  # shape (n_times,): s
+    frequencies: Array  # shape (n,): Of the first tone, Hz
+    values: NDArray[np.complex128]  # shape (n_times, n): In ``unit``
     unit: str
-    equilibria: Array
+    equilibria: Array  # shape (n_times,): Equilibrium of each time and its standard deviation, in the output's unit
     equilibrium_std: Array
 
     @classmethod
     def of(cls, response: VaryingResponse) -> Self:
-        """Return what is drawn of a response along time.
-
-        Parameters
-        ----------
-        response : VaryingResponse
-            Along a line of frequencies.
-        """
+        """Return what is drawn of a response along time."""
         frequencies = response.frequency_Hz
         return cls(
             timepts=response.timepts,
@@ -71,11 +49,5 @@ class Map:
 
 
 def root_mean_square(values: NDArray[np.complex128] | Array) -> float:
-    """Of the magnitudes of all values.
-
-    Parameters
-    ----------
-    values : ndarray
-        Real or complex.
-    """
+    """Of the magnitudes of all values."""
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))

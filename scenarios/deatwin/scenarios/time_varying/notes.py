@@ -8,21 +8,9 @@ from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study
 from deatwin.scenarios.time_varying.verdicts import CHANCE, DRIFTING, HELD
 from deatwin.studies.report.story import Note
 
-__all__ = ["notes"]
-
 
 def notes(study: Study) -> list[Note]:
-    """Write the notes.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Note
-    """
+    """Write the notes."""
     return [_words(), _figures(), _wander(study), _structure(study), _reading(study)]
 
 

@@ -22,8 +22,6 @@ from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spect
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 from deatwin.scenarios.time_varying.maps import root_mean_square
 
-__all__ = ["BANDS", "HIGHEST", "ShortTime", "compare_windows", "predicted", "series_error", "short_time", "windows_of"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 HIGHEST = 5
@@ -37,53 +35,22 @@ is input, above only what the nonlinearity makes."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShortTime:
-    """Short-time spectra of a recording, and what was predicted of them.
+    """Short-time spectra of a recording, and what was predicted of them."""
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n_windows,)
-        Middle of each window, s.
-    frequencies : ndarray, shape (n,)
-        Hz.
-    recorded : ndarray of complex, shape (n_windows, n)
-        Amplitude of each line of the recording's deviation from its window's mean, in the output's unit.
-    predicted : mapping of str to ndarray of complex, shape (n_windows, n)
-        The same of each prediction.
-    """
-
-    timepts: Array
-    frequencies: Array
+    timepts: Array  # shape (n_windows,): Middle of each window, s
+    frequencies: Array  # shape (n,): Hz
     recorded: Complex
-    predicted: Mapping[str, Complex]
+    predicted: Mapping[str, Complex]  # shape (n_windows, n): The same of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
-        """Predicted over recorded power in a band, by window.
-
-        Parameters
-        ----------
-        name : str
-            Of the prediction.
-        band : tuple of float
-            Hz.
-
-        Returns
-        -------
-        ndarray, shape (n_windows,)
-            dB.
-        """
+        """Predicted over recorded power in a band, by window. `band` hz; returns (n_windows,), dB."""
         inside = self._inside(band)
         powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
         return np.asarray(10 * np.log10(powers[0] / powers[1]))
 
     def error(self, name: str, band: tuple[float, float]) -> float:
-        """Root mean square of predicted less recorded lines over all windows, over that of the recorded ones.
-
-        Parameters
-        ----------
-        name : str
-            Of the prediction.
-        band : tuple of float
-            Hz.
+        """Root mean square of predicted less recorded lines over all windows, over that of the recorded ones. `band`
+        hz.
         """
         inside = self._inside(band)
         missed = np.sum(np.abs(self.predicted[name] - self.recorded)[:, inside] ** 2)
@@ -94,19 +61,7 @@ class ShortTime:
 
 
 def windows_of(recording: Recording, length: float) -> list[Recording]:
-    """Cut a recording into windows that overlap by half.
-
-    Parameters
-    ----------
-    recording : Recording
-        Whole.
-    length : float
-        Of a window, s.
-
-    Returns
-    -------
-    list of Recording
-    """
+    """Cut a recording into windows that overlap by half."""
     size = 2 * (round(length / recording.sample_time) // 2)
     starts = range(0, recording.n_samples - size + 1, size // 2)
     return [recording.section(first, first + size) for first in starts]
@@ -115,21 +70,7 @@ def windows_of(recording: Recording, length: float) -> list[Recording]:
 def compare_windows(
     windows: Sequence[Recording], sources: Mapping[str, NarxModel | ThetaTrajectory], operating_input: float
 ) -> ShortTime:
-    """Predict the spectrum of each window from its input, and compute that of its output.
-
-    Parameters
-    ----------
-    windows : sequence of Recording
-        Of one length.
-    sources : mapping of str to NarxModel or ThetaTrajectory
-        What predicts, by name.
-    operating_input : float
-        About which the input deviates, in its unit.
-
-    Returns
-    -------
-    ShortTime
-    """
+    """Predict the spectrum of each window from its input, and compute that of its output."""
     middles = np.array([0.5 * (w.start + w.end) for w in windows])
     step = windows[0].sample_time
     recorded = [short_time(w.outputs[0], step) for w in windows]
@@ -148,23 +89,8 @@ def compare_windows(
 
 
 def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
-    """One period of the output's deviation from the equilibrium, Y = G_1 U_1 + ... + G_N U_N.
-
-    Parameters
-    ----------
-    source : NarxModel or ThetaTrajectory
-        A model of constant parameters, or one of parameters along time.
-    period : ndarray, shape (n,)
-        The input's deviations.
-    time : float
-        Which parameters of a trajectory are taken, s.
-    operating_input : float
-        About which the input deviates.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the output's unit.
+    """One period of the output's deviation from the equilibrium, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period` (n,);
+    returns (n,).
     """
     if isinstance(source, NarxModel):
         spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
@@ -176,22 +102,7 @@ def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, o
 
 
 def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
-    """How far the sum of G_n U_n, order by order, is from the steady free run of the model of a window's middle.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        Parameters along time.
-    window : Recording
-        Whose input is taken for one period.
-    operating_input : float
-        About which the input deviates, in its unit.
-
-    Returns
-    -------
-    float
-        Root mean square over that of the free run.
-    """
+    """How far the sum of G_n U_n, order by order, is from the steady free run of the model of a window's middle."""
     period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
     spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
     with warnings.catch_warnings():
@@ -208,21 +119,8 @@ def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input
 
 
 def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
-    """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        An even number of samples; their mean is taken off.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    frequencies : ndarray, shape (n // 2 + 1,)
-        Hz.
-    amplitudes : ndarray of complex, shape (n // 2 + 1,)
-        In the unit of the values.
+    """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window. Shapes: `values`
+    (n,); returns (n // 2 + 1,), Hz; returns (n // 2 + 1,).
     """
     from scipy.signal import ShortTimeFFT
     from scipy.signal.windows import hann

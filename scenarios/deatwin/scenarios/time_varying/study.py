@@ -34,20 +34,6 @@ from deatwin.scenarios.time_varying.spectra import ShortTime, compare_windows, s
 from deatwin.scenarios.time_varying.systems import SYSTEMS
 from deatwin.studies.voice import Progress
 
-__all__ = [
-    "FACTOR",
-    "LEVEL",
-    "OPERATING_INPUT",
-    "REALISATIONS",
-    "SHOWN",
-    "STRUCTURE",
-    "WINDOW",
-    "Driven",
-    "Study",
-    "analyse",
-    "carry_out",
-]
-
 Array = NDArray[np.float64]
 FACTOR = 6
 """Of the samples every so many are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0."""
@@ -83,34 +69,14 @@ so that sums of G_n U_n are whole; and an operating point shifts parameters with
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Driven:
-    """An actuator before and after its parameters were followed.
+    """An actuator before and after its parameters were followed."""
 
-    Parameters
-    ----------
-    track : Track
-        Its parameters along time, and what they are worth.
-    sliding : SlidingStatistics
-        Of the recording, before any fit.
-    equilibrium : Map
-        H_1 at the lowest frequency, for its equilibria along time.
-    judged : ShortTime
-        Spectra of the blocks that the parameters were not fitted to.
-    whole : ShortTime or None
-        Spectra of the whole recording, where they are drawn.
-    maps : mapping of str to Map
-        TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", where they are drawn.
-    frozen : mapping of str to float
-        Estimated frozen-time error of these TV-GFRFs, root mean square over the map, over that of the response.
-    series_error : float
-        G_1 U_1 + ... + G_N U_N of a window's input less the steady free run of the same model, over the latter.
-    """
-
-    track: Track
+    track: Track  # Its parameters along time, and what they are worth
     sliding: SlidingStatistics
-    equilibrium: Map
-    judged: ShortTime
-    whole: ShortTime | None
-    maps: Mapping[str, Map]
+    equilibrium: Map  # H_1 at the lowest frequency, for its equilibria along time
+    judged: ShortTime  # Spectra of the blocks that the parameters were not fitted to
+    whole: ShortTime | None  # Spectra of the whole recording, where they are drawn
+    maps: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", where they are drawn
     frozen: Mapping[str, float]
     series_error: float
 
@@ -127,21 +93,11 @@ class Driven:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it.
+    """All of it."""
 
-    Parameters
-    ----------
-    benchmark : Benchmark
-        Systems whose parameters are known.
-    driven : tuple of Driven
-        The six.
-    stories : tuple of str
-        What happens to each, in one sentence.
-    """
-
-    benchmark: Benchmark
-    driven: tuple[Driven, ...]
-    stories: tuple[str, ...]
+    benchmark: Benchmark  # Systems whose parameters are known
+    driven: tuple[Driven, ...]  # The six
+    stories: tuple[str, ...]  # What happens to each, in one sentence
 
     @property
     def shown(self) -> tuple[Driven, ...]:
@@ -150,26 +106,7 @@ class Study:
 
 
 def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
-    """Do everything.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet, and of what is drawn for the benchmark systems.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    progress : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    SimulationError
-        If a film pulls in.
-    """
+    """Do everything."""
     *of_systems, of_walks = np.random.SeedSequence(seed).spawn(len(SYSTEMS) + 1)
     rngs = [np.random.default_rng(child) for child in of_systems]
     walks = spawn_generators(int(of_walks.generate_state(1)[0]), REALISATIONS)
@@ -211,21 +148,7 @@ def _frozen_run(place: int, speed: float) -> list[FrozenRun]:
 
 
 def analyse(name: str, record: Recording, kept: Recording, *, drawn: bool) -> Driven:
-    """Follow an actuator's parameters, and compute what is said and drawn of them.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    record, kept : Recording
-        Whole; and thinned.
-    drawn : bool
-        Whether maps are wanted too.
-
-    Returns
-    -------
-    Driven
-    """
+    """Follow an actuator's parameters, and compute what is said and drawn of them."""
     track = follow_actuator(name, kept, STRUCTURE)
     sources: dict[str, NarxModel | ThetaTrajectory] = {CONSTANT: track.held_constant, VARYING: track.held}
     windows = windows_of(kept, SPECTRUM_WINDOW) if drawn else []

@@ -14,8 +14,6 @@ from deatwin.ident.narx import NarxModel, Term, ThetaTrajectory
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 
-__all__ = ["MOVING_DC", "RESONANCE", "SYSTEMS", "KnownSystem", "drawn_walk", "recorded", "standing_at"]
-
 Array = NDArray[np.float64]
 STEP = 0.05
 """Sampling time of the benchmark systems, s."""
@@ -27,24 +25,12 @@ NOISE = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownSystem:
-    """A NARX model whose parameters are given functions of time.
+    """A NARX model whose parameters are given functions of time."""
 
-    Parameters
-    ----------
-    name : str
-        What it is called.
-    terms : mapping of str to callable
-        Each term with its parameter: takes times over `DURATION`, from 0 to 1, shape (n,), and returns (n,).
-    amplitude : float
-        Standard deviation of its excitation.
-    band : float
-        Highest frequency of its excitation, Hz.
-    """
-
-    name: str
+    name: str  # What it is called
     terms: Mapping[str, Callable[[Array], Array]]
-    amplitude: float
-    band: float
+    amplitude: float  # Standard deviation of its excitation
+    band: float  # Highest frequency of its excitation, Hz
 
     @property
     def structure(self) -> tuple[Term, ...]:
@@ -57,60 +43,21 @@ class KnownSystem:
         return all(term.degree <= 1 for term in self.structure)
 
     def truth(self, speed: float = 1.0, duration: float = DURATION) -> ThetaTrajectory:
-        """The parameters along time.
-
-        Parameters
-        ----------
-        speed : float
-            The parameters go there and back so many times in `DURATION`.
-        duration : float
-            Length in s.
-
-        Returns
-        -------
-        ThetaTrajectory
-            Without uncertainty.
-        """
+        """The parameters along time."""
         timepts = STEP * np.arange(round(duration / STEP), dtype=np.float64)
         phase = np.asarray((speed * timepts / DURATION) % 1.0, dtype=np.float64)
         return _exact(list(self.terms), timepts, np.stack([course(phase) for course in self.terms.values()]))
 
     def excitation(self, rng: np.random.Generator, duration: float = DURATION) -> Array:
-        """Draw an input.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source.
-        duration : float
-            Length in s.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Gaussian noise of mean 0 up to `band`, without limits.
-        """
+        """Draw an input. Shapes: returns (n,)."""
         return band_limited_noise(
             rng, duration, STEP, mean=0.0, variance=self.amplitude**2, band=self.band, lower=-np.inf, upper=np.inf
         )
 
 
 def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
-    """Record a system: noise enters the equation, so that least squares is the right estimate.
-
-    Parameters
-    ----------
-    truth : ThetaTrajectory
-        Its parameters along time.
-    inputs : ndarray, shape (n,)
-        Excitation, at all times of the trajectory.
-    noise : ndarray, shape (n,)
-        e(k).
-
-    Returns
-    -------
-    Recording
-        Started at rest, at zero output.
+    """Record a system: noise enters the equation, so that least squares is the right estimate. Shapes: `inputs` (n,);
+    `noise` (n,).
     """
     model, n = truth.model, inputs.size
     m = len(model.terms)
@@ -147,21 +94,7 @@ def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
 
 
 def standing_at(trajectory: ThetaTrajectory, output: float) -> ThetaTrajectory:
-    """The trajectory with a constant that keeps a given output its equilibrium at zero input.
-
-    Its responses are those of the drifting parameters about an operating point that is never solved for again.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        Of a model with the term "1".
-    output : float
-        The equilibrium that is kept.
-
-    Returns
-    -------
-    ThetaTrajectory
-    """
+    """The trajectory with a constant that keeps a given output its equilibrium at zero input."""
     terms = trajectory.terms
     levels = np.array([output if v.kind == "y" else 0.0 for v in trajectory.model.table.variables])
     constant = terms.index(Term(()))
@@ -174,24 +107,7 @@ def standing_at(trajectory: ThetaTrajectory, output: float) -> ThetaTrajectory:
 def drawn_walk(
     start: Mapping[str, float], wander: Sequence[float], n: int, rng: np.random.Generator
 ) -> ThetaTrajectory:
-    """Draw parameters that follow random walks.
-
-    Parameters
-    ----------
-    start : mapping of str to float
-        Terms with their first values.
-    wander : sequence of float
-        Standard deviation that each has gained at the end.
-    n : int
-        Samples.
-    rng : numpy.random.Generator
-        Source.
-
-    Returns
-    -------
-    ThetaTrajectory
-        Without uncertainty.
-    """
+    """Draw parameters that follow random walks."""
     steps = rng.standard_normal((len(start), n)) * np.asarray(wander)[:, None] / np.sqrt(n)
     steps[:, 0] = list(start.values())
     return _exact(list(start), STEP * np.arange(n), np.cumsum(steps, axis=1))

@@ -14,8 +14,6 @@ from deatwin.scenarios.time_varying.spectra import BANDS
 from deatwin.scenarios.time_varying.study import Driven, Study
 from deatwin.studies.report.story import Row
 
-__all__ = ["CHANCE", "DRIFTING", "judge"]
-
 HELD = 0.9
 """Share of the instants at which a single 95 % band is to hold the truth: of one realisation, whose errors are alike
 over long stretches."""
@@ -37,17 +35,7 @@ BAND_DB = (1.0, 1.0, 1.0, 3.0)
 
 
 def judge(study: Study) -> list[Row]:
-    """Hold the study against what is demanded.
-
-    Parameters
-    ----------
-    study : Study
-        All of it.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Hold the study against what is demanded."""
     driven = study.driven
     return [
         *_known(study.benchmark),

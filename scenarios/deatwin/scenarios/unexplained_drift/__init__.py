@@ -29,26 +29,7 @@ __all__ = ["run"]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Seal, record, diagnose and try out the argument; then open and count.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed. Each diagnosis and each run of the argument is
-        written when it is through: an interrupted story goes on with the same command.
-
-    Returns
-    -------
-    mapping
-        The answers with their marks, what the argument comes to, and a sentence.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun with another seed, key, code or version, or these have changed since.
-    SimulationError
-        If a film pulls in.
-    """
+    """Seal, record, diagnose and try out the argument; then open and count."""
     record = setting.record()
     setting.folder.written.extend(("seal.json", CASES))  # cases are there as soon as they are through
     answers = Answers(setting.folder.path, Key.of(fleet(setting.seed)).seal(setting.seed))

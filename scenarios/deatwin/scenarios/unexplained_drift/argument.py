@@ -10,21 +10,9 @@ from numpy.typing import NDArray
 from deatwin.scenarios.unexplained_drift.repeatability import AGES, CREEP, HELD, RELAXATION, RESTS, SPAN, Group
 from deatwin.studies.report.story import Note, Row, Table
 
-__all__ = ["notes", "rows_of", "sentence_of", "table_of"]
-
 
 def sentence_of(groups: Sequence[Group]) -> str:
-    """The outcome in a sentence.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        As `try_out` returns them.
-
-    Returns
-    -------
-    str
-    """
+    """The outcome in a sentence."""
     six, alike, unlike = _sorted(groups)
     before, after = (_excluded(six, several) for several in (alike, unlike))
     return (
@@ -34,17 +22,7 @@ def sentence_of(groups: Sequence[Group]) -> str:
 
 
 def rows_of(groups: Sequence[Group]) -> list[Row]:
-    """The claim, taken apart.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        As `try_out` returns them.
-
-    Returns
-    -------
-    list of Row
-    """
+    """The claim, taken apart."""
     _, alike, unlike = _sorted(groups)
     rows = []
     for same, other in zip(alike, unlike, strict=True):
@@ -70,17 +48,7 @@ def rows_of(groups: Sequence[Group]) -> list[Row]:
 
 
 def notes(groups: Sequence[Group]) -> list[Note]:
-    """What the argument is, how it was tried out, and when it holds.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        As `try_out` returns them.
-
-    Returns
-    -------
-    list of Note
-    """
+    """What the argument is, how it was tried out, and when it holds."""
     six, (creep, relaxation), (strained, aged) = _sorted(groups)
     falls = int(np.sum(six.sizes < 0))
     return [
@@ -116,17 +84,7 @@ def notes(groups: Sequence[Group]) -> list[Note]:
 
 
 def table_of(groups: Sequence[Group]) -> Table:
-    """Shifts, their spread and what is ruled out.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        As `try_out` returns them.
-
-    Returns
-    -------
-    Table
-    """
+    """Shifts, their spread and what is ruled out."""
     rows = []
     for group in groups:
         s, low, high = (1e6 * v for v in group.spread)

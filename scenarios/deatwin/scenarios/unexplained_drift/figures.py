@@ -18,7 +18,6 @@ from deatwin.studies.report.svg import COLOURS, draw, legend_above
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["drifts", "repeats", "verdicts"]
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -30,22 +29,7 @@ KEPT = 10
 
 
 def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """Each actuator's departure from its calibrated base plant, as recorded and as the answer has it.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        The answers.
-    scores : sequence of Judged
-        The same, marked.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        What is drawn of the first actuator's first recording, and so on, one after another.
-    """
+    """Each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
     columns: dict[str, list[Array]] = {"actuator": [], "time_s": [], "recording_um": [], "answer_um": [], "band_um": []}
     visits = len(findings[0].tracks)
     with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
@@ -74,20 +58,7 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawi
 
 
 def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """The rms residual of each actuator on unseen data, before and after, with the mark of the answer.
-
-    Parameters
-    ----------
-    scores : sequence of Judged
-        Marked answers.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """The rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
     before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
     at = np.arange(len(scores), dtype=float)
     with draw((9.6, 3.6)) as figure:
@@ -113,20 +84,7 @@ def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
 
 
 def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
-    """Shifts of the mean between two runs of the same noise, by mechanism and history.
-
-    Parameters
-    ----------
-    groups : sequence of Group
-        The six as they are come first.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
-    """
+    """Shifts of the mean between two runs of the same noise, by mechanism and history."""
     columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
     with draw((9.6, 4.6)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)

@@ -11,8 +11,6 @@ from deatwin.plant.fleet import Actuator, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["VISITS", "Case", "case_of"]
-
 VISITS = ((32.0, 80.0), (1020.0, 40.0))
 """Clock time at which the actuator is driven, and for how long, s. In between it rests at 0 V: what follows the drive
 starts anew, what follows the clock goes on. The first begins when the ball of the first actuator has worn the grease
@@ -21,41 +19,15 @@ down over which it snaps from 10 to 30 s: the gate takes that for outliers, and 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """What is known of an actuator whose drift is concealed.
+    """What is known of an actuator whose drift is concealed."""
 
-    Parameters
-    ----------
-    name : str
-        ``DEA 1`` to ``DEA 6``.
-    plant : Plant
-        The specification: six alike, with hysteresis and without a drift.
-    experiments : tuple of Experiment
-        One for each of `VISITS`, each from rest.
-    """
-
-    name: str
-    plant: Plant
-    experiments: tuple[Experiment, ...]
+    name: str  # ``DEA 1`` to ``DEA 6``
+    plant: Plant  # The specification: six alike, with hysteresis and without a drift
+    experiments: tuple[Experiment, ...]  # One for each of `VISITS`, each from rest
 
 
 def case_of(actuator: Actuator) -> Case:
-    """Record an actuator with the thesis' noise, and keep what an experimenter would have of it.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        With its fabrication and its drift.
-
-    Returns
-    -------
-    Case
-        With neither.
-
-    Raises
-    ------
-    SimulationError
-        If the film pulls in.
-    """
+    """Record an actuator with the thesis' noise, and keep what an experimenter would have of it."""
     rng = np.random.default_rng((*actuator.seed, 3))
     step = actuator.plant.rig.sample_time
     experiments = []

@@ -22,23 +22,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 
-__all__ = [
-    "AGES",
-    "CREEP",
-    "HELD",
-    "RELAXATION",
-    "RESTS",
-    "SPAN",
-    "Drift",
-    "Group",
-    "History",
-    "Run",
-    "between",
-    "drift_of",
-    "grouped",
-    "runs",
-]
-
 Array = NDArray[np.float64]
 SECTION, SETTLING = 20.0, 5.0
 """Length of the section of noise that is repeated, and of what is not counted of it, s: after 5 s the specification,
@@ -59,21 +42,11 @@ RESTS = (5.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """What an actuator went through before the experiment.
+    """What an actuator went through before the experiment."""
 
-    Parameters
-    ----------
-    age : float
-        Clock time at which its first recording begins, s: how long the film has been mounted.
-    hold : float
-        Time that it was held at `HELD`, s; 0 if it was not.
-    rest : float
-        Time at 0 V after that, s.
-    """
-
-    age: float = 0.0
-    hold: float = 0.0
-    rest: float = 0.0
+    age: float = 0.0  # Clock time at which its first recording begins, s: how long the film has been mounted
+    hold: float = 0.0  # Time that it was held at `HELD`, s; 0 if it was not
+    rest: float = 0.0  # Time at 0 V after that, s
 
 
 FRESH = (History(),) * 6
@@ -81,40 +54,22 @@ FRESH = (History(),) * 6
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """How readings have changed from one run of a noise to another.
-
-    Parameters
-    ----------
-    shift, shift_error : float
-        Of the mean, and its standard error, m.
-    gain, gain_error : float
-        Relative change of the gain, and its standard error.
-    """
+    """How readings have changed from one run of a noise to another."""
 
     shift: float
     shift_error: float
-    gain: float
+    gain: float  # Relative change of the gain, and its standard error
     gain_error: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Group:
-    """Drifts of six actuators under one assumption.
+    """Drifts of six actuators under one assumption."""
 
-    Parameters
-    ----------
-    name, assumption : str
-        What drifts, and what is assumed of the histories.
-    histories : tuple of History
-        One for each actuator.
-    drifts : tuple of Drift
-        One for each actuator.
-    """
-
-    name: str
+    name: str  # What drifts, and what is assumed of the histories
     assumption: str
-    histories: tuple[History, ...]
-    drifts: tuple[Drift, ...]
+    histories: tuple[History, ...]  # One for each actuator
+    drifts: tuple[Drift, ...]  # One for each actuator
 
     @property
     def sizes(self) -> Array:
@@ -123,10 +78,7 @@ class Group:
 
     @property
     def spread(self) -> tuple[float, float, float]:
-        """Standard deviation of the shifts from actuator to actuator, with its 95 % interval, m.
-
-        The interval is that of normal shifts: (n - 1) s² / σ² follows the chi-square law.
-        """
+        """Standard deviation of the shifts from actuator to actuator, with its 95 % interval, m."""
         from scipy.stats import chi2
 
         n, s = self.sizes.size, float(self.sizes.std(ddof=1))
@@ -135,10 +87,7 @@ class Group:
 
     @property
     def next_one(self) -> tuple[float, float]:
-        """Where the shift of a further actuator lies in 95 % of all cases, if this were its mechanism and history, m.
-
-        The interval for one more normal value: mean ± t s √(1 + 1/n).
-        """
+        """Where the shift of a further actuator lies in 95 % of all cases, if this were its mechanism and history, m."""
         from scipy.stats import t
 
         n = self.sizes.size
@@ -146,18 +95,7 @@ class Group:
         return float(self.sizes.mean()) - reach, float(self.sizes.mean()) + reach
 
     def rules_out(self, other: Drift) -> bool:
-        """Whether the shift of a drift is not what this mechanism with these histories would give.
-
-        Parameters
-        ----------
-        other : Drift
-            Of another actuator.
-
-        Returns
-        -------
-        bool
-            True if it lies outside `next_one` by more than twice its own standard error.
-        """
+        """Whether the shift of a drift is not what this mechanism with these histories would give."""
         low, high = self.next_one
         return other.shift + 2 * other.shift_error < low or other.shift - 2 * other.shift_error > high
 
@@ -175,20 +113,10 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """The experiment on one actuator.
+    """The experiment on one actuator."""
 
-    Parameters
-    ----------
-    plant : Plant
-        With its drift.
-    history : History
-        What it went through before.
-    seed : tuple of int
-        Of the sensor's noise.
-    """
-
-    plant: Plant
-    history: History
+    plant: Plant  # With its drift
+    history: History  # What it went through before
     seed: tuple[int, ...]
 
 
@@ -203,18 +131,7 @@ ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
 
 
 def runs(seed: int) -> list[Run]:
-    """The experiments under all assumptions.
-
-    Parameters
-    ----------
-    seed : int
-        Of the fleet.
-
-    Returns
-    -------
-    list of Run
-        Six of each assumption, in their order.
-    """
+    """The experiments under all assumptions."""
     six = fleet(seed)
     return [
         Run(plant=_subject(actuator, effect), history=history, seed=(seed, 7, number))
@@ -224,18 +141,7 @@ def runs(seed: int) -> list[Run]:
 
 
 def grouped(drifts: Sequence[Drift]) -> tuple[Group, ...]:
-    """What came of the experiments, by assumption.
-
-    Parameters
-    ----------
-    drifts : sequence of Drift
-        In the order of `runs`.
-
-    Returns
-    -------
-    tuple of Group
-        The six as they are, each with its own drift, come first.
-    """
+    """What came of the experiments, by assumption."""
     return tuple(
         Group(name=name, assumption=assumption, histories=histories, drifts=tuple(drifts[6 * k : 6 * k + 6]))
         for k, (name, assumption, _, histories) in enumerate(ASSUMPTIONS)
@@ -250,26 +156,8 @@ def _subject(actuator: Actuator, effect: Effect | None) -> Plant:
 
 
 def drift_of(plant: Plant, history: History, seed: Sequence[int] | None) -> Drift:
-    """Drive an actuator twice with the same noise, and compare the readings.
-
-    Parameters
-    ----------
-    plant : Plant
-        With its drift.
-    history : History
-        What it went through before.
-    seed : sequence of int or None
-        Of the sensor's noise; None leaves the sensor out.
-
-    Returns
-    -------
-    Drift
-        From the first to the second section.
-
-    Raises
-    ------
-    SimulationError
-        If the film pulls in.
+    """Drive an actuator twice with the same noise, and compare the readings. returns From the first to the second
+    section.
     """
     step = plant.rig.sample_time
     commands = band_limited_noise(np.random.default_rng(0), SECTION, step, mean=MEAN)
@@ -288,21 +176,7 @@ def drift_of(plant: Plant, history: History, seed: Sequence[int] | None) -> Drif
 
 
 def between(early: ArrayLike, late: ArrayLike) -> Drift:
-    """Compare readings of two runs of one and the same noise.
-
-    The input is the same sample by sample, so the mean of the differences is the shift, and a line through the late
-    over the early readings has the gain's change as its slope, less one. Errors are the sensor's: white noise, whose
-    size the second differences of what is left give.
-
-    Parameters
-    ----------
-    early, late : (n,) array_like
-        Readings at the same commands, m.
-
-    Returns
-    -------
-    Drift
-    """
+    """Compare readings of two runs of one and the same noise."""
     first, second = np.asarray(early, dtype=np.float64), np.asarray(late, dtype=np.float64)
     difference = second - first
     noise = np.std(np.diff(difference, 2)) / np.sqrt(6)

@@ -12,8 +12,6 @@ from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
 from deatwin.studies.report.story import Row
 
-__all__ = ["OUTSIDE", "Estimate", "Judged", "Mark", "judged", "measures"]
-
 OUTSIDE = frozenset({"grease_ridge"})
 """What is concealed but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
 
@@ -44,25 +42,15 @@ _ADVICE: Mapping[Mark, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A parameter of a cause that is there, beside its true value.
-
-    Parameters
-    ----------
-    effect, name, unit : str
-        Whose, which, and its SI unit.
-    value, low, high : float
-        With its 95 % interval, SI.
-    truth : float
-        SI.
-    """
+    """A parameter of a cause that is there, beside its true value."""
 
     effect: str
     name: str
     unit: str
-    value: float
+    value: float  # With its 95 % interval, SI
     low: float
     high: float
-    truth: float
+    truth: float  # SI
 
     @property
     def covered(self) -> bool:
@@ -72,26 +60,12 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """An answer with its mark.
-
-    Parameters
-    ----------
-    name : str
-        Of the actuator.
-    truth : mapping of str to mapping
-        By effect: parameters, SI.
-    diagnosis : Diagnosis
-        The answer.
-    mark : Mark
-        How it stands to the truth.
-    estimates : tuple of Estimate
-        Of the causes that are there.
-    """
+    """An answer with its mark."""
 
     name: str
     truth: Mapping[str, Mapping[str, float]]
-    diagnosis: Diagnosis
-    mark: Mark
+    diagnosis: Diagnosis  # The answer
+    mark: Mark  # How it stands to the truth
     estimates: tuple[Estimate, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,20 +83,7 @@ class Judged:
 
 
 def judged(findings: Sequence[Finding], key: Key) -> tuple[Judged, ...]:
-    """Hold answers against the opened key.
-
-    Parameters
-    ----------
-    findings : sequence of Finding
-        The answers.
-    key : Key
-        As `sealed.opened` gives it.
-
-    Returns
-    -------
-    tuple of Judged
-        In the order of the answers.
-    """
+    """Hold answers against the opened key."""
     return tuple(_judge(f.name, f.diagnosis, key.drifts[f.name]) for f in findings)
 
 
@@ -148,17 +109,7 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
 
 
 def measures(scores: Sequence[Judged]) -> list[Row]:
-    """What is demanded of the answers, and what they reach.
-
-    Parameters
-    ----------
-    scores : sequence of Judged
-        Marked answers.
-
-    Returns
-    -------
-    list of Row
-    """
+    """What is demanded of the answers, and what they reach."""
     from scipy.stats import binom
 
     count = len(scores)

@@ -9,12 +9,10 @@ from pathlib import Path
 
 from deatwin.plant.effects import Effect
 from deatwin.plant.fleet import Actuator, fleet, specification
-from deatwin.scenarios.concealed_physics.seal import Seal, digest
+from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.seal import SweepSeal, digest
 from deatwin.studies.sweep.store import read_seal
-
-__all__ = ["Key", "concealed_in", "opened"]
 
 SCHEMA = "deatwin/drift-case/1"
 SIZE = "six actuators"
@@ -23,29 +21,13 @@ VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Key:
-    """What is concealed, by actuator.
-
-    Parameters
-    ----------
-    drifts : mapping of str to mapping
-        By actuator: by effect: the values of its parameters, SI.
-    """
+    """What is concealed, by actuator."""
 
     drifts: Mapping[str, Mapping[str, Mapping[str, float]]]
 
     @classmethod
     def of(cls, actuators: Sequence[Actuator]) -> Key:
-        """The key to actuators.
-
-        Parameters
-        ----------
-        actuators : sequence of Actuator
-            With their drifts.
-
-        Returns
-        -------
-        Key
-        """
+        """The key to actuators."""
         return cls(
             drifts={
                 a.name: {
@@ -57,19 +39,7 @@ class Key:
         )
 
     def seal(self, seed: int) -> SweepSeal:
-        """The seal: it says nothing of the drifts, and nothing of them can be changed any more.
-
-        Parameters
-        ----------
-        seed : int
-            Of the story.
-
-        Returns
-        -------
-        SweepSeal
-            Seed, versions, and SHA-256 of the key, of every number that decides in the diagnosis, and of the sources
-            of plant, identification and this story.
-        """
+        """The seal: it says nothing of the drifts, and nothing of them can be changed any more."""
         now = Seal.of(SIZE, seed, self.drifts)
         parts = {
             "seed": seed,
@@ -82,40 +52,13 @@ class Key:
 
 
 def concealed_in(actuator: Actuator) -> tuple[Effect, ...]:
-    """What an actuator has and its specification has not.
-
-    Parameters
-    ----------
-    actuator : Actuator
-        Of the fleet.
-
-    Returns
-    -------
-    tuple of Effect
-    """
+    """What an actuator has and its specification has not."""
     known = set(specification().effect_names)
     return tuple(e for e in actuator.plant.effects if e.name not in known)
 
 
 def opened(folder: Path, seed: int) -> Key:
-    """The key, made anew from the seed, if it is the one that was sealed and nothing that decides has changed since.
-
-    Parameters
-    ----------
-    folder : path
-        With the ``seal.json`` that was written before the first diagnosis.
-    seed : int
-        Of the story.
-
-    Returns
-    -------
-    Key
-
-    Raises
-    ------
-    DataError
-        If there is no seal, or seed, key, thresholds, code or versions are not those that were sealed.
-    """
+    """The key, made anew from the seed, if it is the one that was sealed and nothing that decides has changed since."""
     key = Key.of(fleet(seed))
     key.seal(seed).require_same(read_seal(SweepSeal, folder), folder)
     return key

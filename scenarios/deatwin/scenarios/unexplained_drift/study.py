@@ -17,8 +17,6 @@ from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore
 
-__all__ = ["CASES", "Answers", "Study", "carry_out"]
-
 CASES = "cases"
 """Folder of the cases."""
 EFFORT = 12.0
@@ -30,98 +28,29 @@ Content = TypeVar("Content")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What came out.
+    """What came out."""
 
-    Parameters
-    ----------
-    findings : tuple of Finding
-        One for each actuator.
-    groups : tuple of Group
-        Of the argument.
-    files : tuple of str
-        That the diagnoses have written, inside the folder.
-    """
-
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # One for each actuator
     groups: tuple[Group, ...]
-    files: tuple[str, ...]
+    files: tuple[str, ...]  # That the diagnoses have written, inside the folder
 
 
 class Answers(CaseStore[SweepSeal]):
-    """The cases of the story.
-
-    Parameters
-    ----------
-    folder : path
-        Of the story; cases go into the folder ``cases`` in it, diagnoses with their reports into ``diagnoses``.
-    seal : SweepSeal
-        As `Key.seal` makes it.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun under another seal.
-    """
+    """The cases of the story."""
 
     def __init__(self, folder: Path, seal: SweepSeal) -> None:
         super().__init__(folder, seal, cases=CASES)
 
     def files(self, name: str) -> tuple[str, ...]:
-        """What the diagnosis of a case has written.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        tuple of str
-            Inside the folder.
-
-        Raises
-        ------
-        DataError
-            If the case is absent, malformed, or was run under another seal.
-        """
+        """What the diagnosis of a case has written."""
         return self._read(name, lambda found: tuple(f"diagnoses/{name}/{file}" for file in found["files"]))
 
     def finding(self, name: str) -> Finding:
-        """The answer of a case that is a diagnosis.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        Finding
-
-        Raises
-        ------
-        DataError
-            If the case is absent, malformed, or was run under another seal.
-        """
+        """The answer of a case that is a diagnosis."""
         return self._read(name, lambda found: Finding.from_dict(found["finding"]))
 
     def drift(self, name: str) -> Drift:
-        """The answer of a case that is a run of the argument.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        Drift
-
-        Raises
-        ------
-        DataError
-            If the case is absent, malformed, or was run under another seal.
-        """
+        """The answer of a case that is a run of the argument."""
         return self._read(name, lambda found: Drift(**found["drift"]))
 
     def _read(self, name: str, build: Callable[[dict[str, Any]], Content]) -> Content:
@@ -137,34 +66,7 @@ class Answers(CaseStore[SweepSeal]):
 def carry_out(
     answers: Answers, seed: int, command: Sequence[str], jobs: int, tell: Callable[[float, str], None]
 ) -> Study:
-    """Run every case that has no answer; no diagnosis sees more than its recordings.
-
-    Parameters
-    ----------
-    answers : Answers
-        Sealed, for the cases.
-    seed : int
-        Of everything random.
-    command : sequence of str
-        For the records of the diagnoses.
-    jobs : int
-        Worker processes; -1 takes all cores.
-    tell : callable
-        Takes the share that is done and what is being done.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    DataError
-        If a case is malformed.
-    ModelError
-        If a diagnosis ends without a model.
-    SimulationError
-        If a film pulls in.
-    """
+    """Run every case that has no answer; no diagnosis sees more than its recordings."""
     diagnoses: dict[str, Case] = {
         _slug(actuator): partial(_diagnosed, actuator, answers.folder / "diagnoses" / _slug(actuator), command, seed)
         for actuator in fleet(seed)

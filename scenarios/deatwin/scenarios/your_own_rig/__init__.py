@@ -43,18 +43,7 @@ Told = tuple[Case, Diagnosis, Trial]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Drive, diagnose, and judge on the bumps.
-
-    Parameters
-    ----------
-    setting : Setting
-        Folder, seed and the like; no public recordings are needed.
-
-    Returns
-    -------
-    mapping
-        Verdicts, measures, errors and a sentence.
-    """
+    """Drive, diagnose, and judge on the bumps."""
     rng = np.random.default_rng(setting.seed)
     setting.progress(0.0, "driving")
     setting.folder.text(FILE, _source())
@@ -78,19 +67,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def case(name: str, driven: Drives) -> Case:
-    """What is diagnosed, and what judges.
-
-    Parameters
-    ----------
-    name : str
-        ``"here"`` or ``"elsewhere"``.
-    driven : Drives
-        The recordings.
-
-    Returns
-    -------
-    Case
-    """
+    """What is diagnosed, and what judges."""
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
         name=name,

@@ -11,55 +11,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CAR", "Car", "drive"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Car:
-    """What the car is, in SI.
+    """What the car is, in SI."""
 
-    Parameters
-    ----------
-    body, wheel : float
-        Masses, kg.
-    spring, tyre : float
-        N/m.
-    damper : float
-        Of the oil that seeps through the valve, N s/m.
-    orifice : float
-        Of the oil that is pressed through a hole, N s²/m².
-    """
-
-    body: float = 300.0
+    body: float = 300.0  # Masses, kg
     wheel: float = 38.0
-    spring: float = 17.5e3
+    spring: float = 17.5e3  # N/m
     tyre: float = 180e3
-    damper: float = 700.0
-    orifice: float = 2000.0
+    damper: float = 700.0  # Of the oil that seeps through the valve, N s/m
+    orifice: float = 2000.0  # Of the oil that is pressed through a hole, N s²/m²
 
 
 CAR = Car()
 
 
 def drive(car: Car, road: Array, step: float) -> tuple[Array, Array, Array]:
-    """Drive over a road from rest.
-
-    Parameters
-    ----------
-    car : Car
-        The car.
-    road : ndarray, shape (n,)
-        Height during each sample, m.
-    step : float
-        Sample time, s.
-
-    Returns
-    -------
-    travel, speed, force : ndarray, shape (n,)
-        Of the suspension at the end of each sample, m and m/s, and what the orifice takes off the strut's force, N.
-    """
+    """Drive over a road from rest. Shapes: `road` (n,); returns (n,)."""
     from scipy.integrate import solve_ivp
 
     def rates(_: float, state: Array, height: float) -> list[float]:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw
 
-__all__ = ["agreement"]
-
 Array = NDArray[np.float64]
 INK, MEASURED, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "after"))
 
@@ -19,21 +17,8 @@ INK, MEASURED, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "after"
 def agreement(
     timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float
 ) -> tuple[Drawing, Mapping[str, Array]]:
-    """Draw the bumps, the travel as both compute it, and their difference.
-
-    Parameters
-    ----------
-    timepts, road, here, elsewhere : ndarray, shape (n,)
-        Times, s; heights and travels, m, without the sensor's noise.
-    noise : float
-        Of the sensor, m.
-
-    Returns
-    -------
-    Drawing
-        The picture.
-    dict of str to ndarray
-        Its data.
+    """Draw the bumps, the travel as both compute it, and their difference. Shapes: `timepts, road, here, elsewhere`
+    (n,).
     """
     difference = 1e6 * (here - elsewhere)
     with draw((9.6, 5.8)) as figure:

@@ -17,8 +17,6 @@ from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder
 
-__all__ = ["DRIVERS", "Drives", "bumps", "concealed", "record", "rough_road", "unread"]
-
 Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0
 """Root mean square height of the road, m, and its band, Hz."""
@@ -30,55 +28,21 @@ BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drives:
-    """Two drives of one car, as they are read back from their files.
+    """Two drives of one car, as they are read back from their files."""
 
-    Parameters
-    ----------
-    rough, over_bumps : Recording
-        What is diagnosed, and what judges.
-    files : tuple of path
-        Read from.
-    """
-
-    rough: Recording
+    rough: Recording  # What is diagnosed, and what judges
     over_bumps: Recording
-    files: tuple[Path, Path]
+    files: tuple[Path, Path]  # Read from
 
 
 def rough_road(rng: np.random.Generator, step: float, seconds: float = LENGTH) -> Array:
-    """A road of band-limited noise.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of the road.
-    step : float
-        Sample time, s.
-    seconds : float
-        Length of the drive.
-
-    Returns
-    -------
-    ndarray
-        Heights, m.
-    """
+    """A road of band-limited noise."""
     limit = 4 * ROUGHNESS
     return band_limited_noise(rng, seconds, step, mean=0.0, variance=ROUGHNESS**2, band=BAND, lower=-limit, upper=limit)
 
 
 def bumps(step: float) -> Array:
-    """A level road with bumps and a pothole, which the strut takes faster than the rough road.
-
-    Parameters
-    ----------
-    step : float
-        Sample time, s.
-
-    Returns
-    -------
-    ndarray
-        Heights, m.
-    """
+    """A level road with bumps and a pothole, which the strut takes faster than the rough road."""
     timepts = step * np.arange(round(LENGTH / step))
     road = np.zeros(timepts.size)
     for start, height, width in BUMPS:
@@ -88,12 +52,7 @@ def bumps(step: float) -> Array:
 
 
 def concealed() -> Plant:
-    """The car of `elsewhere` in deatwin's own terms: the user's plant with other values, and the catalogue's drag.
-
-    Returns
-    -------
-    Plant
-    """
+    """The car of `elsewhere` in deatwin's own terms: the user's plant with other values, and the catalogue's drag."""
     nominal = plant()
     drag = next(effect for effect in nominal.rig.effects() if effect.name == "quadratic_damping")
     own = {name: getattr(CAR, name) for name in ("wheel", "spring", "damper", "tyre")}
@@ -101,23 +60,7 @@ def concealed() -> Plant:
 
 
 def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
-    """Let one of the `DRIVERS` drive, write both recordings, and read them back as a user's own would be.
-
-    Parameters
-    ----------
-    driver : str
-        By name.
-    folder : ResultFolder
-        For the recordings.
-    roads : tuple of ndarray
-        The rough one and the bumps.
-    rng : numpy.random.Generator
-        Of the sensor's noise.
-
-    Returns
-    -------
-    Drives
-    """
+    """Let one of the `DRIVERS` drive, write both recordings, and read them back as a user's own would be."""
     made = [DRIVERS[driver](road, rng) for road in roads]
     names = (f"recordings/{driver}_rough_road.csv", f"recordings/{driver}_bumps.csv")
     for file, recording in zip(names, made, strict=True):
@@ -128,18 +71,7 @@ def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: n
 
 
 def unread(road: Array) -> Recording:
-    """A road that nobody has driven over yet.
-
-    Parameters
-    ----------
-    road : ndarray
-        Heights, m.
-
-    Returns
-    -------
-    Recording
-        Whose readings are zeros.
-    """
+    """A road that nobody has driven over yet."""
     return _named(road, np.zeros(road.size))
 
 

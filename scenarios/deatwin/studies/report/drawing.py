@@ -10,31 +10,17 @@ from deatwin.studies.report.svg import inline
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Drawing"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drawing:
-    """A figure of the report.
+    """A figure of the report."""
 
-    Parameters
-    ----------
-    name, title, caption : str
-        What it is called and what it shows.
-    svg : str
-        The picture.
-    data : str
-        Name of the CSV file with its data; empty without one.
-    further : tuple of str
-        Names of further such files.
-    """
-
-    name: str
+    name: str  # What it is called and what it shows
     title: str
     caption: str
-    svg: str
-    data: str = ""
-    further: tuple[str, ...] = ()
+    svg: str  # The picture
+    data: str = ""  # Name of the CSV file with its data; empty without one
+    further: tuple[str, ...] = ()  # Names of further such files
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -43,13 +29,5 @@ class Drawing:
 
     @classmethod
     def of(cls, figure: Figure, name: str, title: str, caption: str) -> Drawing:
-        """Return a drawn figure with its data in ``figures/NAME.csv``.
-
-        Parameters
-        ----------
-        figure : matplotlib Figure
-            As drawn.
-        name, title, caption : str
-            What it is called and what it shows.
-        """
+        """Return a drawn figure with its data in ``figures/NAME.csv``."""
         return cls(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch import Diagnosis
 
-__all__ = ["Drawing", "drawings"]
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
@@ -49,20 +48,7 @@ class _View:
 
 
 def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, Array]]]:
-    """Draw the figures of a diagnosis.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        Without evidence there is nothing to draw.
-
-    Returns
-    -------
-    list of Drawing
-        In the order of the page.
-    dict of str to dict of str to ndarray
-        Columns of each CSV file.
-    """
+    """Draw the figures of a diagnosis."""
     if diagnosis.evidence is None:
         return [], {}
     unit = diagnosis.output["unit"]

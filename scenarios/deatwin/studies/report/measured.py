@@ -14,8 +14,6 @@ from deatwin.scenarios.real_data.methods import LINEAR
 from deatwin.studies.stories import STORIES
 from deatwin.studies.sweep.kept import read_object
 
-__all__ = ["MEASURED", "measured_blocks", "measured_data"]
-
 MEASURED = "deatwin/story-measures/1"
 """Schema of what the tables are made of."""
 OTHERWISE = ("concealed-physics", "control-check", "prestretch-sweep")
@@ -29,10 +27,7 @@ Rows = Sequence[Mapping[str, Any]]
 
 @dataclass(frozen=True, kw_only=True)
 class _System:
-    """Whose recordings a scenario diagnoses: what its plant lacks, what is documented, and the unit of errors in SI.
-
-    `loop` says whether the recording's controller is part of what runs free: it corrects the model's errors.
-    """
+    """Whose recordings a scenario diagnoses: what its plant lacks, what is documented, and the unit of errors in SI."""
 
     recording: str
     lacks: str
@@ -85,30 +80,7 @@ SYSTEMS: Mapping[str, _System] = MappingProxyType(
 
 
 def measured_data(folder: Path | str, remark: str = "", before: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Read what scenarios reached.
-
-    Parameters
-    ----------
-    folder : path
-        With the results of some scenarios, each in a folder of the scenario's name; those of studies with pages of
-        their own are passed over.
-    remark : str
-        Words on the runs, such as their commit.
-    before : mapping, optional
-        What was kept so far: of scenarios that are not in the folder it stays.
-
-    Returns
-    -------
-    dict
-        The schema `MEASURED`, and rows in the order of `deatwin scenarios`: ``stories`` (name, seed, version, remark),
-        ``measures`` (in words, and whether each is reached), and ``recordings`` (of those who diagnose recordings of
-        others: verdict, causes, and rms errors over each held-out recording, SI).
-
-    Raises
-    ------
-    DataError
-        If there are none, or one is unfinished or malformed.
-    """
+    """Read what scenarios reached."""
     found = [name for name in READ if (Path(folder) / name).is_dir()]
     if not found:
         raise DataError(f"{folder}: it holds no scenario's results in a folder of its name ({READ[0]} and so on)")
@@ -122,19 +94,7 @@ def measured_data(folder: Path | str, remark: str = "", before: Mapping[str, Any
 
 
 def measured_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
-    """The lines of the blocks that show what scenarios reached.
-
-    Parameters
-    ----------
-    data : mapping
-        As `measured_data` gives it.
-
-    Returns
-    -------
-    dict of str to list of str
-        Markdown of ``recordings-of-others``, ``narx-measures``, ``frequency-measures``, ``scenarios`` and
-        ``scenarios-missed``.
-    """
+    """The lines of the blocks that show what scenarios reached."""
     rows = data["measures"]
     missed = [row for row in rows if not row["passed"]]
     return {

@@ -9,39 +9,21 @@ from pathlib import PurePath
 
 from deatwin.studies.provenance import RunRecord
 
-__all__ = ["Origin"]
-
 LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
 """Options that change where results go and what is said, not the results; and how many words follow each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a result comes from, as far as equal runs share it.
+    """Where a result comes from, as far as equal runs share it."""
 
-    Parameters
-    ----------
-    inputs : sequence of dict
-        ``file`` and ``sha256`` of each input.
-    seed : int
-        Of everything random.
-    command : sequence of str
-        The command line; empty where there was none.
-    """
-
-    inputs: Sequence[Mapping[str, str]]
+    inputs: Sequence[Mapping[str, str]]  # ``file`` and ``sha256`` of each input
     seed: int
-    command: Sequence[str] = ()
+    command: Sequence[str] = ()  # The command line; empty where there was none
 
     @classmethod
     def of(cls, record: RunRecord) -> Origin:
-        """That of a run.
-
-        Parameters
-        ----------
-        record : RunRecord
-            Made when the run started.
-        """
+        """That of a run."""
         return cls(inputs=record.inputs, seed=record.seed, command=record.command)
 
     @property

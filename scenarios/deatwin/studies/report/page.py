@@ -16,7 +16,6 @@ from deatwin.studies.report.steps import forms, noise_source, parameters, step_d
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
 
-__all__ = ["write_report"]
 
 LEAST_SHARE = 0.05
 """A stretch of time with less of the mismatch is not listed."""
@@ -24,17 +23,7 @@ MOST_LINES = 6
 
 
 def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> None:
-    """Write ``report.html`` and the data of its figures.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Where to.
-    diagnosis : Diagnosis
-        With its evidence, if there is any.
-    origin : Origin
-        For the end of the page.
-    """
+    """Write ``report.html`` and the data of its figures."""
     figures, files = drawings(diagnosis)
     for name, columns in files.items():
         folder.csv(name, columns)

@@ -17,7 +17,6 @@ from deatwin.studies.report.svg import draw, inline, standalone
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["write_sweep"]
 
 Columns = Mapping[str, np.ndarray]
 
@@ -25,19 +24,7 @@ Columns = Mapping[str, np.ndarray]
 def write_sweep(
     folder: ResultFolder, result: Mapping[str, Any], columns: Columns, ratios: Columns, record: RunRecord
 ) -> None:
-    """Write ``report.html`` and ``prestretch.svg``.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Where to; it holds ``prestretch.csv`` and ``unequal.csv`` already.
-    result : mapping
-        With ``sentence`` and ``claims``.
-    columns, ratios : mapping of str to ndarray
-        Of the sweep and of unequal prestretch.
-    record : RunRecord
-        The run, for the end of the page.
-    """
+    """Write ``report.html`` and ``prestretch.svg``."""
     title = "What changes with the prestretch"
     with draw((9.6, 6.0)) as figure:
         _panels(figure, columns, ratios)

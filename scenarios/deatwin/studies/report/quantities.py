@@ -7,22 +7,9 @@ from math import floor, log10
 from deatwin.ident.mismatch.diagnosis import Interval
 from deatwin.plant.prefixes import prefixed, resolving
 
-__all__ = ["in_interval", "quantity", "three_digits", "with_interval"]
-
 
 def quantity(value: float, unit: str) -> str:
     """A value in SI with three digits and a prefix.
-
-    Parameters
-    ----------
-    value : float
-        SI.
-    unit : str
-        SI unit; ``"1"`` is a pure number.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -35,15 +22,6 @@ def quantity(value: float, unit: str) -> str:
 
 def three_digits(value: float | None) -> str:
     """A number with three significant digits, or a dash for none.
-
-    Parameters
-    ----------
-    value : float or None
-        Any.
-
-    Returns
-    -------
-    str
 
     Examples
     --------
@@ -58,18 +36,6 @@ def three_digits(value: float | None) -> str:
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
     """A value and its interval, in the same prefix, with the digits that tell the ends apart.
 
-    Parameters
-    ----------
-    value, low, high : float
-        SI.
-    unit : str
-        SI unit.
-
-    Returns
-    -------
-    tuple of str
-        For example ``("54.1 s", "50.2 to 59.3 s")``.
-
     Examples
     --------
     >>> with_interval(25.012, 24.98, 25.04, "s")
@@ -82,15 +48,6 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
 
 def in_interval(value: float, low: float, high: float) -> str:
     """A value and its interval without a unit, with the digits that tell the ends apart.
-
-    Parameters
-    ----------
-    value, low, high : float
-        In one unit.
-
-    Returns
-    -------
-    str
 
     Examples
     --------

@@ -18,8 +18,6 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.svg import COLOURS
 
-__all__ = ["LARGEST", "packed", "write_page"]
-
 LARGEST = 4_500_000
 """Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000
@@ -27,21 +25,7 @@ REST = 300_000
 
 
 def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing], origin: Origin, **shown: Any) -> None:
-    """Write ``report.html``.
-
-    Parameters
-    ----------
-    folder : ResultFolder
-        Where to; it holds the data of the figures already.
-    template : str
-        Name of the page's template.
-    drawings : iterable of Drawing
-        All figures of the page.
-    origin : Origin
-        For the end of the page.
-    **shown
-        What the template shows.
-    """
+    """Write ``report.html``."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -68,20 +52,7 @@ def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing],
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
-    """The data of figures, compressed, as far as a page has room for them.
-
-    Parameters
-    ----------
-    folder : path
-        With the files.
-    drawings : iterable of Drawing
-        Of the page.
-
-    Returns
-    -------
-    dict of str to str
-        By the files' names: gzip in base 64.
-    """
+    """The data of figures, compressed, as far as a page has room for them."""
     figures = list(drawings)
     names = dict.fromkeys(name for figure in figures for name in figure.files)
     texts = {

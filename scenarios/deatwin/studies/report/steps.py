@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch import Diagnosis, Evidence
 
-__all__ = ["forms", "noise_source", "parameters", "step_drawings", "verification"]
 
 STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
 WIDTH = 6.4
@@ -25,20 +24,7 @@ ROW = 0.3
 
 
 def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict[str, str]]:
-    """Draw the result of each step that was taken.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        Without evidence there is nothing to draw.
-
-    Returns
-    -------
-    dict of str to Drawing or None
-        By step; None of those that were not taken.
-    dict of str to str
-        Text of each CSV file: what is drawn.
-    """
+    """Draw the result of each step that was taken."""
     found: dict[str, Drawing | None] = dict.fromkeys(STEPS)
     tables: dict[str, str] = {}
     evidence = diagnosis.evidence
@@ -121,33 +107,13 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
 
 
 def noise_source(diagnosis: Diagnosis) -> str:
-    """Where the noise floor is known from, in words; empty where the file does not say.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        With its detection.
-
-    Returns
-    -------
-    str
-    """
+    """Where the noise floor is known from, in words; empty where the file does not say."""
     name = str(diagnosis.detect.get("noise_source") or "").upper()
     return NoiseSource[name].value if name in NoiseSource.__members__ else ""
 
 
 def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of the calibrated base plant.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        With its parameters.
-
-    Returns
-    -------
-    list of dict
-    """
+    """Rows of the table of the calibrated base plant."""
     rows = []
     for name, fitted in diagnosis.parameters.items():
         value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
@@ -158,18 +124,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of the ways to read the rig file, the chosen one first.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        With its forms.
-
-    Returns
-    -------
-    list of dict
-        Empty where the file's own reading had no rival.
-    """
+    """Rows of the table of the ways to read the rig file, the chosen one first."""
     if len(diagnosis.forms) < 2:
         return []
     rows = []
@@ -180,18 +135,7 @@ def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[str, Any]]]:
-    """Rows of the tables of the verification.
-
-    Parameters
-    ----------
-    found : mapping or None
-        The field of ``diagnosis.json``.
-
-    Returns
-    -------
-    dict of str to sequence of mapping
-        ``transfer``, ``ablation``, ``shams`` and ``constancy``; empty without a verification.
-    """
+    """Rows of the tables of the verification."""
     if found is None:
         return {"transfer": [], "ablation": [], "shams": [], "constancy": []}
     shams = [

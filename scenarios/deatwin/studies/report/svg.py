@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["COLOURS", "draw", "inline", "legend_above", "standalone"]
 
 COLOURS = {
     "ink": ("#010a01", "#181b20", "#d7dae0"),
@@ -57,18 +56,7 @@ _SETTINGS: dict[Any, Any] = {
 
 @contextmanager
 def draw(size: tuple[float, float]) -> Iterator[Figure]:
-    """A figure to draw into, in the report's style.
-
-    Parameters
-    ----------
-    size : tuple of float
-        Width and height in inches.
-
-    Yields
-    ------
-    matplotlib.figure.Figure
-        Not known to pyplot, so nothing is left behind.
-    """
+    """A figure to draw into, in the report's style."""
     from cycler import cycler
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -79,22 +67,7 @@ def draw(size: tuple[float, float]) -> Iterator[Figure]:
 
 
 def inline(figure: Figure, name: str, title: str) -> str:
-    """The figure for a page that defines the colours' CSS variables.
-
-    Parameters
-    ----------
-    figure : Figure
-        From `draw`, inside its context.
-    name : str
-        Makes its ids unique in the page.
-    title : str
-        What it shows, for those who cannot see it.
-
-    Returns
-    -------
-    str
-        An ``<svg>`` element.
-    """
+    """The figure for a page that defines the colours' CSS variables."""
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")
@@ -123,18 +96,7 @@ def _adaptive(grey: re.Match[str]) -> str:
 
 
 def standalone(figure: Figure) -> str:
-    """The figure as a file of its own; it follows the viewer's light or dark.
-
-    Parameters
-    ----------
-    figure : Figure
-        From `draw`, inside its context.
-
-    Returns
-    -------
-    str
-        An SVG document.
-    """
+    """The figure as a file of its own; it follows the viewer's light or dark."""
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")
@@ -146,17 +108,7 @@ def standalone(figure: Figure) -> str:
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
-    """Put the legend of one panel above the whole figure.
-
-    Parameters
-    ----------
-    figure : Figure
-        From `draw`, inside its context.
-    axes : Axes
-        The panel.
-    columns : int
-        Of the legend.
-    """
+    """Put the legend of one panel above the whole figure."""
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=columns, markerscale=1)
 
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["drawn_table"]
 
 HEADER = ("panel", "horizontal", "vertical", "series", "kind", "x", "y")
 _SAME = 1e-9  # of a position and the tick that names it
@@ -22,20 +21,7 @@ Rows = Iterator[tuple[str, str, Any]]
 
 
 def drawn_table(figure: Figure) -> str:
-    """The points of all that is drawn in a figure.
-
-    Parameters
-    ----------
-    figure : matplotlib Figure
-        As drawn.
-
-    Returns
-    -------
-    str
-        A CSV file with a row for each point: its panel, the labels of the axes with their units, the series, and how
-        it is drawn: the points of a line, the ends of a stroke, the tip of a bar, or the outline of a band. A place on
-        an axis that has a name is written by that name.
-    """
+    """The points of all that is drawn in a figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)

@@ -4,25 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["envelope"]
-
 Array = np.ndarray
 
 
 def envelope(timepts: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
-    """The samples that a picture of so many columns can show: lowest and highest of each column.
-
-    Parameters
-    ----------
-    timepts, values : ndarray, shape (n,)
-        Of one record.
-    columns : int
-        Columns of the picture.
-
-    Returns
-    -------
-    tuple of ndarray
-        Times and values, at most two for each column, in order; all of them where there are few.
+    """The samples that a picture of so many columns can show: lowest and highest of each column. Shapes: `timepts,
+    values` (n,).
     """
     n = values.size
     if n <= 2 * columns:

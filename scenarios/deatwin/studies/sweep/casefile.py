@@ -22,8 +22,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.replacing import replacing
 from deatwin.plant.intake import DOCUMENT_BYTES, read_regular
 
-__all__ = ["CASE_ENDING", "decode", "encode", "read_case", "write_case"]
-
 CASE_ENDING = ".nc"
 SCHEMA = "deatwin/case-file/1"
 RECORD = "record"
@@ -37,18 +35,7 @@ Array = NDArray[Any]
 
 
 def encode(record: Mapping[str, Any]) -> bytes:
-    """The file of a case.
-
-    Parameters
-    ----------
-    record : mapping
-        Plain data: mappings with texts as keys, lists, texts, numbers, truth values, None.
-
-    Returns
-    -------
-    bytes
-        The same for the same record.
-    """
+    """The file of a case."""
     from scipy.io import netcdf_file
 
     buffer = _Kept()
@@ -66,22 +53,7 @@ def encode(record: Mapping[str, Any]) -> bytes:
 
 
 def decode(content: bytes) -> dict[str, Any]:
-    """The case that `encode` was given.
-
-    Parameters
-    ----------
-    content : bytes
-        Of the file.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ValueError
-        If it is no file of a case, or not what was written.
-    """
+    """The case that `encode` was given."""
     from scipy.io import netcdf_file
 
     stated = STATED.search(content)
@@ -95,23 +67,7 @@ def decode(content: bytes) -> dict[str, Any]:
 
 
 def read_case(path: Path | str) -> dict[str, Any]:
-    """Read the file of a case.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-
-    Returns
-    -------
-    dict
-        What was written.
-
-    Raises
-    ------
-    DataError
-        If there is none, it is damaged, or it is no file of a case.
-    """
+    """Read the file of a case."""
     try:
         return decode(read_regular(path, DOCUMENT_BYTES, ValueError))
     except OSError:
@@ -121,20 +77,7 @@ def read_case(path: Path | str) -> dict[str, Any]:
 
 
 def write_case(path: Path | str, record: Mapping[str, Any]) -> None:
-    """Write the file of a case, whole or not at all.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    record : mapping
-        As for `encode`.
-
-    Raises
-    ------
-    DataError
-        If it cannot be written.
-    """
+    """Write the file of a case, whole or not at all."""
     content = encode(record)
     with replacing(path) as half:
         half.write_bytes(content)

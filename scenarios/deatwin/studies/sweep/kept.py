@@ -8,29 +8,9 @@ from typing import Any
 from deatwin.plant.documents import read_json
 from deatwin.plant.errors import DataError, ModelError
 
-__all__ = ["read_object"]
-
 
 def read_object(path: Path, wanted: str = "an object") -> dict[str, Any]:
-    """The object that a JSON file holds.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    wanted : str
-        What it must hold, for the error text.
-
-    Returns
-    -------
-    dict
-        Its numbers are finite.
-
-    Raises
-    ------
-    DataError
-        If the file is missing, no plain file, too large, not JSON, or holds something else than an object.
-    """
+    """The object that a JSON file holds."""
     try:
         found = read_json(path)
     except ModelError as error:

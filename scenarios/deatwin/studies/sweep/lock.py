@@ -9,27 +9,12 @@ from pathlib import Path
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["alone"]
-
 LOCK_FILE = ".lock"
 
 
 @contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """Hold the lock of a folder.
-
-    Where the file system knows no locks, nothing is locked.
-
-    Parameters
-    ----------
-    folder : path
-        Made if absent, and removed afterwards if it is empty.
-
-    Raises
-    ------
-    DataError
-        If another process holds it.
-    """
+    """Hold the lock of a folder."""
     path = folder / LOCK_FILE
     held = _held(path)
     try:

@@ -18,7 +18,6 @@ from deatwin.studies.sweep.store import CaseStore, read_seal
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["CASE_SCHEMA", "Study", "open_study"]
 
 CASE_SCHEMA = "deatwin/study-case/1"
 DATASET_SCHEMA = "deatwin/study/1"

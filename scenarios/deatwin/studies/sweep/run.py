@@ -17,8 +17,6 @@ from deatwin.studies.interrupts import heard
 from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.timeleft import TimeLeft
 
-__all__ = ["run_sweep"]
-
 Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
@@ -137,10 +135,7 @@ def _turn(
 
 
 def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
-    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently.
-
-    What a fit makes of Ctrl-C, its best so far, is no result of a case.
-    """
+    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently."""
     from threadpoolctl import threadpool_limits
 
     _end_with_master()

@@ -14,8 +14,6 @@ from typing import Any, Self
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["Sealed", "SweepSeal", "digest", "sources_digest"]
-
 SCHEMA = "deatwin/sweep-seal/1"
 
 

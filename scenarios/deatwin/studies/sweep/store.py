@@ -20,8 +20,6 @@ from deatwin.studies.sweep.kept import read_object
 from deatwin.studies.sweep.lock import alone
 from deatwin.studies.sweep.seal import Sealed
 
-__all__ = ["CaseStore", "read_seal"]
-
 SEAL_FILE = "seal.json"
 RUNNING = "running"
 FORMER = ".json"
@@ -273,24 +271,7 @@ class CaseStore(Generic[S]):
 
 
 def read_seal(kind: type[S], folder: Path | str) -> S:
-    """The seal of a folder.
-
-    Parameters
-    ----------
-    kind : type
-        Of the seal.
-    folder : path
-        Of a sweep.
-
-    Returns
-    -------
-    Sealed
-
-    Raises
-    ------
-    DataError
-        If it has none, or it is damaged or was altered.
-    """
+    """The seal of a folder."""
     path = Path(folder) / SEAL_FILE
     found = read_object(path, "the seal of a study; a study is sealed before its first case")
     try:

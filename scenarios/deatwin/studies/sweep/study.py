@@ -19,8 +19,6 @@ from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.store import CaseStore
 
-__all__ = ["grid", "run_study"]
-
 Case = Mapping[str, Any]
 Work = Callable[[Case, np.random.Generator], Mapping[str, Any]]
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")

@@ -21,8 +21,6 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["BandMean", "Range", "band_frequencies", "band_means", "whole_orders"]
-
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
@@ -35,52 +33,21 @@ _HIGHEST = 5  # half a million combinations
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BandMean:
-    """H_n, averaged over the combinations of input frequencies whose sum lies in a band.
+    """H_n, averaged over the combinations of input frequencies whose sum lies in a band."""
 
-    Parameters
-    ----------
-    order : int
-        n.
-    from_Hz, to_Hz : float
-        The band of the sum.
-    value : ndarray, shape (2,)
-        Real and imaginary part of the mean, in ``unit``.
-    gradient : ndarray, shape (2, n_terms)
-        Its derivative by the parameters of the model.
-    scatter : Scatter
-        Of the value, from the covariance of the parameters.
-    gain : float
-        Root mean square of the gain over the combinations, in ``unit``.
-    unit : str
-        Of H_n.
-    """
-
-    order: int
-    from_Hz: float
+    order: int  # n
+    from_Hz: float  # The band of the sum
     to_Hz: float
-    value: Array
-    gradient: Array
+    value: Array  # shape (2,): Real and imaginary part of the mean, in ``unit``
+    gradient: Array  # shape (2, n_terms): Its derivative by the parameters of the model
     scatter: Scatter
-    gain: float
+    gain: float  # Root mean square of the gain over the combinations, in ``unit``
     unit: str
 
 
 def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
-    """Combinations of input frequencies whose sum lies in a band, spread evenly.
-
-    Parameters
-    ----------
-    order : int
-        Number of frequencies.
-    band : tuple of float
-        Of their sum, Hz.
-    input_band : tuple of float
-        Of each without its sign, Hz.
-
-    Returns
-    -------
-    ndarray, shape (n,) for order 1, else (n, order)
-        rad/s; empty where no combination reaches the band.
+    """Combinations of input frequencies whose sum lies in a band, spread evenly. `band` of their sum, Hz;
+    `input_band` of each without its sign, Hz; returns (n,), rad/s; empty where no combination reaches the band.
     """
     sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
     tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
@@ -99,30 +66,8 @@ def band_means(
     operating_input: ArrayLike | None = None,
     input_band: Range | None = None,
 ) -> tuple[BandMean, ...]:
-    """Average a model's responses over bands.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Of one input and one output.
-    orders : iterable of int
-        Of the responses.
-    bands : sequence of (float, float)
-        Of output frequencies, Hz.
-    operating_input : float, optional
-        As for `gfrf`.
-    input_band : tuple of float, optional
-        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
-
-    Returns
-    -------
-    tuple of BandMean
-        By order, then by band. What no combination of input frequencies reaches is left out.
-
-    Raises
-    ------
-    ModelError
-        If an order or a band is none, nothing is left, or as `gfrf`.
+    """Average a model's responses over bands. `bands` of output frequencies, Hz; `input_band` of the input's
+    frequencies, Hz.
     """
     several, wanted = whole_orders(orders), _ranges(bands, "bands")
     inputs = (0.0, max(high for _, high in wanted)) if input_band is None else _ranges([input_band], "input_band")[0]
@@ -138,18 +83,7 @@ def band_means(
 
 
 def whole_orders(orders: Iterable[int]) -> tuple[int, ...]:
-    """Return the orders of the responses that are compared.
-
-    Parameters
-    ----------
-    orders : iterable of int
-        What was given.
-
-    Raises
-    ------
-    ModelError
-        If there is none, or one is not an integer from 1 to 5.
-    """
+    """Return the orders of the responses that are compared."""
     several = tuple(orders) if isinstance(orders, Iterable) else ()
     if not several:
         raise ModelError(f"orders = {orders!r}; give integers from 1 to {_HIGHEST}, as (1, 2)")

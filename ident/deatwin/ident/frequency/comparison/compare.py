@@ -21,8 +21,6 @@ from deatwin.plant.files.formats.optional import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Agreement", "Comparison", "Difference", "Drift", "compare", "difference_of", "tabulated"]
-
 
 class Agreement(Enum):
     """Whether two responses agree in a band; the value is the advice."""
@@ -283,22 +281,7 @@ def compare(
 
 
 def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float) -> Difference:
-    """Compare two means over a band, before any correction.
-
-    Parameters
-    ----------
-    a, b : BandMean
-        Of the same order and band.
-    names : tuple of str
-        Of the two.
-    least : float
-        As for `compare`.
-
-    Returns
-    -------
-    Difference
-        With its p-value as it is, and no judgement yet.
-    """
+    """Compare two means over a band, before any correction."""
     gain = float(np.hypot(a.gain, b.gain) / np.sqrt(2))
     apart = a.value - b.value
     test = equality(apart, (a.scatter, b.scatter), least * gain)
@@ -316,24 +299,7 @@ def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float
 
 
 def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
-    """Correct tests for their number and judge them.
-
-    Parameters
-    ----------
-    differences : sequence of Difference
-        Not yet corrected.
-    level : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    ModelError
-        If the level is not between 0 and 1.
-    """
+    """Correct tests for their number and judge them."""
     level = probability(level)
     corrected = holm([d.p_value for d in differences])
     judged = (

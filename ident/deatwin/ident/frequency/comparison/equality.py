@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.narx.robust import Cosines
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Equality", "Scatter", "equality", "holm", "no_drift"]
-
 Array = NDArray[np.float64]
 
 _FLAT = 1e-12  # share of the larger variance below which a direction has none
@@ -21,69 +19,33 @@ _DIRECTIONS = 180  # of a margin's edge
 
 
 class Scatter(NamedTuple):
-    """How well a vector of means is known.
+    """How well a vector of means is known."""
 
-    Parameters
-    ----------
-    scale : ndarray, shape (..., q, q)
-        Squared scale of its t law.
-    dof : float
-        Degrees of freedom of that law; infinite for a normal one.
-    """
-
-    scale: Array
-    dof: float
+    scale: Array  # shape (..., q, q): Squared scale of its t law
+    dof: float  # Degrees of freedom of that law; infinite for a normal one
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equality:
-    """What a test says of the hypothesis that two vectors of means are the same.
+    """What a test says of the hypothesis that two vectors of means are the same."""
 
-    Parameters
-    ----------
-    statistic : float
-        Squared distance in units of its scatter; of a drift, the ratio of variances.
-    dof : tuple of float
-        Of the F law that it has, or a multiple of it: of the difference, and of the scatter.
-    p_value : float
-        Probability of a larger statistic.
-    """
-
-    statistic: float
+    statistic: float  # Squared distance in units of its scatter; of a drift, the ratio of variances
     dof: tuple[float, float]
-    p_value: float
+    p_value: float  # Probability of a larger statistic
 
 
 def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
     """Test whether a difference of independent means is zero, or at most a margin.
 
     With a margin every difference within it is a null hypothesis of its own, and the largest p-value counts
-    (intersection-union test). So does it where several differences are given, as of several times: then the hypothesis
-    is that one of them is zero.
+    (intersection-union test). So does it where several differences are given, as of several times: then the
+    hypothesis is that one of them is zero.
 
-    Parameters
-    ----------
-    difference : array_like, shape (2,) or (..., 2)
-        Real and imaginary part, or other two.
-    scatters : sequence of Scatter
-        Of the parts of the difference, which are independent; their scales broadcast against the differences.
-    margin : float
-        Largest length of a difference that does not count, in its unit.
+    Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem",
+    Stat. Probab. Lett. 66 (2004) 161-169. Berger, "Multiparameter hypothesis testing and acceptance sampling",
+    Technometrics 24 (1982) 295-300.
 
-    Returns
-    -------
-    Equality
-
-    Raises
-    ------
-    ModelError
-        If there is no scatter at all.
-
-    References
-    ----------
-    Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.
-    Probab. Lett. 66 (2004) 161-169.
-    Berger, "Multiparameter hypothesis testing and acceptance sampling", Technometrics 24 (1982) 295-300.
+    Shapes: `difference` (2,).
     """
     from scipy.stats import chi2, f
 
@@ -134,19 +96,9 @@ def _beyond(difference: Array, inverse: Array, margin: float) -> Array:
 def holm(p_values: ArrayLike) -> Array:
     """Correct p-values for their number, so that at any level the chance of one false finding is at most that level.
 
-    Parameters
-    ----------
-    p_values : array_like, shape (n,)
-        Of tests that may depend on each other in any way.
+    Source: Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6 (1979) 65-70.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        Not below those given.
-
-    References
-    ----------
-    Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6 (1979) 65-70.
+    Shapes: `p_values` (n,); returns (n,).
     """
     given = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(given, kind="stable")
@@ -158,28 +110,8 @@ def holm(p_values: ArrayLike) -> Array:
 def no_drift(cosines: Cosines) -> Equality:
     """Test whether the slow cosines of one or two series are no larger than the others: whether there is no drift.
 
-    Several tests share the level: of the slowest cosine alone, which a drift to one side fills most, of the slowest
-    two, four and so on, and of all.
-
-    Parameters
-    ----------
-    cosines : Cosines
-        Of one or two series, with slow ones.
-
-    Returns
-    -------
-    Equality
-        The surest, with its p-value times their number.
-
-    Raises
-    ------
-    ModelError
-        If there are no slow cosines, more than two series, or no scatter.
-
-    References
-    ----------
-    Rao, "An asymptotic expansion of the distribution of Wilks' criterion", Bull. Inst. Int. Stat. 33 (1951) 177-180:
-    for two series Wilks' ratio has an exact F law.
+    Source: Rao, "An asymptotic expansion of the distribution of Wilks' criterion", Bull. Inst. Int. Stat. 33 (1951)
+    177-180: for two series Wilks' ratio has an exact F law.
     """
     slow, fast = cosines.slow, cosines.fast
     if cosines.n_slow == 0 or slow.shape[1] > 2:

@@ -11,26 +11,9 @@ if TYPE_CHECKING:
 
     from deatwin.ident.frequency.comparison.compare import Comparison
 
-__all__ = ["plot_comparison"]
-
 
 def plot_comparison(comparison: Comparison, ax: Axes | None = None) -> Axes:
-    """Draw a table of differences: a row for each pair, a column for each order and band.
-
-    A field is coloured by the size of a significant difference, in per cent of the gain; it is in brackets where a
-    drift may explain it, and empty where no difference can be shown.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw a table of differences: a row for each pair, a column for each order and band."""
     from deatwin.ident.frequency.comparison.compare import Agreement
 
     pairs, columns = comparison.pairs, comparison.columns

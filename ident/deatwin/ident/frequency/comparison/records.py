@@ -33,8 +33,6 @@ from deatwin.ident.narx.robust import BLOCKS, Cosines, pseudovalues
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError
 
-__all__ = ["compare_records"]
-
 Array = NDArray[np.float64]
 
 SLOW = 8

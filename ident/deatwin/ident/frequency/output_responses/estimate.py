@@ -24,8 +24,6 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["nofrf", "nofrf_exact"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -167,24 +165,12 @@ def _wanted_orders(order: int, highest: int | None) -> range:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Runs:
-    """Spectra of the output at the levels at which it stays finite.
+    """Spectra of the output at the levels at which it stays finite."""
 
-    Parameters
-    ----------
-    levels : ndarray, shape (n_levels,)
-        Factors of the excitation.
-    spectra : ndarray of complex, shape (n_levels, n_lines)
-        Of the output's deviations.
-    lost : ndarray
-        Factors at which the model diverges.
-    settled : bool
-        Whether all others repeat.
-    """
-
-    levels: Array
-    spectra: Complex
-    lost: Array
-    settled: bool
+    levels: Array  # shape (n_levels,): Factors of the excitation
+    spectra: Complex  # shape (n_levels, n_lines): Of the output's deviations
+    lost: Array  # Factors at which the model diverges
+    settled: bool  # Whether all others repeat
 
     @property
     def kept_share(self) -> float:

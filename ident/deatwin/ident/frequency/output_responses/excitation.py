@@ -21,7 +21,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["TestSignal", "design_excitation"]
 
 Array = NDArray[np.float64]
 

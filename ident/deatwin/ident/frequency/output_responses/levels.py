@@ -12,8 +12,6 @@ from deatwin.ident.frequency.checks import real_numbers
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["LevelFit", "chebyshev_levels", "checked_levels", "fit_orders"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
@@ -26,53 +24,17 @@ _NOTHING = 1e-10  # errors below this share of all orders are no truncation, as 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelFit:
-    """Orders of the output, fitted line by line to its spectra at several levels.
+    """Orders of the output, fitted line by line to its spectra at several levels."""
 
-    Parameters
-    ----------
-    levels : ndarray, shape (n_levels,)
-        Factors of the excitation.
-    orders : ndarray of complex, shape (N, n_lines)
-        Y_1, ..., Y_N at level 1 as Fourier coefficients; zero at lines that an order does not reach.
-    condition : float
-        Condition number of the powers of the levels, columns scaled to length one.
-    residual : ndarray, shape (n_levels, N)
-        Share of the spectrum at each level that the first n orders leave, in root sum of squares over the lines.
-    left_out : ndarray, shape (n_tried,)
-        For fits of 1, 2, ... orders: share of the spectra that the fit without a level leaves there, over all levels;
-        infinite where there are not more levels than orders.
-    changes : ndarray, shape (N, n_lines)
-        Magnitude by which each of the orders moves when two more are fitted; NaN where the levels do not tell these
-        apart.
-        Leading part of the error by what was not fitted.
-    """
-
-    levels: Array
+    levels: Array  # shape (n_levels,): Factors of the excitation
     orders: Complex
-    condition: float
+    condition: float  # Condition number of the powers of the levels, columns scaled to length one
     residual: Array
     left_out: Array
     changes: Array
 
     def advisable_level(self, order: int, share: float) -> float:
-        """Return the factor of the levels at which truncation would be a given share of the orders up to one.
-
-        What is not fitted begins with order N + 1, and spoils Y_n by a share that goes with the level to the power
-        N + 1 - n. Levels in pairs of both signs tell even orders from odd ones: there the first of n's own parity
-        counts.
-
-        Parameters
-        ----------
-        order : int
-            The last of the orders that count.
-        share : float
-            What is allowed, in root sum of squares over the lines.
-
-        Returns
-        -------
-        float
-            1 where they are within it already, to rounding; NaN where the error is not known.
-        """
+        """Return the factor of the levels at which truncation would be a given share of the orders up to one."""
         paired = np.allclose(np.sort(self.levels), np.sort(-self.levels), rtol=1e-9, atol=0.0)
         rounding = _NOTHING * np.linalg.norm(self.orders)
         factors = [1.0]
@@ -86,24 +48,7 @@ class LevelFit:
 
 def chebyshev_levels(count: int) -> Array:
     """Return levels of both signs for fitting polynomials without a constant: Chebyshev nodes, the largest at 1.
-
-    An even number of nodes leaves out zero, where the output is zero and tells nothing; the nodes crowd towards the
-    ends, which keeps the condition of the fit low.
-
-    Parameters
-    ----------
-    count : int
-        How many, even.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Decreasing from 1 to -1.
-
-    Raises
-    ------
-    ModelError
-        If the number is not even and positive.
+    Shapes: returns (count,).
     """
     if count < 2 or count % 2:
         raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
@@ -113,22 +58,7 @@ def chebyshev_levels(count: int) -> Array:
 
 
 def checked_levels(levels: ArrayLike) -> Array:
-    """Return levels after a check.
-
-    Parameters
-    ----------
-    levels : array_like, shape (n_levels,)
-        Factors of the excitation.
-
-    Returns
-    -------
-    ndarray, shape (n_levels,)
-
-    Raises
-    ------
-    ModelError
-        If they are not distinct numbers of magnitudes from 1e-12 to 1e12.
-    """
+    """Return levels after a check. Shapes: `levels` (n_levels,); returns (n_levels,)."""
     values = real_numbers(levels, "the levels")
     if values.ndim != 1:
         raise ModelError(f"the levels have the shape {values.shape}; they must be of shape (n_levels,)")
@@ -142,25 +72,8 @@ def checked_levels(levels: ArrayLike) -> Array:
 
 
 def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:
-    """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line by least squares over the levels a.
-
-    Of several numbers of orders the smallest is taken whose error at levels left out, one after the other, is at most
-    twice the smallest.
-
-    Parameters
-    ----------
-    levels : ndarray, shape (n_levels,)
-        At least as many as the fewest orders.
-    spectra : ndarray of complex, shape (n_levels, n_lines)
-        The output's at each level.
-    in_range : sequence of ndarray of bool, shape (n_lines,)
-        Which lines each order reaches; only such orders are fitted to a line. Two more than the most orders.
-    tried : range
-        Numbers of orders.
-
-    Returns
-    -------
-    LevelFit
+    """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line by least squares over the levels a. Shapes: `levels` (n_levels,);
+    `spectra` (n_levels, n_lines); `in_range` (n_lines,).
     """
     reached = np.array(in_range[: levels.size])
     left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))

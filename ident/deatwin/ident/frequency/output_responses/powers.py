@@ -19,7 +19,6 @@ from deatwin.plant.files.formats.optional import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["AMPLIFICATION", "InputSpectrum", "input_spectrum"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -11,8 +11,6 @@ from deatwin.ident.frequency.checks import real_number, real_numbers, whole_orde
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
-__all__ = ["checked_band", "checked_sample_time", "output_frequencies"]
-
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # relative to half the sampling rate, or to the highest sum: intervals that meet
@@ -64,20 +62,7 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
 
 
 def checked_band(band: ArrayLike, unit: str) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of a band after a check.
-
-    Parameters
-    ----------
-    band : array_like, shape (2,)
-        What was given.
-    unit : str
-        Its unit, for the error.
-
-    Raises
-    ------
-    ModelError
-        If it is not two finite numbers with 0 <= low <= high.
-    """
+    """Return the lowest and the highest frequency of a band after a check. Shapes: `band` (2,)."""
     values = real_numbers(band, "the band")
     if values.shape != (2,) or not (np.all(np.isfinite(values)) and 0 <= values[0] <= values[1]):
         raise ModelError(f"the band is {band!r}; it must be two numbers (low, high) in {unit} with 0 <= low <= high")
@@ -85,18 +70,7 @@ def checked_band(band: ArrayLike, unit: str) -> tuple[float, float]:
 
 
 def checked_sample_time(sample_time: float) -> float:
-    """Return a sampling interval after a check.
-
-    Parameters
-    ----------
-    sample_time : float
-        What was given, s.
-
-    Raises
-    ------
-    ModelError
-        If it is not positive and finite.
-    """
+    """Return a sampling interval after a check."""
     found = real_number(sample_time, "sample_time")
     if not 0 < found < math.inf:
         raise ModelError(f"sample_time = {sample_time}; it must be positive, in s")

@@ -24,7 +24,6 @@ from deatwin.plant.files.formats.optional import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Nofrf", "NofrfStatus", "NofrfWarning"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -11,8 +11,6 @@ from deatwin.ident.narx.free_run import free_run
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.response import divergence_limit
 
-__all__ = ["SteadyState", "steady_state"]
-
 Array = NDArray[np.float64]
 
 _RUN = 4096  # samples of one run at least: a call costs as much as hundreds of samples
@@ -22,37 +20,15 @@ _SMALL = 1e-11  # a change of the output by less, which falls no more, is roundi
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyState:
-    """The last period of a march from rest.
+    """The last period of a march from rest."""
 
-    Parameters
-    ----------
-    values : ndarray, shape (n_samples,)
-        The output over one period, in the output's unit.
-    settled : bool
-        Whether it repeats from period to period up to rounding.
-    diverged : bool
-        Whether the march left all bounds; the values are then its last ones.
-    """
-
-    values: Array
-    settled: bool
-    diverged: bool
+    values: Array  # shape (n_samples,): The output over one period, in the output's unit
+    settled: bool  # Whether it repeats from period to period up to rounding
+    diverged: bool  # Whether the march left all bounds; the values are then its last ones
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
-    """March a model from rest under a periodic input until its output repeats.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model of one input and one output, in deviations from an equilibrium.
-    excitation : ndarray, shape (n_samples,)
-        One period of the input's deviations in the input's unit.
-
-    Returns
-    -------
-    SteadyState
-    """
+    """March a model from rest under a periodic input until its output repeats. Shapes: `excitation` (n_samples,)."""
     lag, n = model.table.max_lag, excitation.size
     periods = -(-_RUN // n)
     inputs = excitation[np.arange(-lag, periods * n) % n][None, :]

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from deatwin.ident.frequency.response import Band
     from deatwin.ident.frequency.uncertainty.regions import Uncertain
 
-__all__ = ["plot_draws", "plot_gain", "plot_phase", "plot_plane", "shown_points"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -27,19 +26,7 @@ _MOST_POINTS = 300
 
 
 def plot_plane(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
-    """Draw a response in the complex plane with its ellipses, dashed where the linear law does not hold.
-
-    Parameters
-    ----------
-    uncertain : Propagated or Sampled
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw a response in the complex plane with its ellipses, dashed where the linear law does not hold."""
     from matplotlib.collections import LineCollection
 
     axes = axes_or_new(ax)
@@ -70,52 +57,19 @@ def plot_plane(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
 
 
 def shown_points(uncertain: Uncertain) -> NDArray[np.int64]:
-    """Return which of many frequencies get an ellipse: evenly some of those where the gain is more than rounding.
-
-    Parameters
-    ----------
-    uncertain : Propagated or Sampled
-        What is drawn.
-    """
+    """Return which of many frequencies get an ellipse: evenly some of those where the gain is more than rounding."""
     there = np.flatnonzero(drawn_points(uncertain.response))
     return there[np.unique(np.linspace(0, there.size - 1, min(there.size, _MOST_ELLIPSES)).round().astype(np.int64))]
 
 
 def plot_draws(uncertain: Uncertain, draws: Complex, axes: Axes) -> None:
-    """Draw some draws as points under the ellipses.
-
-    Parameters
-    ----------
-    uncertain : Sampled
-        Whose draws they are.
-    draws : ndarray of complex, shape (n_draws, n)
-        All of them.
-    axes : matplotlib Axes
-        Where to draw.
-    """
+    """Draw some draws as points under the ellipses. Shapes: `draws` (n_draws, n)."""
     some = draws[:_MOST_POINTS, shown_points(uncertain)]
     axes.plot(some.real.ravel(), some.imag.ravel(), ".", color="0.6", markersize=1.5, alpha=0.4, zorder=1)
 
 
 def plot_gain(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
-    """Draw the gain of a response with its band.
-
-    Parameters
-    ----------
-    uncertain : Propagated or Sampled
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ModelError
-        If there are several frequencies for each value, and their sums do not go one way.
-    """
+    """Draw the gain of a response with its band."""
     axes = axes_or_new(ax)
     _draw_band(axes, uncertain, uncertain.gain, uncertain.gain_band(), f"$|{uncertain.label.strip('$')}|$")
     axes.set_yscale("log")
@@ -124,24 +78,7 @@ def plot_gain(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
 
 
 def plot_phase(uncertain: Uncertain, ax: Axes | None = None) -> Axes:
-    """Draw the phase of a response with its band, which has gaps where the phase is undefined.
-
-    Parameters
-    ----------
-    uncertain : Propagated or Sampled
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ModelError
-        If there are several frequencies for each value, and their sums do not go one way.
-    """
+    """Draw the phase of a response with its band, which has gaps where the phase is undefined."""
     axes = axes_or_new(ax)
     _draw_band(axes, uncertain, uncertain.phase_deg, uncertain.phase_band(), f"phase of {uncertain.label}")
     axes.set_ylabel("phase (°)")

@@ -22,8 +22,6 @@ from deatwin.ident.frequency.checks import probability
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.posterior import quantile
 
-__all__ = ["Ellipses", "Polar", "interval_radius", "polar", "region_radius"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -33,28 +31,14 @@ _NOTHING = 1e-24  # of the largest variance over frequency: below this there is 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ellipses(Frozen):
-    """Principal axes of covariances, without what only rounding made.
-
-    Parameters
-    ----------
-    variances : ndarray, shape (n, 2)
-        Along the axes; 0 where they are not above rounding, beside the other axis or beside all the ellipses.
-    axes : ndarray, shape (n, 2, 2)
-        In columns.
-    """
+    """Principal axes of covariances, without what only rounding made."""
 
     variances: Array
-    axes: Array
+    axes: Array  # shape (n, 2, 2): In columns
 
     @classmethod
     def of(cls, covariance: Array) -> Ellipses:
-        """Return the ellipses of covariances.
-
-        Parameters
-        ----------
-        covariance : ndarray, shape (n, 2, 2)
-            Of real and imaginary parts.
-        """
+        """Return the ellipses of covariances. Shapes: `covariance` (n, 2, 2)."""
         variances, axes = np.linalg.eigh(covariance)
         least = np.maximum(_DEGENERATE * variances[:, -1:], _NOTHING * np.max(variances, initial=0.0))
         return cls(variances=np.where(variances > least, variances, 0.0), axes=axes)
@@ -70,16 +54,8 @@ class Ellipses(Frozen):
         return np.asarray(self.axes * np.sqrt(self.variances)[:, None, :])
 
     def squared_distance(self, away: Complex) -> Array:
-        """Return squared Mahalanobis distances; along an axis of 0 nothing counts.
-
-        Parameters
-        ----------
-        away : ndarray of complex, shape (..., n)
-            Deviations.
-
-        Returns
-        -------
-        ndarray, shape (..., n)
+        """Return squared Mahalanobis distances; along an axis of 0 nothing counts. Shapes: `away` (..., n); returns
+        (..., n).
         """
         weights = np.divide(1.0, self.variances, out=np.zeros_like(self.variances), where=self.variances > 0)
         along = (away.real * self.axes[:, 0, i] + away.imag * self.axes[:, 1, i] for i in (0, 1))
@@ -88,24 +64,12 @@ class Ellipses(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polar(Frozen):
-    """Gain and phase by the law of propagation.
+    """Gain and phase by the law of propagation."""
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, 2, 2)
-        Of gain (in the values' unit) and phase (rad); infinite where the gain is 0.
-    gain_bend, phase_bend : ndarray, shape (n,)
-        Root mean square of the second-order term that the law leaves out, in standard deviations of the first-order
-        term; dimensionless.
-    relative_deviation : ndarray, shape (n,)
-        Standard deviation along the longer axis of the ellipse, by the gain. No series at the value sees how near 0 is,
-        on the other side of which gain and phase are others.
-    """
-
-    covariance: Array
+    covariance: Array  # shape (n, 2, 2): Of gain (in the values' unit) and phase (rad); infinite where the gain is 0
     gain_bend: Array
     phase_bend: Array
-    relative_deviation: Array
+    relative_deviation: Array  # shape (n,): Standard deviation along the longer axis of the ellipse, by the gain
 
     @property
     def gain_index(self) -> Array:
@@ -119,22 +83,8 @@ class Polar(Frozen):
 
 
 def polar(values: Complex, covariance: Array) -> Polar:
-    """Propagate the covariance of real and imaginary part to gain and phase.
-
-    With r along the value and t across it, in the same unit, the gain is g + r + t²/(2g) and the phase t/g - rt/g² to
-    second order. From the moments of a normal law follow the bends: sqrt(3) var t / (2g sd r) of the gain and
-    sqrt(var r var t + 2 cov(r, t)²) / (g sd t) of the phase.
-
-    Parameters
-    ----------
-    values : ndarray of complex, shape (n,)
-        The complex numbers.
-    covariance : ndarray, shape (n, 2, 2)
-        Of their real and imaginary parts.
-
-    Returns
-    -------
-    Polar
+    """Propagate the covariance of real and imaginary part to gain and phase. Shapes: `values` (n,); `covariance` (n,
+    2, 2).
     """
     gain = np.abs(values)
     direction = np.divide(values, gain, out=np.ones_like(values), where=gain > 0)
@@ -159,51 +109,14 @@ def polar(values: Complex, covariance: Array) -> Polar:
 
 
 def interval_radius(level: float, dof: float) -> float:
-    """Return the half width of the central interval of a real normal or Student-t number, in standard deviations.
-
-    Parameters
-    ----------
-    level : float
-        Probability, between 0 and 1.
-    dof : float
-        Degrees of freedom, more than 2; infinite for a normal law.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ModelError
-        If the level is not between 0 and 1.
-    """
+    """Return the half width of the central interval of a real normal or Student-t number, in standard deviations."""
     shrink = 1.0 if math.isinf(dof) else math.sqrt((dof - 2) / dof)
     return quantile(probability(level), dof) * shrink
 
 
 def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
-    """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance.
-
-    Of two dimensions -2 ln(1 - level) is the square of the normal's, and (dof - 2)((1 - level)^(-2/dof) - 1) that of
-    the Student-t's. Where the covariance is of rank 1, the region is a segment, with the quantile of one dimension.
-
-    Parameters
-    ----------
-    level : float
-        Probability, between 0 and 1.
-    dof : float
-        Degrees of freedom of a Student-t law; infinite for a normal one.
-    rank : ndarray of int, shape (n,)
-        Rank of each covariance.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    Raises
-    ------
-    ModelError
-        If the level is not between 0 and 1.
+    """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance. Shapes: `rank`
+    (n,); returns (n,).
     """
     line = interval_radius(level, dof)
     return np.where(rank == 1, line, math.sqrt(_squared_radius(level, dof)))

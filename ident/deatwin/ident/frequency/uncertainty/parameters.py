@@ -13,22 +13,11 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.checks import probability
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.response import FrequencyResponse
+from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.posterior import ThetaPosterior, covariance_root
+from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.plant.errors import ModelError
-
-__all__ = [
-    "JOINT",
-    "Model",
-    "Quantity",
-    "dof_of",
-    "draw_theta",
-    "evaluate",
-    "require_memory",
-    "response_of",
-    "with_theta",
-]
 
 Array = NDArray[np.float64]
 
@@ -44,15 +33,7 @@ Quantity = Callable[[Any], FrequencyResponse]
 
 
 def with_theta(model: Model, theta: Array) -> Model:
-    """Return a model with other parameters.
-
-    Parameters
-    ----------
-    model : NarxModel or LinearModel
-        The model.
-    theta : ndarray, shape (n_theta,)
-        In the order of ``model.theta``.
-    """
+    """Return a model with other parameters. Shapes: `theta` (n_theta,)."""
     if isinstance(model, NarxModel):
         return replace(model, theta=theta)
     p = model.orders.split(theta)
@@ -60,32 +41,12 @@ def with_theta(model: Model, theta: Array) -> Model:
 
 
 def dof_of(model: Model) -> float:
-    """Return the degrees of freedom of the law of a model's parameters; infinite for a normal law.
-
-    Parameters
-    ----------
-    model : NarxModel or LinearModel
-        The law of a linear model's parameters is taken as normal.
-    """
+    """Return the degrees of freedom of the law of a model's parameters; infinite for a normal law."""
     return model.theta_dof if isinstance(model, NarxModel) else math.inf
 
 
 def draw_theta(model: Model, rng: np.random.Generator, n_draws: int) -> Array:
-    """Draw parameters from a model's posterior, which is normal or Student-t.
-
-    Parameters
-    ----------
-    model : NarxModel or LinearModel
-        The model.
-    rng : numpy.random.Generator
-        Of the draws.
-    n_draws : int
-        How many.
-
-    Returns
-    -------
-    ndarray, shape (n_draws, n_theta)
-    """
+    """Draw parameters from a model's posterior, which is normal or Student-t. Shapes: returns (n_draws, n_theta)."""
     if isinstance(model, NarxModel):
         return ThetaPosterior(model=model).sample(rng, n_draws).theta
     normal = rng.standard_normal((n_draws, model.theta.size))
@@ -93,22 +54,7 @@ def draw_theta(model: Model, rng: np.random.Generator, n_draws: int) -> Array:
 
 
 def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResponse:
-    """Return a quantity of a model after a check.
-
-    Parameters
-    ----------
-    model : NarxModel or LinearModel
-        The model.
-    quantity : callable
-        Takes it and returns a FrequencyResponse.
-    level : float
-        Must lie between 0 and 1.
-
-    Raises
-    ------
-    ModelError
-        If it does not, or the quantity is something else.
-    """
+    """Return a quantity of a model after a check."""
     probability(level)
     if not callable(quantity):
         raise ModelError(f"quantity = {quantity!r}; it must be a function of a model, as partial(frf, omega=omega)")
@@ -122,49 +68,14 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
 
 
 def require_memory(count: int, what: str) -> None:
-    """Raise ModelError where an array would be too large.
-
-    Parameters
-    ----------
-    count : int
-        Number of real numbers in it.
-    what : str
-        What it is, and of what fewer would do.
-
-    Raises
-    ------
-    ModelError
-        If that is more than 2 GiB.
-    """
+    """Raise ModelError where an array would be too large."""
     if 8 * count > _MOST_BYTES:
         raise ModelError(f"{8 * count / 2**30:.3g} GiB, more than {_MOST_BYTES >> 30} GiB, are needed for {what}")
 
 
 def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thetas: Array) -> Evaluated:
-    """Compute a quantity at many parameters: all at once where the response knows how, else one by one.
-
-    One by one, the operating point of each is the one that the quantity chooses; all at once, it is on the branch of
-    the model's own.
-
-    Parameters
-    ----------
-    model : NarxModel or LinearModel
-        The model.
-    quantity : callable
-        Computes the response of a model.
-    response : FrequencyResponse
-        What it returned for the model.
-    thetas : ndarray, shape (n_draws, n_theta)
-        The parameters.
-
-    Returns
-    -------
-    Evaluated
-
-    Raises
-    ------
-    ModelError
-        If the response has other points at other parameters.
+    """Compute a quantity at many parameters: all at once where the response knows how, else one by one. Shapes:
+    `thetas` (n_draws, n_theta).
     """
     if response.evaluate is not None:
         many = response.evaluate(thetas)

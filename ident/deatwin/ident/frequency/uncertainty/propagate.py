@@ -26,8 +26,6 @@ from deatwin.ident.frequency.uncertainty.parameters import (
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.operating import read_only
 
-__all__ = ["Propagated", "UncertaintyStatus", "UncertaintyWarning", "propagate"]
-
 Array = NDArray[np.float64]
 
 LIMIT = 0.25

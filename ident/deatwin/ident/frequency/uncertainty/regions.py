@@ -19,7 +19,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Uncertain"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -29,7 +29,6 @@ from deatwin.plant.errors import ModelError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SampleStatus", "Sampled", "sample"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -29,8 +29,6 @@ from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
-__all__ = ["checked_inputs", "checked_times", "tv_gfrf", "tv_nofrf", "tv_output_spectrum"]
-
 Array = NDArray[np.float64]
 
 _MOST_TIMES = 200  # of a map, unless the times are given
@@ -243,25 +241,7 @@ def _along(
 
 
 def checked_times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Array:
-    """Return the times of a map after a check.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        theta(t).
-    timepts : array_like, shape (n_times,), or None
-        As for `tv_gfrf`.
-
-    Returns
-    -------
-    ndarray, shape (n_times,)
-        s.
-
-    Raises
-    ------
-    ModelError
-        If they lie outside the trajectory or do not increase.
-    """
+    """Return the times of a map after a check. Shapes: `timepts` (n_times,); returns (n_times,)."""
     known = trajectory.timepts
     if timepts is None:
         chosen = np.linspace(0, known.size - 1, min(known.size, _MOST_TIMES)).round().astype(int)
@@ -275,27 +255,7 @@ def checked_times(trajectory: ThetaTrajectory, timepts: ArrayLike | None) -> Arr
 
 
 def checked_inputs(trajectory: ThetaTrajectory, operating_input: ArrayLike | None, count: int) -> Array:
-    """Return the operating input of each time after a check.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output.
-    operating_input : array_like, shape () or (n_times,), or None
-        As for `tv_gfrf`.
-    count : int
-        Number of times.
-
-    Returns
-    -------
-    ndarray, shape (n_times,)
-        In the input's unit.
-
-    Raises
-    ------
-    ModelError
-        If it is not one finite number, or one for each time.
-    """
+    """Return the operating input of each time after a check. Shapes: `operating_input` (); returns (n_times,)."""
     centre = operating_input_of(trajectory.model, None)
     given = real_numbers(centre if operating_input is None else operating_input, "operating_input")
     if given.shape not in ((), (1,), (count,)) or not np.all(np.isfinite(given)):

@@ -20,32 +20,14 @@ from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
-__all__ = ["followed", "hold_equilibrium"]
-
 Array = NDArray[np.float64]
 
 _CLEAR = 0.25  # an equilibrium is that of before if all others are four times as far away
 
 
 def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iterator[NarxModel | None]:
-    """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are near.
-
-    From one time to the next it is the nearest. Where others are about as near, the parameters of the times between
-    are asked too.
-
-    Parameters
-    ----------
-    trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output.
-    timepts : ndarray, shape (n_times,)
-        Increasing times in s.
-    inputs : ndarray, shape (n_times,)
-        Constant input of each in the input's unit.
-
-    Yields
-    ------
-    NarxModel or None
-        None where there is no equilibrium, or two meet; the last one before is then where to look from.
+    """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are
+    near. Shapes: `timepts` (n_times,); `inputs` (n_times,).
     """
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):

@@ -30,8 +30,6 @@ from deatwin.ident.frequency.hierarchy import Feedback, Jet, Parts, solve_parts
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.terms import Term, Variable
 
-__all__ = ["MovingParts", "Reading", "correction"]
-
 Array = NDArray[Any]
 Complex = NDArray[np.complex128]
 Reading = Callable[[Mapping[int, Jet]], Array | None]
@@ -41,15 +39,7 @@ _BLOCK = 65536  # values of a block of times bound the memory
 
 
 class MovingParts:
-    """Parts whose amplitudes change along their first axis.
-
-    Parameters
-    ----------
-    parts : Parts
-        Of what kind.
-    rates : mapping of int to ndarray, shape (n_times, n)
-        Change of each part in one sample.
-    """
+    """Parts whose amplitudes change along their first axis. Shapes: `rates` (n_times, n)."""
 
     def __init__(self, parts: Parts, rates: Mapping[int, Array]) -> None:
         self.parts = parts
@@ -61,77 +51,26 @@ class MovingParts:
         return self.parts.order
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """As of the parts.
-
-        Parameters
-        ----------
-        part : int
-            What is split.
-        """
+        """As of the parts."""
         return self.parts.splits(part)
 
     def input(self, part: int, lag: int) -> Array | None:
-        """As of the parts: the input does not change its amplitude.
-
-        Parameters
-        ----------
-        part : int
-            Which part.
-        lag : int
-            Samples.
-        """
+        """As of the parts: the input does not change its amplitude."""
         return self.parts.input(part, lag)
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay a part, the amplitude of a lag ago included.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_times, n)
-            The part.
-        part : int
-            Which part it is.
-        lag : int
-            Samples.
-        """
+        """Delay a part, the amplitude of a lag ago included. Shapes: `values` (n_times, n)."""
         return self.parts.delayed(values - lag * self.rates[part], part, lag)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Solve (1 - sum_l a_l q^-l) v = values with that delay.
-
-        Parameters
-        ----------
-        values : ndarray, shape (n_times, n)
-            Right side.
-        part : int
-            Which part it is.
-        feedback : sequence of (int, ndarray)
-            Lags l and their a_l.
-        """
+        """Solve (1 - sum_l a_l q^-l) v = values with that delay. Shapes: `values` (n_times, n)."""
         memory = sum(lag * a * self.parts.delayed(self.rates[part], part, lag) for lag, a in feedback)
         return self.parts.filtered(values - memory, part, feedback)
 
 
 def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading, size: int) -> Complex:
-    """Compute what the motion of the parameters adds to a response, to first order.
-
-    Parameters
-    ----------
-    models : sequence of (NarxModel or None), length n_times
-        Model of each time, the centre of its operating range being its equilibrium; None where there is none.
-    timepts : ndarray, shape (n_times,)
-        Times in s.
-    parts : Parts
-        Of the response.
-    read : callable
-        Takes the response from the parts.
-    size : int
-        Number n of its values.
-
-    Returns
-    -------
-    ndarray of complex, shape (n_times, n)
-        NaN where a neighbour in time is missing.
+    """Compute what the motion of the parameters adds to a response, to first order. Shapes: `timepts` (n_times,);
+    returns (n_times, n).
     """
     added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // size, 1)

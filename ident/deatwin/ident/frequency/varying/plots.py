@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import Normalize
 
-__all__ = ["plot_equilibria", "plot_map"]
 
 Array = NDArray[np.float64]
 
@@ -26,24 +25,7 @@ _RANGE = 1e4  # gains below the largest by more than this have one colour
 
 
 def plot_map(response: VaryingResponse, ax: Axes | None = None) -> Axes:
-    """Draw the gain as a map over time and frequency.
-
-    Parameters
-    ----------
-    response : VaryingResponse
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-
-    Raises
-    ------
-    ModelError
-        If the frequencies do not lie on a line.
-    """
+    """Draw the gain as a map over time and frequency."""
     axes = axes_or_new(ax)
     edges, gain, label = _along_line(response)
     low, norm = _colours(gain)
@@ -66,19 +48,7 @@ def plot_map(response: VaryingResponse, ax: Axes | None = None) -> Axes:
 
 
 def plot_equilibria(response: VaryingResponse, ax: Axes | None = None) -> Axes:
-    """Draw the equilibrium over time with its 95 % band.
-
-    Parameters
-    ----------
-    response : VaryingResponse
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw the equilibrium over time with its 95 % band."""
     axes = axes_or_new(ax)
     dof = [np.inf if model is None else model.theta_dof for model in response.models]
     half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
@@ -106,10 +76,7 @@ def _colours(gain: Array) -> tuple[float, Normalize]:
 
 
 def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:
-    """Return borders of increasing frequencies in Hz, the gain between, and what the axis is called.
-
-    Between the lines of a period that are far apart, as where a power of the input is zero, there is no gain.
-    """
+    """Return borders of increasing frequencies in Hz, the gain between, and what the axis is called."""
     frequency, gain = response.frequency_Hz, response.gain
     label = "frequency (Hz)"
     if frequency.ndim == 2:

@@ -22,7 +22,6 @@ from deatwin.plant.files.formats.optional import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["VaryingResponse", "VaryingStatus"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

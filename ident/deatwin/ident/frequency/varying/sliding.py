@@ -19,7 +19,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SlidingStatistics", "SlidingStatus", "sliding_mean_and_gain"]
 
 Array = NDArray[np.float64]
 
@@ -274,11 +273,7 @@ def _moments(signal: Array, firsts: NDArray[np.intp], size: int) -> Array:
 
 
 def _log_variance(mean: Array, variance: Array) -> Array:
-    """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches).
-
-    With a batch left out the logarithm is l_i, without l: the pseudo-value is B l - (B - 1) l_i. They are not finite
-    where the signal stands still, to rounding.
-    """
+    """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches)."""
     off, others = mean - mean.mean(axis=1, keepdims=True), _BATCHES - 1
     squares = variance + off**2
     without = (squares.sum(axis=1, keepdims=True) - squares) / others - (off / others) ** 2

@@ -19,7 +19,6 @@ from deatwin.plant.recording import Experiment, Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["INPUT_FILE", "Advice"]
 
 INPUT_FILE = "next_input.csv"
 

@@ -32,8 +32,6 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
-__all__ = ["advise"]
-
 MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
 """Samples of an input when it is screened, and when it is advised."""

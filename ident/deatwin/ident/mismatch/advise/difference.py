@@ -37,8 +37,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES
 from deatwin.plant.model import Plant
 
-__all__ = ["Difference"]
-
 LEVELS = 8
 
 

@@ -19,18 +19,6 @@ from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
-__all__ = [
-    "STEPS",
-    "TOLD_APART",
-    "Memory",
-    "Response",
-    "confusion",
-    "difference",
-    "directions",
-    "distance_squared",
-    "separation",
-]
-
 Response = tuple[np.ndarray, np.ndarray]
 """Residuals (n,) of a plant and the derivative (n, n_p) of its readings, SI."""
 TOLD_APART = 16.0

@@ -19,8 +19,6 @@ from deatwin.ident.mismatch.excess import practical_size
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-__all__ = ["Question"]
-
 DRAWS = 2
 """Plants drawn from each posterior, besides the fitted one."""
 STEPS = 2

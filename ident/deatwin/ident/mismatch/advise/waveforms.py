@@ -26,8 +26,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.simulate import RunStatus
 
-__all__ = ["BIPOLAR", "REPERTOIRE", "Limits", "bears", "limits_of", "safe_limits", "used_range", "waveform"]
-
 CHIRP = (5.0, 15.0)
 """Hz; lower where the sample rate does not allow it."""
 FASTEST = 0.6

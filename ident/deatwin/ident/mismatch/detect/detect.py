@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.candidate import Candidate
     from deatwin.ident.mismatch.naming.screen import Footprint
 
-__all__ = ["detect", "detect_in"]
 
 DRAWS = 400
 CERTAIN = 1.25

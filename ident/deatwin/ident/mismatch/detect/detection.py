@@ -19,8 +19,6 @@ from deatwin.plant.datasets import columns, dataset, squared
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Curves", "Detection", "Statistic", "counts"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Statistic:

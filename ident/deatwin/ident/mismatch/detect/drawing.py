@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch.detect.detection import Detection
 
-__all__ = ["draw"]
-
 
 def draw(detection: Detection, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
     """Draw a detection.

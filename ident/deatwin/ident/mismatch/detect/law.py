@@ -8,8 +8,6 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import Refit, null_residuals
 from deatwin.ident.mismatch.detect.statistics import Battery, Scores
 
-__all__ = ["LEVEL", "Law"]
-
 LEVEL = 0.01
 """Chance of a false alarm over all statistics together."""
 KEPT = 100

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["Leftover", "leftover_of"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leftover:

@@ -28,8 +28,6 @@ from scipy.optimize import minimize
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
 
-__all__ = ["Refit", "colour", "error_terms", "null_residuals"]
-
 ORDERS = (0, 1, 2, 3)
 STABLE = 1.0 - 1e-4
 """Largest partial correlation of the noise: at 1, to which a hyperbolic tangent rounds, it would ring for ever."""

@@ -21,8 +21,6 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
 from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
 
-__all__ = ["Origin", "OriginEvidence", "origin_of", "without_forms"]
-
 FOREIGN, OWN = 0.3, 0.5
 """A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
 UNPREDICTED = 0.1

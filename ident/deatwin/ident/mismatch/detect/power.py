@@ -6,8 +6,6 @@ import numpy as np
 
 from deatwin.ident.mismatch.detect.law import Law
 
-__all__ = ["Power"]
-
 SURE = 0.9
 """Share of the draws in which an effect must be detected."""
 FACTOR, STEPS, HALVINGS = 1.5, 40, 6

@@ -18,8 +18,6 @@ from scipy.fft import next_fast_len, rfft
 
 from deatwin.ident.mismatch.detect.leftover import Leftover
 
-__all__ = ["GROUPS", "Battery", "Scores"]
-
 LAGS = 9
 """Lags of 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
 GROUPS = ("variance ratio", "cumulated periodogram", "correlation with the command", "correlation of the square")

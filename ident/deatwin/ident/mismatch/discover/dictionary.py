@@ -23,8 +23,6 @@ from deatwin.plant.effects.primitives import (
 )
 from deatwin.plant.model import Plant
 
-__all__ = ["POSITION", "RATE", "dictionary", "evaluated", "signals_along"]
-
 Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 

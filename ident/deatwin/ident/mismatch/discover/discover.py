@@ -15,7 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.greybox.filter import Floor, Latent, Linear, Opening, linearise, open_place, smoothed
+from deatwin.ident.greybox.filter import Latent, open_place, smoothed
+from deatwin.ident.greybox.filter_floor import Floor
+from deatwin.ident.greybox.filter_linear import Linear, linearise
+from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.fit import Calibration, Problem, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
@@ -30,8 +33,6 @@ from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive
 from deatwin.plant.errors import ModelError, SimulationError
 from deatwin.plant.model import Plant
-
-__all__ = ["Discovery", "FoundTerm", "discover"]
 
 Array = NDArray[np.float64]
 

@@ -22,7 +22,6 @@ from deatwin.plant.model import Plant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Discovery", "FoundTerm", "unit_of", "unit_per"]
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, evidence
 
-__all__ = ["Stable", "stable_terms"]
-
 Array = NDArray[np.float64]
 
 MOST_TERMS = 4

@@ -7,8 +7,6 @@ from typing import Any
 from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.plant.recording import label
 
-__all__ = ["faults_of"]
-
 
 def faults_of(checked: Gate) -> tuple[dict[str, Any], ...]:
     """The field ``faults`` of ``diagnosis.json``.

@@ -25,7 +25,6 @@ from deatwin.plant.recording import Experiment, Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Gate", "Soundness", "confirm", "gate", "split"]
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3

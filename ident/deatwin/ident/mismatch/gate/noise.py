@@ -12,8 +12,6 @@ from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
 from deatwin.ident.mismatch.gate.repeats import Repeats
 from deatwin.ident.soundness import runs
 
-__all__ = ["NoiseFloor", "NoiseSource", "noise_level", "rests"]
-
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))

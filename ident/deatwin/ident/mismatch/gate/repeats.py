@@ -8,8 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-__all__ = ["Repeatability", "Repeats", "find_repeats", "repeatability"]
-
 WINDOW_SECONDS = 2.0
 """Length of command that must be the same before it counts as a repeat,"""
 SETTLING_SECONDS = 1.0

@@ -7,8 +7,6 @@ import numpy as np
 from deatwin.ident.soundness import at_limit, neighbours_deviation, resolution, runs
 from deatwin.plant.recording import Recording
 
-__all__ = ["clipped", "jumps", "lost", "quiet", "spikes", "stuck"]
-
 STUCK_SECONDS = 1.0
 MOVES = 0.02
 """Share of the command's range that is motion, over which a reading cannot stay the same."""

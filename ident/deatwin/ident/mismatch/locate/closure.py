@@ -24,8 +24,6 @@ from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.locate.features import features
 
-__all__ = ["Closure", "Regression", "closure", "closure_p_value", "regressions"]
-
 Array = NDArray[np.float64]
 
 MOST_FEATURES = 4

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["FALSE_DISCOVERIES", "discoveries"]
-
 FALSE_DISCOVERIES = 0.05
 
 

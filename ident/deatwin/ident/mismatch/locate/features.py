@@ -9,8 +9,6 @@ from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.plant.effects.base import Place
 
-__all__ = ["features"]
-
 Array = NDArray[np.float64]
 
 TIMES = 8

@@ -18,7 +18,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Band", "Bands", "locate_frequency"]
 
 SEGMENT_SECONDS = 20.0
 LOUD = 2.0

@@ -28,7 +28,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LineGroup", "Lines", "locate_lines"]
 
 Array = NDArray[np.float64]
 

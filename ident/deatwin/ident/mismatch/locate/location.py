@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.gate.gate import Gate
     from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["Location", "locate"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Location:

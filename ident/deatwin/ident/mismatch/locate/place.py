@@ -10,9 +10,10 @@ import numpy as np
 from scipy.special import chdtrc, ndtr
 
 from deatwin.ident.frequency.comparison.equality import holm
-from deatwin.ident.greybox.filter import Floor, linearise, open_place, places
-from deatwin.ident.greybox.filter_linear import Linear, without_repeats
-from deatwin.ident.greybox.filter_openings import STATE, Opening
+from deatwin.ident.greybox.filter import open_place
+from deatwin.ident.greybox.filter_floor import Floor
+from deatwin.ident.greybox.filter_linear import Linear, linearise, without_repeats
+from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
 from deatwin.plant.datasets import dataset
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["OpenedPlace", "Places", "locate_place"]
 
 BLOCKS = 48
 """Stretches of the recordings in which two places are compared."""

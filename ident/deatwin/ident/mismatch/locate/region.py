@@ -18,7 +18,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["BRANCH", "SINCE_REST", "Bin", "Region", "Regions", "locate_region"]
 
 BINS = 12
 BRANCH, SINCE_REST = "branch", "time_since_rest"

@@ -34,7 +34,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["ResponseDifference", "draw_response", "locate_response"]
 
 Array = np.ndarray
 

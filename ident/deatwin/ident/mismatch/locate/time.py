@@ -19,7 +19,6 @@ from deatwin.plant.drawing import axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Times", "Window", "locate_time"]
 
 WINDOW_SECONDS = 2.0
 MOST_PIECES = 5

@@ -11,8 +11,6 @@ from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-__all__ = ["SI", "Track", "Unit", "readings", "tracks"]
-
 FEWEST = 16
 """Samples of a record that can be located in time and frequency."""
 

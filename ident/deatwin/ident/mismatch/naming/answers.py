@@ -21,8 +21,6 @@ from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
 from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices
 
-__all__ = ["decided", "decided_surely", "nearly", "of_two", "on_everything", "settled", "shown_first"]
-
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
 """More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""

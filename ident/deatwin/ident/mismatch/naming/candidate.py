@@ -18,8 +18,6 @@ from deatwin.ident.mismatch.losses import block_losses, evidence
 from deatwin.ident.mismatch.naming.contribution import contribution
 from deatwin.ident.soundness import resolution
 
-__all__ = ["Candidate", "judge", "noise_seen"]
-
 LONG_ENOUGH = 250
 """Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
 third of it in 0.6 % of so many."""

@@ -10,8 +10,6 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.mismatch.bench import Bench
 
-__all__ = ["contribution", "readings_of_fit"]
-
 
 def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
     """What added effects do to the readings of the plant that was fitted with them.

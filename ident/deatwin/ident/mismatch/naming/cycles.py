@@ -8,8 +8,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 
-__all__ = ["shows_its_cycles"]
-
 QUARTER = 0.25
 """Of a cycle: from where it is steepest to its end a sine leaves the chord by a fifth of its rise, as any drift may."""
 

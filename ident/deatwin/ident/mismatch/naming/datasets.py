@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.decide import Naming
     from deatwin.ident.mismatch.refit.base import Base
 
-__all__ = ["base_dataset", "naming_dataset"]
 
 NOISE = "standard deviation of the sensor's noise"
 

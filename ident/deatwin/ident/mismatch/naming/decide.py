@@ -17,18 +17,6 @@ from deatwin.ident.parallel import run_jobs
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = [
-    "STRONG",
-    "Distance",
-    "Naming",
-    "cannot_rule_out",
-    "decide",
-    "is_as_likely",
-    "normalised",
-    "nothing_tried",
-    "with_all_distances",
-    "with_distances",
-]
 
 STRONG = float(np.log(20.0))
 """An explanation stands alone where no rival's evidence is within this, in nats (Kass & Raftery 1995: strong)."""

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.decide import Naming
     from deatwin.ident.mismatch.refit.base import Base
 
-__all__ = ["draw_base", "draw_naming"]
 
 MOST = 12
 """Candidates that are drawn; more where more cannot be ruled out."""

@@ -13,8 +13,6 @@ from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.tried import Names, each_without_one
 from deatwin.ident.mismatch.naming.worth import suffices, takes_most
 
-__all__ = ["in_form", "with_fewer"]
-
 AGAIN = 4
 """The best single effects of the nominal form, that are tried in a rival one."""
 

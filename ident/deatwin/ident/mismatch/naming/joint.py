@@ -12,7 +12,6 @@ from deatwin.ident.mismatch.naming.trial import NEAR, Trial, trials_of, unbent_l
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.sets import Search
 
-__all__ = ["joint_trials"]
 
 FIRST = 3
 """So many of the pairs that were not tried and promise most are."""

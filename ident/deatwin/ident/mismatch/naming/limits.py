@@ -9,8 +9,6 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, normalised
 
-__all__ = ["with_limits"]
-
 ROUNDING = 1e-9
 """Of a bound whose logarithm was taken."""
 

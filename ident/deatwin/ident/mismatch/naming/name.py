@@ -19,8 +19,6 @@ from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Fitted
 from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names
 
-__all__ = ["explanations", "name_causes"]
-
 MOST_CAUSES = 3
 """More effects at once are not told apart."""
 _InForm = tuple[Search, list[Names], Naming]

@@ -16,8 +16,6 @@ from deatwin.ident.mismatch.refit.search import approach
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["beginning_at_each", "event_lead", "event_leads"]
-
 VANISHING = 1e-6
 """Share of an effect's squared change below which what the parameters leave of it is rounding."""
 

@@ -8,8 +8,6 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import gained
 
-__all__ = ["have_most_in_common", "with_overlap"]
-
 SHARED = 0.5
 """Share of what a pair explains, from which on the two are doubted: either alone explains so much of it."""
 

@@ -12,8 +12,6 @@ from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
-__all__ = ["barely", "with_a_second"]
-
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
 TENTH = 0.1

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch.naming.decide import Naming
     from deatwin.ident.mismatch.refit.base import Base
 
-__all__ = ["Row", "form_rows", "in_words", "row_of"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Row:

@@ -19,8 +19,6 @@ from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
-__all__ = ["Footprint", "Lead", "detectable_size", "footprint", "footprints", "leads", "most_promising", "started"]
-
 SHAPES = 3
 """Values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)

@@ -20,8 +20,6 @@ from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names,
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
-__all__ = ["Search"]
-
 BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3

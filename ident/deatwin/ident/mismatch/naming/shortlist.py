@@ -14,8 +14,6 @@ from deatwin.ident.mismatch.refit.search import ROUGH, opening
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["shortlist"]
-
 BY_SCORE, BY_OPENING = 6, 4
 """How many effects are taken for what they explain to first order, and of the others for how well they open."""
 OPENING_SAMPLES, EVALUATIONS = 1500, 6

@@ -16,8 +16,6 @@ from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, le
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
-__all__ = ["siblings"]
-
 ALIKE = 0.25
 """Share of what an effect does to the readings, that another could do to first order, to be tried as well: they
 correlate by a half. The rest may be what the effect that was found imitates badly."""

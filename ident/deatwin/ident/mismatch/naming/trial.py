@@ -16,8 +16,6 @@ from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_i
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
-__all__ = ["Fitted", "Trial", "refitted", "run_trials", "trials_of", "unbent_like", "with_fitted"]
-
 FAILED_SEARCH = 1.02
 """A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
 FEW = 4

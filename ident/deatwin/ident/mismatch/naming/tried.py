@@ -16,8 +16,6 @@ from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_tri
 from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.plant.model import Plant
 
-__all__ = ["CLEARLY_BETTER", "Finished", "Names", "Tried", "each_without_one", "once"]
-
 CLEARLY_BETTER = 0.8
 """A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
 Finished = Callable[[float], None]

@@ -26,8 +26,6 @@ import numpy as np
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
-__all__ = ["advantage", "likeliest"]
-
 LAW = 1 / 3
 """Share of what tells two explanations apart, in which the law of the right one may be wrong."""
 

@@ -17,8 +17,6 @@ from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, asks, held_bac
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
-__all__ = ["judged_on_everything", "settled_on_everything"]
-
 TINY = 1e-300
 """Probability where there is none: thousands of nats may lie between explanations."""
 

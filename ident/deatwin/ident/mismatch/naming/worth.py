@@ -9,21 +9,6 @@ from deatwin.ident.mismatch.excess import Excess
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.parameters import Parameter
 
-__all__ = [
-    "MOST",
-    "SUFFICIENT",
-    "TRIFLE",
-    "acts",
-    "asks",
-    "explained",
-    "gained",
-    "held_back_by",
-    "is_near_floor",
-    "share_explained",
-    "suffices",
-    "takes_most",
-]
-
 MOST = 0.5
 """Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
 any effect."""

@@ -21,7 +21,6 @@ from deatwin.plant.rigs.base import Rig
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Base", "beside_rivals", "calibrate_base", "differences"]
 
 OPENS_AS_WELL = 1.2
 """Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them; by its

@@ -9,8 +9,6 @@ from deatwin.ident.mismatch.diagnosis import FittedParameter
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
-__all__ = ["fitted_effect", "fitted_parameters"]
-
 
 def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParameter]:
     """Each fitted parameter with its interval, and where it came from.

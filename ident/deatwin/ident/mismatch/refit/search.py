@@ -11,23 +11,6 @@ from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
-__all__ = [
-    "DECIDING",
-    "OPENING_SAMPLES",
-    "ROUGH",
-    "approach",
-    "at_its_time",
-    "finish",
-    "gap_around",
-    "in_its_gap",
-    "is_promising",
-    "opening",
-    "refit",
-    "roughly",
-    "search",
-    "settle",
-]
-
 OPENING_SAMPLES = 2000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8

@@ -17,8 +17,6 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 
-__all__ = ["Constancy", "constancies"]
-
 WHOLE = 1.0
 """Change by as much as the effect's own strength: a law that is not quite the catalogue's changes by less."""
 STRETCHES = 20

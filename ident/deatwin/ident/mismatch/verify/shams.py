@@ -20,8 +20,6 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-__all__ = ["Sham", "ShamKind", "backwards", "phase_randomised", "sham_effects"]
-
 DISTINCT = 0.5
 """A sham that would take up more than this share of the true effect is no sham of it: nothing can be learned."""
 AS_GOOD = 0.8

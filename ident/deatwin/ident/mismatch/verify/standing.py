@@ -14,8 +14,6 @@ from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
-__all__ = ["first_that_stands"]
-
 
 def first_that_stands(
     found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[str], None]

@@ -11,8 +11,6 @@ from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.recording import label
 
-__all__ = ["Transfer", "transfers"]
-
 FEWEST_BLOCKS = 6
 """Blocks of the unseen part that a part of it needs to be judged by itself."""
 THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")

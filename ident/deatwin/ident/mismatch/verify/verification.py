@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from deatwin.ident.greybox.fit import Calibration
 
-__all__ = ["Ablation", "Verification"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Ablation:

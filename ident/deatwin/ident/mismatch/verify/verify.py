@@ -27,8 +27,6 @@ from deatwin.ident.mismatch.verify.verification import Ablation, Verification
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Calibration
 
-__all__ = ["shares_explained", "verify"]
-
 
 def verify(
     base: Candidate,

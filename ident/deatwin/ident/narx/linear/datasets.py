@@ -13,24 +13,12 @@ from deatwin.plant.datasets import dataset, squared
 if TYPE_CHECKING:
     from deatwin.ident.narx.linear.model import LinearModel
 
-__all__ = ["model_dataset"]
 
 Array = NDArray[np.float64]
 
 
 def model_dataset(model: LinearModel) -> Any:
-    """Return polynomials and covariance; ``document`` is the file that `LinearModel.save` writes.
-
-    Parameters
-    ----------
-    model : LinearModel
-        The model.
-
-    Returns
-    -------
-    xarray.Dataset
-        Polynomials over ``power`` of q^-1, with zeros after their end; B and F over ``input`` too.
-    """
+    """Return polynomials and covariance; ``document`` is the file that `LinearModel.save` writes."""
     length = max(p.size for p in (model.a, model.c, model.d, *model.b, *model.f))
 
     def whole(polynomial: Array) -> Array:

@@ -8,19 +8,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from deatwin.ident.narx.linear.model import LinearModel
 
-__all__ = ["SCHEMA", "fields_of", "to_document"]
 
 SCHEMA = "deatwin/linear/1"
 
 
 def to_document(model: LinearModel) -> dict[str, Any]:
-    """Return a model as plain data.
-
-    Parameters
-    ----------
-    model : LinearModel
-        The model.
-    """
+    """Return a model as plain data."""
 
     def signals(names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, str]]:
         return [{"name": name, "unit": unit} for name, unit in zip(names, units, strict=True)]
@@ -43,13 +36,7 @@ def to_document(model: LinearModel) -> dict[str, Any]:
 
 
 def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the model that `to_document` wrote.
-
-    Parameters
-    ----------
-    document : mapping
-        As it was read; a missing key or a wrong type raises what Python raises.
-    """
+    """Return the fields of the model that `to_document` wrote."""
     sides = {"input": document["inputs"], "output": document["outputs"]}
     labels = {
         f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)

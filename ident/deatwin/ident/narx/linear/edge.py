@@ -14,8 +14,6 @@ from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minim
 from deatwin.ident.narx.linear.start import Record, starting_points
 from deatwin.ident.narx.long_arx import answer_chance, enough_lags
 
-__all__ = ["judged"]
-
 Array = NDArray[np.float64]
 
 _LAGS = 30
@@ -27,20 +25,7 @@ _DETERMINED = 0.1
 
 
 def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStatus:
-    """Return what a completed fit of F says: done, at the edge of stability, or of data from a loop.
-
-    With one coefficient too many a pole and a zero cancel somewhere, and often at the edge. So a pole there counts only
-    if the model without it, and without a zero, is worse by the criterion of Schwarz.
-
-    Parameters
-    ----------
-    orders : Orders
-        Which coefficients are free.
-    found : Minimum
-        The fit.
-    records : sequence of (ndarray, ndarray)
-        Inputs, (n_inputs, n), and output, (n,).
-    """
+    """Return what a completed fit of F says: done, at the edge of stability, or of data from a loop."""
     longest = max(output.size for _, output in records)
     limit = 1.0 - 1.0 / longest  # beyond it nothing decays within the recording
     smaller, less = orders, found
@@ -71,11 +56,7 @@ def _without_a_pole(orders: Orders, which: int) -> Orders | None:
 
 
 def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
-    """The best fit, and how many independent errors those that it leaves count for.
-
-    Correlated errors tell as much about a constant as n less by the sum of their correlations; so a slow pole that but
-    follows slow noise does not count.
-    """
+    """The best fit, and how many independent errors those that it leaves count for."""
     loss = PredictionErrorLoss(orders, records)
     found = [minimise(loss, start) for start in starting_points(orders, records)]
     best = min(found, key=lambda one: one.noise_variance)

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.estimation import LeastSquares
+from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.linear.edge import judged
 from deatwin.ident.narx.linear.model import LinearModel
@@ -20,8 +20,6 @@ from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-
-__all__ = ["Armax", "Arx", "BoxJenkins", "LinearIdentifier", "OutputError"]
 
 Array = NDArray[np.float64]
 Counts = int | Sequence[int]

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.plant.datasets import PARTS, dataset
 
-__all__ = ["LinearFrequencyResponse", "frequency_response", "transfer", "transfer_gradient"]
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -59,21 +57,7 @@ class LinearFrequencyResponse:
 def frequency_response(
     orders: Orders, polynomials: Polynomials, theta_cov: Array, omega: Array, sample_time: float
 ) -> LinearFrequencyResponse:
-    """Return the frequency response of each input.
-
-    Parameters
-    ----------
-    orders : Orders
-        Of the polynomials.
-    polynomials : Polynomials
-        Of the model.
-    theta_cov : ndarray, shape (n_theta, n_theta)
-        Covariance of the parameters in the order of ``orders``.
-    omega : ndarray, shape (n,)
-        Angular frequency in rad/s.
-    sample_time : float
-        Sampling interval in s.
-    """
+    """Return the frequency response of each input. Shapes: `theta_cov` (n_theta, n_theta); `omega` (n,)."""
     theta, angle = orders.join(polynomials), omega * sample_time
     values, covariance = [], []
     for channel in range(len(polynomials.b)):
@@ -85,44 +69,16 @@ def frequency_response(
 
 
 def transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
-    """Return B_i/(A F_i) for one or many parameter vectors.
-
-    Parameters
-    ----------
-    orders : Orders
-        Of the polynomials.
-    theta : ndarray, shape (..., n_theta)
-        Parameters.
-    angle : ndarray, shape (n,)
-        Normalised frequency, rad/sample.
-    channel : int
-        i, from 0.
-
-    Returns
-    -------
-    ndarray of complex, shape (..., n)
+    """Return B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); returns
+    (..., n).
     """
     a, b, f = _rows(orders, theta, angle, channel)
     return np.asarray(b / (a * f))
 
 
 def transfer_gradient(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
-    """Return the derivative of B_i/(A F_i) by the parameters.
-
-    Parameters
-    ----------
-    orders : Orders
-        Of the polynomials.
-    theta : ndarray, shape (n_theta,)
-        Parameters.
-    angle : ndarray, shape (n,)
-        Normalised frequency, rad/sample.
-    channel : int
-        i, from 0.
-
-    Returns
-    -------
-    ndarray of complex, shape (n, n_theta)
+    """Return the derivative of B_i/(A F_i) by the parameters. Shapes: `theta` (n_theta,); `angle` (n,); returns (n,
+    n_theta).
     """
     a, b, f = (values[:, None] for values in _rows(orders, theta, angle, channel))
     in_a, in_b, in_f = _slots(orders, channel)

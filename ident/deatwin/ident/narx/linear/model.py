@@ -30,7 +30,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from control import TransferFunction
 
-__all__ = ["LinearModel"]
 
 Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls with its square root

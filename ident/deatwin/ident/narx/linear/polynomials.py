@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import ModelError
 
-__all__ = ["Orders", "Polynomials", "is_stable", "reflected"]
-
 Array = NDArray[np.float64]
 
 
@@ -153,24 +151,7 @@ class Orders:
 
 
 def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) -> tuple[int, ...]:
-    """Return an order for each input.
-
-    Parameters
-    ----------
-    name : str
-        What it is called, for the error text.
-    value : int or sequence of int
-        One number for all inputs, or one for each.
-    n_inputs : int
-        How many inputs there are.
-    least : int
-        Smallest value that makes sense.
-
-    Raises
-    ------
-    ModelError
-        If the number does not suit.
-    """
+    """Return an order for each input."""
     values = tuple(value) if isinstance(value, Sequence | np.ndarray) else (value,) * n_inputs
     if len(values) != n_inputs or any(not isinstance(v, int | np.integer) or v < least for v in values):
         raise ModelError(
@@ -180,25 +161,13 @@ def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) 
 
 
 def is_stable(polynomial: Array) -> bool:
-    """Whether all roots of a polynomial in q^-1 lie inside of the unit circle.
-
-    Parameters
-    ----------
-    polynomial : ndarray, shape (order + 1,)
-        Coefficients from q^0 on, the first one 1.
-    """
+    """Whether all roots of a polynomial in q^-1 lie inside of the unit circle. Shapes: `polynomial` (order + 1,)."""
     return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
 
 
 def reflected(polynomial: Array, *, largest: float = 0.9999) -> Array:
-    """Return a polynomial whose roots outside of the unit circle are reflected into it.
-
-    Parameters
-    ----------
-    polynomial : ndarray, shape (order + 1,)
-        Coefficients from q^0 on, the first one 1.
-    largest : float
-        Roots of larger magnitude are drawn in to it, for a start on the edge is a bad start.
+    """Return a polynomial whose roots outside of the unit circle are reflected into it. Shapes: `polynomial` (order +
+    1,).
     """
     if polynomial.size == 1:
         return polynomial

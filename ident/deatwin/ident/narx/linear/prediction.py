@@ -16,47 +16,23 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 
-__all__ = ["PredictionErrors", "lagged", "prediction_errors", "recursed"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class PredictionErrors:
-    """Errors of one record, and what they change with.
+    """Errors of one record, and what they change with."""
 
-    Parameters
-    ----------
-    errors : ndarray, shape (n,)
-        One-step prediction errors from sample ``first + nd`` of the record on.
-    theta_gradient : ndarray, shape (n_theta, n)
-        Their derivative with respect to the parameters.
-    start_gradient : ndarray, shape (sum of nf, n)
-        With respect to the state at the start.
-    """
-
-    errors: Array
-    theta_gradient: Array
-    start_gradient: Array
+    errors: Array  # shape (n,): One-step prediction errors from sample ``first + nd`` of the record on
+    theta_gradient: Array  # shape (n_theta, n): Their derivative with respect to the parameters
+    start_gradient: Array  # shape (sum of nf, n): With respect to the state at the start
 
 
 def prediction_errors(
     orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, start: Array
 ) -> PredictionErrors:
-    """Return the prediction errors of a record and their gradient.
-
-    Parameters
-    ----------
-    orders : Orders
-        Which coefficients are free.
-    polynomials : Polynomials
-        C and F stable.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    output : ndarray, shape (n,)
-        Output, in the unit of the offset.
-    start : ndarray, shape (sum of nf,)
-        Pulses at the first sample of each w_i that stand for its past, in the output's unit.
+    """Return the prediction errors of a record and their gradient. Shapes: `inputs` (n_inputs, n); `output` (n,);
+    `start` (sum of nf,).
     """
     p, nd = polynomials, orders.nd
 
@@ -92,38 +68,16 @@ def prediction_errors(
 
 
 def lagged(signal: Array, lags: Sequence[int], first: int) -> Array:
-    """Return a signal at several lags from a sample on.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The signal.
-    lags : sequence of int
-        In samples, none above ``first``.
-    first : int
-        Sample at which lag 0 starts.
-
-    Returns
-    -------
-    ndarray, shape (n_lags, n - first)
+    """Return a signal at several lags from a sample on. `signal` (n,); `lags` in samples, none above ``first``;
+    returns (n_lags, n - first).
     """
     n = signal.size
     return np.array([signal[first - lag : n - lag] for lag in lags]).reshape(len(lags), n - first)
 
 
 def recursed(denominator: Array, rows: Array) -> Array:
-    """Return rows filtered by 1/denominator from rest.
-
-    Parameters
-    ----------
-    denominator : ndarray, shape (order + 1,)
-        Begins with 1.
-    rows : ndarray, shape (..., n)
-        Signals.
-
-    Returns
-    -------
-    ndarray, shape (..., n)
+    """Return rows filtered by 1/denominator from rest. Shapes: `denominator` (order + 1,); `rows` (..., n); returns
+    (..., n).
     """
     from scipy.signal import lfilter
 

@@ -11,8 +11,6 @@ from deatwin.ident.narx.linear.prediction import lagged, prediction_errors, recu
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.plant.errors import ModelError
 
-__all__ = ["free_run", "measured_limit", "some_steps"]
-
 Array = NDArray[np.float64]
 
 
@@ -24,34 +22,8 @@ def some_steps(
     The output is what past and inputs give plus C/(A D) e; the errors e of the last ``steps`` samples are unknown and
     have the mean zero (Ljung, System Identification, 2nd ed., 1999, section 3.2).
 
-    Parameters
-    ----------
-    orders : Orders
-        Of the polynomials.
-    polynomials : Polynomials
-        C and F stable.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    output : ndarray, shape (n,)
-        Output.
-    warmup : int
-        Number of errors that set the state of the F.
-    steps : int
-        Number of samples ahead, at least 1.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n,)
-        Predictions, after measured samples.
-    first : int
-        The first predicted sample.
-    failed : int or None
-        The first sample of which the prediction diverged; such ones hold the last measured output before the steps.
-
-    Raises
-    ------
-    ModelError
-        If C or an F is unstable, or the output is too short for the steps.
+    `inputs` (n_inputs, n); `output` (n,); `steps` number of samples ahead, at least 1; returns (n,), Predictions,
+    after measured samples; returns The first predicted sample.
     """
     from scipy.signal import lfilter
 
@@ -79,31 +51,9 @@ def some_steps(
 def free_run(
     polynomials: Polynomials, input_lag: int, inputs: Array, output: Array, warmup: int, limit: float
 ) -> tuple[Array, int, int | None]:
-    """Run the deterministic part free.
-
-    Parameters
-    ----------
-    polynomials : Polynomials
-        Of the model.
-    input_lag : int
-        Largest lag of an input, the sample at which the run starts.
-    inputs : ndarray, shape (n_inputs, n)
-        Inputs.
-    output : ndarray, shape (n,)
-        Output, of which ``warmup`` samples are used.
-    warmup : int
-        Number of samples that set the state, at least the number of poles.
-    limit : float
-        Outputs beyond ± this are divergence, in the output's unit.
-
-    Returns
-    -------
-    outputs : ndarray, shape (n,)
-        The run, after measured samples; from a divergence on the last value is held.
-    first : int
-        The first computed sample.
-    failed : int or None
-        Sample of a divergence.
+    """Run the deterministic part free. `input_lag` largest lag of an input, the sample at which the run starts;
+    `inputs` (n_inputs, n); `output` (n,); `warmup` number of samples that set the state, at least the number of
+    poles; returns (n,); returns The first computed sample.
     """
     p = polynomials
     n = output.size - input_lag
@@ -129,11 +79,5 @@ def free_run(
 
 
 def measured_limit(output: Array) -> float:
-    """Return the magnitude beyond which an output has diverged, in its unit.
-
-    Parameters
-    ----------
-    output : ndarray, shape (n,)
-        The measured output.
-    """
+    """Return the magnitude beyond which an output has diverged, in its unit. Shapes: `output` (n,)."""
     return DIVERGED * max(float(np.abs(output).max()), np.finfo(float).tiny)

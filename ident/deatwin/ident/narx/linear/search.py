@@ -12,45 +12,21 @@ from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import PredictionErrors, prediction_errors
 from deatwin.ident.narx.linear.start import Record
 
-__all__ = ["Minimum", "PredictionErrorLoss", "minimise"]
-
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """What a search has found.
+    """What a search has found."""
 
-    Parameters
-    ----------
-    theta : ndarray, shape (n_theta,)
-        Parameters.
-    theta_cov : ndarray, shape (n_theta, n_theta)
-        Their covariance, sigma^2 (J'J)^-1 with the states at the start of the records as further unknowns.
-    noise_variance : float
-        sigma^2, the sum of squares over the number of errors less that of unknowns.
-    complete : bool
-        False after an interrupt.
-    """
-
-    theta: Array
+    theta: Array  # shape (n_theta,): Parameters
     theta_cov: Array
-    noise_variance: float
-    complete: bool
+    noise_variance: float  # sigma^2, the sum of squares over the number of errors less that of unknowns
+    complete: bool  # False after an interrupt
 
 
 class PredictionErrorLoss:
-    """Prediction errors of several records as a function of the unknowns: theta, then each record's start.
-
-    Where C or an F is not stable, the errors are infinite: the search shrinks its step and stays inside.
-
-    Parameters
-    ----------
-    orders : Orders
-        Which coefficients are free.
-    records : sequence of (ndarray, ndarray)
-        Scaled inputs, (n_inputs, n), and output, (n,), of each record.
-    """
+    """Prediction errors of several records as a function of the unknowns: theta, then each record's start."""
 
     def __init__(self, orders: Orders, records: Sequence[Record]) -> None:
         self.orders = orders
@@ -75,12 +51,8 @@ class PredictionErrorLoss:
         return self._last[1]
 
     def errors(self, unknowns: Array) -> Array:
-        """Return all errors, shape (n_errors,), and keep the unknowns if they are the best so far.
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (n_unknowns,)
-            Parameters and starts.
+        """Return all errors, shape (n_errors,), and keep the unknowns if they are the best so far. Shapes: `unknowns`
+        (n_unknowns,).
         """
         p = self.orders.split(unknowns[: self.orders.n_theta])
         if not all(is_stable(polynomial) for polynomial in (p.c, *p.f)):
@@ -92,13 +64,7 @@ class PredictionErrorLoss:
         return errors
 
     def gradient(self, unknowns: Array) -> Array:
-        """Return the derivative of the errors, shape (n_errors, n_unknowns).
-
-        Parameters
-        ----------
-        unknowns : ndarray, shape (n_unknowns,)
-            Parameters and starts.
-        """
+        """Return the derivative of the errors, shape (n_errors, n_unknowns). Shapes: `unknowns` (n_unknowns,)."""
         from scipy.linalg import block_diag
 
         each = self._each(unknowns)
@@ -106,13 +72,7 @@ class PredictionErrorLoss:
         return np.asarray(np.concatenate([theta, block_diag(*(one.start_gradient for one in each))]).T)
 
     def started(self, polynomials: Polynomials) -> Array:
-        """Return the unknowns of polynomials with the best starts for them.
-
-        Parameters
-        ----------
-        polynomials : Polynomials
-            C and F stable.
-        """
+        """Return the unknowns of polynomials with the best starts for them."""
         zero = np.zeros(self.n_start)
         starts = []
         for record in self.records:
@@ -122,20 +82,7 @@ class PredictionErrorLoss:
 
 
 def minimise(loss: PredictionErrorLoss, start: Polynomials) -> Minimum:
-    """Search from one start.
-
-    Parameters
-    ----------
-    loss : PredictionErrorLoss
-        Errors and gradient.
-    start : Polynomials
-        C and F stable.
-
-    Returns
-    -------
-    Minimum
-        After an interrupt the best point so far.
-    """
+    """Search from one start."""
     from scipy.optimize import least_squares
 
     unknowns, complete = loss.started(start), True

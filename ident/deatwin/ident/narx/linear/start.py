@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
 from deatwin.ident.narx.linear.prediction import lagged
 
-__all__ = ["Record", "starting_points"]
-
 Array = NDArray[np.float64]
 Record = tuple[Array, Array]
 """Scaled inputs, (n_inputs, n), and output, (n,)."""
@@ -28,15 +26,7 @@ _ROUNDS = 20  # of Steiglitz and McBride; most converge in ten
 
 
 def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomials]:
-    """Return polynomials from which the search can start, C and F stable.
-
-    Parameters
-    ----------
-    orders : Orders
-        Without A, or without any F and D: ARX and ARMAX, or output error and Box-Jenkins.
-    records : sequence of (ndarray, ndarray)
-        Inputs, (n_inputs, n), and output, (n,), of each record.
-    """
+    """Return polynomials from which the search can start, C and F stable."""
     long = _arx(records, _lengthened(orders, _long(orders, records)))
     if not any(orders.nf) and orders.nd == 0:
         return [_extended(orders, records, _errors(long, records)), _simple(orders, records)]

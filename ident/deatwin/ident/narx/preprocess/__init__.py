@@ -6,13 +6,7 @@ choose and give their reasons, and only `decimate` makes new samples, when it is
 """
 
 from deatwin.ident.narx.preprocess.dead_time import DeadTime, DeadTimeStatus, estimate_dead_time, lags_after
-from deatwin.ident.narx.preprocess.decimation import (
-    SamplingChoice,
-    SamplingStatus,
-    choose_sampling,
-    decimate,
-    removed_share,
-)
+from deatwin.ident.narx.preprocess.decimation import SamplingChoice, SamplingStatus, choose_sampling
 from deatwin.ident.narx.preprocess.findings import Finding, FindingKind, inspect_recordings
 from deatwin.ident.narx.preprocess.orders import OrderChoice, OrderTrial, TrialStatus, choose_orders
 from deatwin.ident.narx.preprocess.sections import (
@@ -23,6 +17,7 @@ from deatwin.ident.narx.preprocess.sections import (
     choose_sections,
     stationarity_tests,
 )
+from deatwin.plant.decimation import decimate, removed_share
 
 __all__ = [
     "DeadTime",

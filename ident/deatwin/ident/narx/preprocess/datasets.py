@@ -13,22 +13,9 @@ if TYPE_CHECKING:
     from deatwin.ident.narx.preprocess.orders import OrderChoice
     from deatwin.ident.narx.preprocess.sections import Sections
 
-__all__ = ["orders_dataset", "sampling_dataset", "sections_dataset"]
-
 
 def sampling_dataset(choice: SamplingChoice) -> Any:
-    """Both correlation functions over the lag.
-
-    Parameters
-    ----------
-    choice : SamplingChoice
-        With or without minima.
-
-    Returns
-    -------
-    xarray.Dataset
-        The coordinate ``lag`` counts samples, ``lag_time`` seconds.
-    """
+    """Both correlation functions over the lag. returns The coordinate ``lag`` counts samples, ``lag_time`` seconds."""
     lags = np.arange(choice.linear.size)
     return dataset(
         {
@@ -50,18 +37,7 @@ def sampling_dataset(choice: SamplingChoice) -> Any:
 
 
 def orders_dataset(choice: OrderChoice) -> Any:
-    """All points of the grid along ``trial``.
-
-    Parameters
-    ----------
-    choice : OrderChoice
-        Whether or not a model ran free.
-
-    Returns
-    -------
-    xarray.Dataset
-        Lags as they were given, as texts; ``chosen`` is true for at most one trial.
-    """
+    """All points of the grid along ``trial``."""
     chosen = choice.chosen if choice.done else None
     given = {
         name: ("trial", np.array([str(getattr(trial, name)) for trial in choice.trials], dtype=str))
@@ -91,18 +67,7 @@ def orders_dataset(choice: OrderChoice) -> Any:
 
 
 def sections_dataset(found: Sections) -> Any:
-    """The two sections, the stretches that passed, and the tests of each recording.
-
-    Parameters
-    ----------
-    found : Sections
-        With or without stretches that passed.
-
-    Returns
-    -------
-    xarray.Dataset
-        Recordings are numbered from 0; a section lies from ``section_start`` to ``section_end`` on their clock.
-    """
+    """The two sections, the stretches that passed, and the tests of each recording."""
     sections = (found.training, found.validation)
     stretches = [{"record": s.record, "first": s.first, "last": s.last, "p_value": s.p_value} for s in found.stretches]
     tests = [

@@ -22,7 +22,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["DeadTime", "DeadTimeStatus", "estimate_dead_time", "lags_after"]
 
 Array = NDArray[np.float64]
 

@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.preprocess.datasets import sampling_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.plant.decimation import decimate, removed_share
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SamplingChoice", "SamplingStatus", "choose_sampling", "decimate", "removed_share"]
 
 Array = NDArray[np.float64]
 _WANTED = (10, 20)  # samples to the first minimum

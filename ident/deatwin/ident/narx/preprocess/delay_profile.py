@@ -10,8 +10,6 @@ from deatwin.ident.narx.linear.search import PredictionErrorLoss
 from deatwin.ident.narx.linear.start import Record, starting_points
 from deatwin.ident.narx.long_arx import LongArx
 
-__all__ = ["delay_probabilities"]
-
 Array = NDArray[np.float64]
 
 _STRUCTURES = ((1, 1), (2, 1), (2, 2), (3, 2))
@@ -27,19 +25,9 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
 
     Each dead time and structure has the evidence that Schwarz' criterion gives it, exp(-BIC/2), for equal
     probabilities beforehand (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934,
-    doi:10.1080/01621459.1995.10476592).
-    So a first coefficient that the data put at zero counts against a dead time rather than for it. What low order
-    cannot follow makes all less certain: the squares are measured by what the best plant leaves beyond the noise, for
-    each degree of freedom, as in quasi-likelihood.
-
-    Parameters
-    ----------
-    arx : LongArx
-        Whose A whitens the noise, and whose other B take out what other inputs do.
-    which : int
-        Row of the input.
-    latest : int
-        Largest dead time that the data allow.
+    doi:10.1080/01621459.1995.10476592). So a first coefficient that the data put at zero counts against a dead time
+    rather than for it. What low order cannot follow makes all less certain: the squares are measured by what the best
+    plant leaves beyond the noise, for each degree of freedom, as in quasi-likelihood.
     """
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)

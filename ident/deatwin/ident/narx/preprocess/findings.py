@@ -23,8 +23,6 @@ from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
-__all__ = ["Finding", "FindingKind", "inspect_recordings"]
-
 Array = NDArray[np.float64]
 _SEGMENTS = 20  # whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
@@ -182,11 +180,7 @@ def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """A linear trend, and what the means of segments do beyond it and beyond chance.
-
-    Means of segments are nearly independent, however the samples are correlated, if the segments are long beside
-    the correlation time; if they are not, nothing is said.
-    """
+    """A linear trend, and what the means of segments do beyond it and beyond chance."""
     from scipy.special import fdtrc, stdtr
 
     y = channel.values
@@ -228,10 +222,7 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Lone readings far from the cubic through their four neighbours, measured by what is usual around.
-
-    A step of the signal, the ringing after it and what usually answers a kink of an input are motion, not outliers.
-    """
+    """Lone readings far from the cubic through their four neighbours, measured by what is usual around."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 

@@ -25,7 +25,6 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["OrderChoice", "OrderTrial", "TrialStatus", "choose_orders"]
 
 _BLOCKS = 10  # of the squared errors, whose means tell how certain their mean is
 

@@ -28,7 +28,6 @@ from deatwin.plant.recording import Recording, label
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SectionStatus", "Sections", "StationarityTest", "Stretch", "choose_sections", "stationarity_tests"]
 
 Statistics = dict[str, tuple[SegmentMeans, ...]]
 _FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be called non-stationary

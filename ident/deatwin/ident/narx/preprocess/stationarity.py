@@ -19,17 +19,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "ENOUGH_CORRELATION_TIMES",
-    "STATISTICS",
-    "TESTS",
-    "SegmentMeans",
-    "chance_of_mean",
-    "correlation_samples",
-    "cut",
-    "segment_means",
-]
-
 Array = NDArray[np.float64]
 STATISTICS = ("mean", "variance", "fast variance")
 ENOUGH_CORRELATION_TIMES = 15.0
@@ -39,41 +28,18 @@ _SMALLEST_GROUP = 3  # segments before or after a change
 
 @dataclass(frozen=True, eq=False)
 class SegmentMeans:
-    """A statistic of each segment, and how much chance makes of it.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n_segments,)
-        The means, or for the two variances three times their cube roots over that of their mean.
-    chance : ndarray, shape (n_segments,)
-        For each segment an estimate of the sampling variance of its value, with 2 degrees of freedom: the
-        periodogram at the lowest frequency that the segment resolves, over its length.
-    """
+    """A statistic of each segment, and how much chance makes of it."""
 
     values: Array
     chance: Array
 
     def part(self, first: int, last: int) -> SegmentMeans:
-        """Return the segments ``first`` to ``last - 1``.
-
-        Parameters
-        ----------
-        first, last : int
-            Numbers of segments.
-        """
+        """Return the segments ``first`` to ``last - 1``."""
         return SegmentMeans(self.values[first:last], self.chance[first:last])
 
 
 def segment_means(signal: Array, n_segments: int) -> tuple[SegmentMeans, ...]:
-    """Return the statistics of the segments of a signal, in the order of `STATISTICS`.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Any signal; what does not fill the last segment is left out at the end.
-    n_segments : int
-        Number of segments of equal length.
-    """
+    """Return the statistics of the segments of a signal, in the order of `STATISTICS`. Shapes: `signal` (n,)."""
     segments = cut(signal, n_segments)
     mean = segments.mean(axis=1, keepdims=True)
     squares = (segments - mean) ** 2, np.diff(segments, axis=1) ** 2
@@ -88,31 +54,16 @@ def _relative(square: Array) -> SegmentMeans:
 
 
 def cut(signal: Array, n_segments: int) -> Array:
-    """Return the segments of a signal, shape (n_segments, length); what does not fill the last is left out.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Any signal.
-    n_segments : int
-        Number of segments.
+    """Return the segments of a signal, shape (n_segments, length); what does not fill the last is left out. Shapes:
+    `signal` (n,).
     """
     length = signal.size // n_segments
     return signal[: n_segments * length].reshape(n_segments, length)
 
 
 def chance_of_mean(segments: Array) -> Array:
-    """Return the sampling variance of the mean of each segment, as its slowest oscillation tells it.
-
-    Parameters
-    ----------
-    segments : ndarray, shape (n_segments, length)
-        Long beside the correlation time.
-
-    Returns
-    -------
-    ndarray, shape (n_segments,)
-        Each with 2 degrees of freedom.
+    """Return the sampling variance of the mean of each segment, as its slowest oscillation tells it. Shapes:
+    `segments` (n_segments, length); returns (n_segments,), Each with 2 degrees of freedom.
     """
     length = segments.shape[1]
     slowest = np.fft.rfft(segments, axis=1)[:, 1]
@@ -121,16 +72,7 @@ def chance_of_mean(segments: Array) -> Array:
 
 def correlation_samples(segments: Array) -> float:
     """Return the integral time scale within segments, up to the first zero of the autocorrelation, in samples.
-
-    Parameters
-    ----------
-    segments : ndarray, shape (n_segments, length)
-        Of one signal.
-
-    Returns
-    -------
-    float
-        1 for white noise, 0 for a constant.
+    Shapes: `segments` (n_segments, length).
     """
     length = segments.shape[1]
     left = segments - segments.mean(axis=1, keepdims=True)
@@ -144,15 +86,7 @@ def correlation_samples(segments: Array) -> float:
 
 
 def trend_p_value(data: SegmentMeans) -> float:
-    """Return the two-sided p-value of the reverse arrangements: pairs whose earlier value is the larger one.
-
-    Exact whatever the law of independent values.
-
-    Parameters
-    ----------
-    data : SegmentMeans
-        Of the segments.
-    """
+    """Return the two-sided p-value of the reverse arrangements: pairs whose earlier value is the larger one."""
     values = data.values
     larger = (np.sign(values[:, None] - values[None, :]) + 1.0) / 2.0  # a tie counts half
     count = float(np.sum(np.triu(larger, k=1)))
@@ -162,15 +96,7 @@ def trend_p_value(data: SegmentMeans) -> float:
 
 
 def change_p_value(data: SegmentMeans) -> float:
-    """Return the p-value of the largest difference between the segments before and after a time.
-
-    That of the two-sample t test at the best time, times the number of times (Bonferroni).
-
-    Parameters
-    ----------
-    data : SegmentMeans
-        Of the segments.
-    """
+    """Return the p-value of the largest difference between the segments before and after a time."""
     from scipy.special import stdtr
 
     n = data.values.size
@@ -184,13 +110,7 @@ def change_p_value(data: SegmentMeans) -> float:
 
 
 def spread_p_value(data: SegmentMeans) -> float:
-    """Return the p-value of the variance of the values over what chance makes of it (F test).
-
-    Parameters
-    ----------
-    data : SegmentMeans
-        Of the segments.
-    """
+    """Return the p-value of the variance of the values over what chance makes of it (F test)."""
     from scipy.special import fdtrc
 
     n = data.values.size

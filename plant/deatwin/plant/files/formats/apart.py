@@ -16,8 +16,6 @@ from typing import TypeVar
 
 from deatwin.plant.errors import DataError
 
-__all__ = ["Outcome", "trial", "unpacked"]
-
 SECONDS = 60.0  # that a trial may take for a small file
 BYTES_PER_SECOND = 2_000_000  # that a slow disk and a slow machine unpack
 _ENDING = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # sent by the system or the user, not by a fault
@@ -58,28 +56,7 @@ class Outcome(Enum):
 
 
 def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted: str) -> Content:
-    """Return what a function makes of a file, unless it does not survive that.
-
-    Parameters
-    ----------
-    unpack : callable
-        A function of a module, which is given the bytes of the file, its name, and what of it is wanted.
-    content : bytes
-        The file.
-    path : str
-        Its name, for error texts.
-    *wanted : str
-        What of it.
-
-    Returns
-    -------
-    whatever `unpack` returns
-
-    Raises
-    ------
-    DataError
-        If the trial in another process crashed or took too long; besides, what `unpack` raises.
-    """
+    """Return what a function makes of a file, unless it does not survive that."""
     case = (unpack.__module__, unpack.__name__, hashlib.sha256(content).hexdigest(), *wanted)
     if case not in _survived:
         outcome = trial(unpack, content, path, *wanted)
@@ -91,24 +68,7 @@ def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted:
 
 
 def trial(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> Outcome:
-    """Unpack a file in another process, and say how that went.
-
-    Parameters
-    ----------
-    unpack : callable
-        As for `unpacked`.
-    content : bytes
-        The file.
-    path : str
-        Its name.
-    *wanted : str
-        What of it.
-
-    Returns
-    -------
-    Outcome
-        Through, too, with errors of Python: those can be raised in this process.
-    """
+    """Unpack a file in another process, and say how that went."""
     program = spawn.get_executable()
     if getattr(sys, "frozen", False) or not program:
         return Outcome.UNTRIED  # there is no interpreter to start: a program of one file would begin again

@@ -12,22 +12,10 @@ from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit, for_name, split_unit
 from deatwin.plant.intake import COLUMNS, clipped
 
-__all__ = ["ArrayTable", "array_table"]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArrayTable(Table):
-    """A table of a binary format, whose columns are arrays already.
-
-    Parameters
-    ----------
-    path, sha256, headers, names, units, declared, nameless, scales, said, wanted
-        As in `Table`.
-    columns : tuple of (n,) array
-        The values, of any type; only those that are asked for must be numbers of one length.
-    timings : tuple of (Timing or None)
-        The clock that the file states for each column; empty where it states none.
-    """
+    """A table of a binary format, whose columns are arrays already."""
 
     columns: tuple[NDArray[np.generic], ...]
     timings: tuple[Timing | None, ...] = ()
@@ -42,13 +30,7 @@ class ArrayTable(Table):
         return str(values[0]) if len(values) else ""
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
-        """Return the clock that the file states for some columns, or None.
-
-        Raises
-        ------
-        DataError
-            If the columns have different ones.
-        """
+        """Return the clock that the file states for some columns, or None."""
         if not self.timings:
             return super().timing(columns)
         first = self.timings[columns[0]]
@@ -62,13 +44,7 @@ class ArrayTable(Table):
         return first or super().timing(columns)
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, (len(columns), n).
-
-        Raises
-        ------
-        DataError
-            If one of them is not numeric or empty, has another length, or holds a value that is not finite.
-        """
+        """Return columns as numbers in SI units, (len(columns), n)."""
         length = len(self.columns[columns[0]])
         for column in columns:
             values, place = self.columns[column], f'{self.path}, column "{self.shown(column)}"'
@@ -114,31 +90,7 @@ def array_table(
     declared: Declared | None = None,
     timings: Mapping[str, Timing | None] | None = None,
 ) -> ArrayTable:
-    """Make a table of arrays and of what attributes say about them.
-
-    Parameters
-    ----------
-    path, sha256 : str
-        Of the file.
-    columns : mapping of str to (n,) array
-        Values by header.
-    units : mapping of str to str
-        What the file states as the unit of a header, in its own spelling; where nothing, or nothing known, the
-        header's last part counts.
-    declared : Declared, optional
-        What the file says beside the columns.
-    timings : mapping of str to (Timing or None), optional
-        The clock of each header.
-
-    Returns
-    -------
-    ArrayTable
-
-    Raises
-    ------
-    DataError
-        If there are no columns, or a stated unit contradicts the one in the header.
-    """
+    """Make a table of arrays and of what attributes say about them."""
     if not columns:
         raise DataError(f"{path}: no vectors of numbers in it; a recording needs its signals as vectors")
     if len(columns) > COLUMNS:

@@ -19,39 +19,12 @@ from deatwin.plant.files.units import UNITS, split_unit
 from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
 
-__all__ = [
-    "KEY",
-    "SCHEMA",
-    "all_provenance",
-    "describe",
-    "header_with_unit",
-    "plain_header",
-    "read_description",
-    "rows_of",
-    "signals_of",
-]
-
 SCHEMA = "deatwin/recording/1"
 KEY = "deatwin"  # the variable, property or attribute that holds the description
 
 
 def signals_of(recording: Recording, header: Callable[[str, str], str], *, taken: Iterable[str]) -> list[Signal]:
-    """Return the signals of a recording, each with a header that no other one has.
-
-    Parameters
-    ----------
-    recording : Recording
-    header : callable
-        Takes name and SI unit of a signal, and returns its header in the format; an empty text where the format
-        cannot hold such a name. The signal is numbered then, and the description keeps its name.
-    taken : iterable of str
-        Headers that stand for something else.
-
-    Returns
-    -------
-    list of Signal
-        Inputs, outputs, extras, in the order of their rows.
-    """
+    """Return the signals of a recording, each with a header that no other one has."""
     plain = [
         *(("input", *pair) for pair in zip(recording.input_names, recording.input_units, strict=True)),
         *(("output", *pair) for pair in zip(recording.output_names, recording.output_units, strict=True)),
@@ -67,47 +40,18 @@ def signals_of(recording: Recording, header: Callable[[str, str], str], *, taken
 
 
 def rows_of(recording: Recording) -> list[NDArray[np.float64]]:
-    """Return the values of all signals in SI units, in the order of `signals_of`.
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    list of (n,) array
-    """
+    """Return the values of all signals in SI units, in the order of `signals_of`."""
     return [*recording.inputs, *recording.outputs, *recording.extras.values()]
 
 
 def plain_header(name: str, unit: str) -> str:
-    """Return a signal's name as its header, or an empty text where it would be read as something else.
-
-    Parameters
-    ----------
-    name, unit : str
-        Of the signal; the unit is to stand in an attribute.
-
-    Returns
-    -------
-    str
-    """
+    """Return a signal's name as its header, or an empty text where it would be read as something else."""
     fits = re.fullmatch(r"[^\W\d_]\w*", name) and not split_unit(name)[1]
     return name if fits else ""
 
 
 def header_with_unit(name: str, unit: str) -> str:
-    """Return a signal's name and SI unit as its header, or an empty text where it would be read otherwise.
-
-    Parameters
-    ----------
-    name, unit : str
-        Of the signal.
-
-    Returns
-    -------
-    str
-    """
+    """Return a signal's name and SI unit as its header, or an empty text where it would be read otherwise."""
     said = unit if unit in UNITS and UNITS[unit].si == unit else ""  # another one stands in the description
     header = f"{name}_{said}" if said else name
     fits = re.fullmatch(r"[^\W\d_]\w*", name) and split_unit(header)[1] == said
@@ -115,19 +59,7 @@ def header_with_unit(name: str, unit: str) -> str:
 
 
 def describe(recording: Recording, signals: Iterable[Signal]) -> str:
-    """Return the description of a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    signals : iterable of Signal
-        Its channels with their headers in the file.
-
-    Returns
-    -------
-    str
-        JSON on one line, ASCII only.
-    """
+    """Return the description of a recording."""
     return json.dumps(
         {
             "schema": SCHEMA,
@@ -139,26 +71,7 @@ def describe(recording: Recording, signals: Iterable[Signal]) -> str:
 
 
 def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
-    """Return what a description says.
-
-    Parameters
-    ----------
-    text : str
-        As `describe` made it.
-    path : str
-        The file, for error texts.
-    start : float, default 0.0
-        Time of the first sample, s, where the file has no column of times.
-
-    Returns
-    -------
-    Declared
-
-    Raises
-    ------
-    DataError
-        If it is not such a description.
-    """
+    """Return what a description says. `start` time of the first sample, s, where the file has no column of times."""
     try:
         content = json.loads(text)
         schema = str(content["schema"])
@@ -180,19 +93,8 @@ _DAMAGED = (ValueError, KeyError, TypeError, AttributeError, OverflowError, Recu
 
 
 def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
-    """Return the provenance of a file's samples: its own entries, and behind them those stored in it.
-
-    Parameters
-    ----------
-    own : mapping of str to str
-        File, sha256 and rows.
-    stored : mapping of str to str
-        What the file holds of an earlier life of the samples; entries of the same name become ``origin.file``,
-        ``origin.origin.file`` and so on.
-
-    Returns
-    -------
-    dict of str to str
+    """Return the provenance of a file's samples: its own entries, and behind them those stored in it. `stored` what
+    the file holds of an earlier life of the samples.
     """
     found = dict(own)
     for key, value in stored.items():

@@ -22,8 +22,6 @@ from deatwin.plant.files.times import BEGAN, moment
 from deatwin.plant.files.units import find_unit, for_name, split_unit
 from deatwin.plant.intake import COLUMNS, ROWS, TEXT_BYTES, clipped
 
-__all__ = ["read_lvm"]
-
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"
 _SPECIAL, _SPECIAL_END = "***Start_Special***", "***End_Special***"
 _ABSOLUTE = 1e9  # s: x values of this size are dates themselves, counted from 1904
@@ -47,24 +45,7 @@ class _Segment:
 
 
 def read_lvm(path: str | Path) -> CsvTable:
-    """Read a LabVIEW measurement file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    CsvTable
-        With the column ``X_Value`` and one of each channel.
-
-    Raises
-    ------
-    DataError
-        If it is missing or no such file, its x values are no times, or its segments or channels do not belong on
-        one clock.
-    """
+    """Read a LabVIEW measurement file."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := content.count(b"\n")) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")

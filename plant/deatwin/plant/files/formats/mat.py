@@ -34,8 +34,6 @@ from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sou
 from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
 
-__all__ = ["read_mat", "write_mat"]
-
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3
 _SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
@@ -45,22 +43,7 @@ _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # class
 
 
 def read_mat(path: str | Path) -> ArrayTable:
-    """Read a MATLAB file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    ArrayTable
-
-    Raises
-    ------
-    DataError
-        If it is missing, damaged or no MATLAB file, holds no vectors, or h5py is needed and not installed.
-    """
+    """Read a MATLAB file."""
     content, name = read_bytes(path), str(path)
     newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
     with reading(name, "MATLAB"):
@@ -69,14 +52,7 @@ def read_mat(path: str | Path) -> ArrayTable:
 
 
 def write_mat(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a MATLAB file of version 5: column vectors in SI units, and its description.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    recording : Recording
-    """
+    """Write a recording as a MATLAB file of version 5: column vectors in SI units, and its description."""
     from scipy.io import savemat
 
     signals = signals_of(recording, _identifier, taken=[_TIME, KEY])

@@ -24,8 +24,6 @@ from deatwin.plant.files.formats.table import Declared
 from deatwin.plant.files.formats.unpacked import Metered, require_plain_hdf5
 from deatwin.plant.recording import Recording
 
-__all__ = ["read_netcdf", "write_netcdf"]
-
 _ENGINES = {b"CDF": "scipy", b"\x89HD": "h5netcdf"}
 _SECONDS = {
     "day": 86400.0,
@@ -39,23 +37,7 @@ _SECONDS = {
 
 
 def read_netcdf(path: str | Path) -> ArrayTable:
-    """Read a NetCDF file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    ArrayTable
-
-    Raises
-    ------
-    DataError
-        If it is missing, damaged or no NetCDF file, holds no variables along one dimension, or xarray, h5netcdf
-        or h5py is not installed.
-    """
+    """Read a NetCDF file."""
     content, name = read_bytes(path), str(path)
     if content[:3] not in _ENGINES:
         raise DataError(f"{name}: not a NetCDF file")
@@ -93,19 +75,7 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
 
 
 def write_netcdf(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a NetCDF file of version 4, as `Recording.to_xarray` has it.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    recording : Recording
-
-    Raises
-    ------
-    DataError
-        If xarray, h5netcdf or h5py is not installed.
-    """
+    """Write a recording as a NetCDF file of version 4, as `Recording.to_xarray` has it."""
     _xarray("a NetCDF file")
     dataset = as_dataset(recording)
     plain = {name: {"_FillValue": None} for name in dataset.variables}

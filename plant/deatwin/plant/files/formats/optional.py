@@ -10,27 +10,9 @@ from typing import Any
 from deatwin.plant.errors import DataError
 from deatwin.plant.intake import reason
 
-__all__ = ["reading", "require"]
-
 
 def require(package: str, purpose: str) -> Any:
     """Import a package.
-
-    Parameters
-    ----------
-    package : str
-        Its import name, which pip knows too.
-    purpose : str
-        What needs it, for the error text.
-
-    Returns
-    -------
-    module
-
-    Raises
-    ------
-    DataError
-        If it is not installed; the text says how to.
 
     Examples
     --------
@@ -49,24 +31,7 @@ def require(package: str, purpose: str) -> Any:
 
 @contextmanager
 def reading(path: str, format_name: str, *, logger: str = "", harmless: tuple[str, ...] = ()) -> Iterator[None]:
-    """Make one clear error of whatever a library raises on a damaged file, or warns of.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    format_name : str
-        As in "a TDMS file".
-    logger : str
-        Package whose loggers say that a file is damaged, besides warnings.
-    harmless : tuple of str
-        How messages begin that are no reason to refuse a file; they are not shown either.
-
-    Raises
-    ------
-    DataError
-        What these libraries raise on damaged files has no common base. A file that they doubt is not read in part.
-    """
+    """Make one clear error of whatever a library raises on a damaged file, or warns of."""
     doubts: list[str] = []
     known = list(logging.root.manager.loggerDict) if logger else []
     logs = [logging.getLogger(name) for name in known if name.split(".")[0] == logger]

@@ -13,201 +13,79 @@ from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.intake import clipped
 
-__all__ = ["Declared", "Signal", "Table", "Timing", "is_place"]
-
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
 _LISTED = 20  # headers that an error text names
 
 
 def is_place(wanted: str) -> bool:
-    """Return whether a column is named by its place, as in ``#2``.
-
-    Parameters
-    ----------
-    wanted : str
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a column is named by its place, as in ``#2``."""
     return re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) is not None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """One channel of a recording.
+    """One channel of a recording."""
 
-    Parameters
-    ----------
-    role : str
-        ``input``, ``output`` or ``extra``.
-    name : str
-        Its name inside.
-    unit : str
-        Its SI unit; an empty text where it is not known.
-    header : str
-        Its column in the file.
-    """
-
-    role: str
-    name: str
-    unit: str
-    header: str
+    role: str  # ``input``, ``output`` or ``extra``
+    name: str  # Its name inside
+    unit: str  # Its SI unit; an empty text where it is not known
+    header: str  # Its column in the file
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """An even clock that a file states instead of a column of times.
+    """An even clock that a file states instead of a column of times."""
 
-    Parameters
-    ----------
-    sample_time : float
-        Time between two samples, s.
-    start : float
-        Time of the first sample, s.
-    """
-
-    sample_time: float
-    start: float = 0.0
+    sample_time: float  # Time between two samples, s
+    start: float = 0.0  # Time of the first sample, s
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.sample_time) and self.sample_time > 0.0 and np.isfinite(self.start)):
             raise DataError(f"sample time {self.sample_time} s from {self.start} s: it must be positive and finite")
 
     def agrees(self, sample_time: float) -> bool:
-        """Return whether another sample time means the same clock.
-
-        Parameters
-        ----------
-        sample_time : float
-            Time between two samples, s.
-
-        Returns
-        -------
-        bool
-        """
+        """Return whether another sample time means the same clock. `sample_time` time between two samples, s."""
         return abs(sample_time / self.sample_time - 1.0) < _SAME_CLOCK
 
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """What a file says about its recording beside the columns.
+    """What a file says about its recording beside the columns."""
 
-    Parameters
-    ----------
-    timing : Timing, optional
-        Its clock.
-    signals : tuple of Signal
-        Which column is what; empty where the headers have to tell.
-    provenance : mapping of str to str
-        Where the samples come from.
-    """
-
-    timing: Timing | None = None
-    signals: tuple[Signal, ...] = ()
-    provenance: Mapping[str, str] = field(default_factory=dict)
+    timing: Timing | None = None  # Its clock
+    signals: tuple[Signal, ...] = ()  # Which column is what; empty where the headers have to tell
+    provenance: Mapping[str, str] = field(default_factory=dict)  # Where the samples come from
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table(ABC):
-    """Named columns of a file.
+    """Named columns of a file."""
 
-    Parameters
-    ----------
-    path : str
-        The file, as error texts call it.
-    sha256 : str
-        Hash of its bytes.
-    headers : tuple of str
-        The column headers as the file has them.
-    names : tuple of str
-        The same without units.
-    units : tuple of str
-        The unit of each column, a key of `deatwin.plant.files.units.UNITS`; an empty text where there is none.
-    declared : Declared
-        What the file says beside the columns.
-    nameless : bool
-        Whether the file has no header, so that the headers are places: ``#1``, ``#2``.
-    scales : mapping of int to TimeScale
-        How a column of times is read that does not hold plain numbers of its unit.
-    said : tuple of str
-        What the file says as the unit of each column beside its header, in its own spelling; empty where nothing is.
-    wanted : mapping of int to Unit
-        Columns that are wanted in another unit than SI, and the way there.
-    """
-
-    path: str
-    sha256: str
-    headers: tuple[str, ...]
+    path: str  # The file, as error texts call it
+    sha256: str  # Hash of its bytes
+    headers: tuple[str, ...]  # The column headers as the file has them
     names: tuple[str, ...]
     units: tuple[str, ...]
-    declared: Declared = Declared()
-    nameless: bool = False
+    declared: Declared = Declared()  # What the file says beside the columns
+    nameless: bool = False  # Whether the file has no header, so that the headers are places: ``#1``, ``#2``
     scales: Mapping[int, TimeScale] = field(default_factory=dict)
     said: tuple[str, ...] = ()
     wanted: Mapping[int, Unit] = field(default_factory=dict)
 
     @abstractmethod
     def first(self, column: int) -> str:
-        """Return the first value of a column as text.
-
-        Parameters
-        ----------
-        column : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        str
-            Empty where there is none.
-        """
+        """Return the first value of a column as text."""
 
     @abstractmethod
     def row(self, sample: int) -> int:
-        """Return where a sample stands in the file.
-
-        Parameters
-        ----------
-        sample : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        int
-            As the user of the file counts.
-        """
+        """Return where a sample stands in the file."""
 
     @abstractmethod
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`.
-
-        Parameters
-        ----------
-        columns : sequence of int
-            Their numbers, counted from 0.
-
-        Returns
-        -------
-        (len(columns), n) array
-
-        Raises
-        ------
-        DataError
-            If a value of them is missing or not a finite number; the text names row and column.
-        """
+        """Return columns as numbers in SI units, or in those of `wanted`."""
 
     def unit(self, column: int) -> Unit:
-        """Return the unit of a column, which leads to the one in which it is wanted.
-
-        Parameters
-        ----------
-        column : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        Unit
-        """
+        """Return the unit of a column, which leads to the one in which it is wanted."""
         known = self.units[column]
         own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
         if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
@@ -215,52 +93,15 @@ class Table(ABC):
         return self.wanted.get(column, UNITS[known])
 
     def where(self, sample: int) -> str:
-        """Return file and row of a sample, for an error text.
-
-        Parameters
-        ----------
-        sample : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        str
-        """
+        """Return file and row of a sample, for an error text."""
         return f"{self.path}, row {self.row(sample)}"
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
-        """Return the clock that the file states for some columns, or None.
-
-        Parameters
-        ----------
-        columns : sequence of int
-            Their numbers, counted from 0.
-
-        Returns
-        -------
-        Timing or None
-        """
+        """Return the clock that the file states for some columns, or None."""
         return self.declared.timing
 
     def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
-        """Return the number of a column, counted from 0.
-
-        Parameters
-        ----------
-        wanted : str
-            The header, with or without its unit, or the place: ``"#2"`` is the second column.
-        works : callable, optional
-            Takes the number of a column; whether the error of one that is missing may offer it.
-
-        Returns
-        -------
-        int
-
-        Raises
-        ------
-        DataError
-            If there is none, or more than one.
-        """
+        """Return the number of a column, counted from 0."""
         if is_place(wanted) and wanted not in self.headers:
             if int(wanted[1:]) > len(self.headers):
                 raise DataError(f"{self.path}: no column {wanted}; the file has {len(self.headers)} columns")
@@ -282,52 +123,16 @@ class Table(ABC):
         return found[0]
 
     def near(self, wanted: str, works: Callable[[int], bool]) -> str:
-        """Return the end of an error text that offers the header nearest to a misspelt one.
-
-        Parameters
-        ----------
-        wanted : str
-            What is not there.
-        works : callable
-            Takes the number of a column; whether it can be what is wanted. Only such a column is offered.
-
-        Returns
-        -------
-        str
-            Empty where nothing is near.
-        """
+        """Return the end of an error text that offers the header nearest to a misspelt one."""
         like = [k for k, header in enumerate(self.headers) if nearest(wanted, [header])]
         return nearest(wanted, [self.headers[k] for k in like if self.headers.count(self.headers[k]) == 1 and works(k)])
 
     def columns_of(self, role: str) -> tuple[int, ...]:
-        """Return the columns that the file itself declares.
-
-        Parameters
-        ----------
-        role : str
-            ``input``, ``output`` or ``extra``.
-
-        Returns
-        -------
-        tuple of int
-            Counted from 0.
-        """
+        """Return the columns that the file itself declares."""
         return tuple(self.column(signal.header) for signal in self.declared.signals if signal.role == role)
 
     def signal(self, role: str, column: int) -> Signal:
-        """Return what a column is called inside, and its SI unit.
-
-        Parameters
-        ----------
-        role : str
-            What it is taken as, unless the file declares it.
-        column : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        Signal
-        """
+        """Return what a column is called inside, and its SI unit."""
         header = self.headers[column]
         for declared in self.declared.signals:
             if declared.header == header:
@@ -341,30 +146,10 @@ class Table(ABC):
         return ", ".join(names) if more < 1 else f"{', '.join(names[:_LISTED])} and {more} more"
 
     def shown(self, column: int) -> str:
-        """Return a header as an error text shows it.
-
-        Parameters
-        ----------
-        column : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        str
-        """
+        """Return a header as an error text shows it."""
         return clipped(self.headers[column])
 
     def unmistakable(self, column: int) -> str:
-        """Return the header of a column, or its place where others have the same.
-
-        Parameters
-        ----------
-        column : int
-            Its number, counted from 0.
-
-        Returns
-        -------
-        str
-        """
+        """Return the header of a column, or its place where others have the same."""
         header = self.headers[column]
         return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"

@@ -23,8 +23,6 @@ from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.intake import in_words
 from deatwin.plant.recording import Recording
 
-__all__ = ["STARTED", "read_tdms", "write_tdms"]
-
 STARTED = "wf_start_time"
 _GROUP = "recording"
 _BROKEN_OFF = ("Last segment", "Data size")  # a broken acquisition holds what was written until then
@@ -32,22 +30,7 @@ _UNITS = ("unit_string", "NI_UnitDescription")
 
 
 def read_tdms(path: str | Path) -> ArrayTable:
-    """Read a TDMS file.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    ArrayTable
-
-    Raises
-    ------
-    DataError
-        If it is missing, damaged or no TDMS file, holds no channels with samples, or nptdms is not installed.
-    """
+    """Read a TDMS file."""
     content, name = read_bytes(path), str(path)
     nptdms = require("nptdms", f"{name}: a TDMS file")
     with reading(name, "TDMS", logger="nptdms", harmless=_BROKEN_OFF):
@@ -70,19 +53,7 @@ def read_tdms(path: str | Path) -> ArrayTable:
 
 
 def write_tdms(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a TDMS file: waveforms in SI units in one group, and the description of it.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    recording : Recording
-
-    Raises
-    ------
-    DataError
-        If nptdms is not installed.
-    """
+    """Write a recording as a TDMS file: waveforms in SI units in one group, and the description of it."""
     nptdms = require("nptdms", "a TDMS file")
     signals = signals_of(recording, plain_header, taken=[])
     clock = {

@@ -15,8 +15,6 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.intake import RECORDING_BYTES, clipped, in_words
 
-__all__ = ["Metered", "require_plain_hdf5", "require_sound_level_5"]
-
 _MOST_PACKED = 1032  # bytes that zlib makes of one, at most (RFC 1951: 258 bytes of 2 bits)
 _PIECE = 1 << 20
 _HEAD = 64  # bytes that hold the flags of an array
@@ -31,33 +29,13 @@ _ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 
 
 def too_much(path: str, count: float) -> DataError:
-    """Return the error of a file that unpacks to more than can be read.
-
-    Parameters
-    ----------
-    path : str
-        The file, for the error text.
-    count : float
-        Bytes that it holds unpacked, as far as was looked.
-
-    Returns
-    -------
-    DataError
-    """
+    """Return the error of a file that unpacks to more than can be read."""
     most = in_words(RECORDING_BYTES)
     return DataError(f"{path}: it unpacks to {in_words(count)} or more; at most {most} can be read")
 
 
 class Metered(io.BytesIO):
-    """Bytes of a file that are not read again and again: a header may name the same samples many times.
-
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    path : str
-        Its name, for error texts.
-    """
+    """Bytes of a file that are not read again and again: a header may name the same samples many times."""
 
     def __init__(self, content: bytes, path: str) -> None:
         super().__init__(content)
@@ -65,17 +43,7 @@ class Metered(io.BytesIO):
         self._most = 3 * len(content) + 1_000_000  # a header is read twice, and so may be samples
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return the next bytes, unless too many were read before.
-
-        Parameters
-        ----------
-        size : int or None
-            Most bytes; all by default.
-
-        Returns
-        -------
-        bytes
-        """
+        """Return the next bytes, unless too many were read before."""
         found = super().read(size)
         self._read += len(found)
         if self._read > self._most:
@@ -84,19 +52,7 @@ class Metered(io.BytesIO):
 
 
 def require_plain_hdf5(file: Any, path: str) -> None:
-    """Refuse an HDF5 file that unpacks to too much, or whose samples lie in other files.
-
-    Parameters
-    ----------
-    file : h5py.File
-        Open.
-    path : str
-        Its name, for error texts.
-
-    Raises
-    ------
-    DataError
-    """
+    """Refuse an HDF5 file that unpacks to too much, or whose samples lie in other files."""
     h5py, count = require("h5py", path), 0
 
     def look(name: str, link: Any) -> DataError | None:
@@ -128,21 +84,7 @@ def _elsewhere(path: str, name: str) -> DataError:
 
 
 def require_sound_level_5(content: bytes, path: str) -> None:
-    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds.
-
-    Format: MathWorks, "MAT-File Level 5 File Format". Faults of other kinds are left to the reader.
-
-    Parameters
-    ----------
-    content : bytes
-        The file.
-    path : str
-        Its name, for error texts.
-
-    Raises
-    ------
-    DataError
-    """
+    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds."""
     order: Literal["little", "big"] | None = _ORDERS.get(content[126:128])
     if order is None:
         return  # version 4, or no MATLAB file
@@ -195,11 +137,7 @@ def _of_structs(matrix: bytes, order: Literal["little", "big"]) -> bool:
 
 
 def _require_entries(matrix: bytes, order: Literal["little", "big"], path: str) -> None:
-    """Refuse cells and structs with more entries than there is room for: SciPy makes room for what they declare.
-
-    They are found wherever such flags and dimensions stand, since what is nested is reached through lengths that
-    may be wrong as well. Every entry has a tag of 8 bytes at least.
-    """
+    """Refuse cells and structs with more entries than there is room for: SciPy makes room for what they declare."""
     words = np.frombuffer(matrix[: len(matrix) // 4 * 4], dtype="<u4" if order == "little" else ">u4")
     flags, kinds, sizes = words[:-4:2] & 0xFF, words[2:-2:2], words[3:-1:2]
     fitting = np.isin(flags, _OF_ARRAYS) & np.isin(kinds, _INTEGERS) & (sizes % 4 == 0) & (sizes >= 8) & (sizes <= 256)

@@ -12,29 +12,11 @@ from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
 
-__all__ = ["read_xlsx"]
-
 _LISTED = 10  # sheets that an error text names
 
 
 def read_xlsx(path: str | Path) -> CsvTable:
-    """Read a workbook.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-
-    Returns
-    -------
-    CsvTable
-        Of the only sheet that holds cells; of formulas the values that were saved.
-
-    Raises
-    ------
-    DataError
-        If it is missing, damaged or no workbook, several sheets hold cells, or openpyxl is not installed.
-    """
+    """Read a workbook."""
     content, name = read_bytes(path), str(path)
     openpyxl = require("openpyxl", f"{name}: an Excel workbook")
     with reading(name, "XLSX"):

@@ -12,99 +12,47 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Family
 from deatwin.plant.parameters import Parameter
 
-__all__ = ["BUILT_IN", "Drive", "Mechanism", "PlantMechanism", "Reading", "Setting", "log_uniform"]
-
 BUILT_IN = 1e12
 """No parameter is beyond this: ranges are the diagnosis' business, not nature's."""
 
 
 def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
-    """A number whose logarithm is uniformly distributed.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the number.
-    lower, upper : float
-        Ends of its range, above 0.
-
-    Returns
-    -------
-    float
-    """
+    """A number whose logarithm is uniformly distributed."""
     return float(np.exp(rng.uniform(np.log(lower), np.log(upper))))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What a mechanism is drawn for: a clean recording of the same film.
+    """What a mechanism is drawn for: a clean recording of the same film."""
 
-    Parameters
-    ----------
-    seconds : float
-        Length of the records that are diagnosed, on the clock, s.
-    commands : ndarray, shape (n,)
-        Of these records, V.
-    displacement : ndarray, shape (n,)
-        Noise-free, without any mechanism, m.
-    gain : float
-        Film volts per command volt.
-    """
-
-    seconds: float
-    commands: np.ndarray
-    displacement: np.ndarray
-    gain: float
+    seconds: float  # Length of the records that are diagnosed, on the clock, s
+    commands: np.ndarray  # shape (n,): Of these records, V
+    displacement: np.ndarray  # shape (n,): Noise-free, without any mechanism, m
+    gain: float  # Film volts per command volt
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """What acts on the plant, constant between switching times.
+    """What acts on the plant, constant between switching times."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (m,)
-        At which each command begins to act, ascending; the experiment's clock, s.
-    commands : ndarray, shape (m,)
-        V.
-    rest_command : float
-        Before the first of them, V.
-    channels : mapping of str to ndarray, each of shape (m,)
-        Further inputs of the equations, SI.
-    """
-
-    times: np.ndarray
-    commands: np.ndarray
-    rest_command: float = 0.0
+    times: np.ndarray  # shape (m,): At which each command begins to act, ascending; the experiment's clock, s
+    commands: np.ndarray  # shape (m,): V
+    rest_command: float = 0.0  # Before the first of them, V
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """What the sensor gives before its noise.
+    """What the sensor gives before its noise."""
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        Clock, s.
-    values : ndarray, shape (n,)
-        Displacement, m.
-    commands : ndarray, shape (n,)
-        That was wished in each row, V.
-    """
-
-    times: np.ndarray
-    values: np.ndarray
-    commands: np.ndarray
+    times: np.ndarray  # shape (n,): Clock, s
+    values: np.ndarray  # shape (n,): Displacement, m
+    commands: np.ndarray  # shape (n,): That was wished in each row, V
 
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A piece of physics that the diagnosis does not see; its fields are its parameters in SI.
-
-    A subclass says in class variables what it is called, which of its parameters is its strength (zero: nothing
-    happens), and how large that is at most in a rig that somebody would still use.
-    """
+    """A piece of physics that the diagnosis does not see; its fields are its parameters in SI."""
 
     name: ClassVar[str]
     strength: ClassVar[str]
@@ -113,19 +61,7 @@ class Mechanism(ABC):
     @classmethod
     @abstractmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        """A mechanism at random, with a tenth to a third of its largest strength.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of its parameters.
-        setting : Setting
-            What it is drawn for.
-
-        Returns
-        -------
-        Mechanism
-        """
+        """A mechanism at random, with a tenth to a third of its largest strength."""
 
     @property
     def size(self) -> float:
@@ -133,17 +69,7 @@ class Mechanism(ABC):
         return abs(float(getattr(self, self.strength)))
 
     def sized(self, size: float) -> Self:
-        """The same mechanism with another strength, at most the largest.
-
-        Parameters
-        ----------
-        size : float
-            Strength without sign, SI.
-
-        Returns
-        -------
-        Mechanism
-        """
+        """The same mechanism with another strength, at most the largest."""
         sign = -1.0 if getattr(self, self.strength) < 0 else 1.0
         return replace(self, **{self.strength: sign * min(size, self.largest)})
 
@@ -153,45 +79,15 @@ class Mechanism(ABC):
         return ()
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
-        """What acts, of what was wished.
-
-        Parameters
-        ----------
-        drive : Drive
-            As wished.
-        rng : numpy.random.Generator
-            For what is random in every run.
-
-        Returns
-        -------
-        Drive
-        """
+        """What acts, of what was wished."""
         return drive
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
-        """What is read, of what there is to be read.
-
-        Parameters
-        ----------
-        reading : Reading
-            As an ideal sensor gives it.
-        rng : numpy.random.Generator
-            For what is random in every run.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            m.
-        """
+        """What is read, of what there is to be read. Shapes: returns (n,)."""
         return reading.values
 
     def catalogue_values(self) -> dict[str, float]:
-        """Its parameters that a catalogue effect has too, by name there, SI; most have none.
-
-        Returns
-        -------
-        dict of str to float
-        """
+        """Its parameters that a catalogue effect has too, by name there, SI; most have none."""
         return {}
 
     def to_dict(self) -> dict[str, float]:
@@ -218,15 +114,5 @@ class PlantMechanism(Effect, Mechanism):
         )
 
     def symbols(self, build: Any) -> list[Any]:
-        """The symbols of its parameters, in the order of its fields.
-
-        Parameters
-        ----------
-        build : Builder
-            The plant under construction.
-
-        Returns
-        -------
-        list of casadi.SX
-        """
+        """The symbols of its parameters, in the order of its fields."""
         return [self.own(f.name, build) for f in fields(self)]

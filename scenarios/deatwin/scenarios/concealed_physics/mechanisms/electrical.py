@@ -11,37 +11,16 @@ import numpy as np
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Setting, log_uniform
 
-__all__ = [
-    "CrackedElectrode",
-    "GroundShift",
-    "HardClip",
-    "LadderElectrode",
-    "RateLimit",
-    "SlowDipoles",
-    "SpaceCharge",
-    "TransportDelay",
-    "TrapConduction",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SlowDipoles(PlantMechanism):
     r"""Polarisation with a broad, lopsided spread of times, as Havriliak and Negami's function has.
 
     .. math:: V^2 \to V^2 - V\sum_k a_k(V - p_k), \qquad \tau_k\dot p_k = V - p_k
-
-    with five times over two and a half decades about a centre, the slow side with the smaller shares.
-
-    Parameters
-    ----------
-    share : float
-        Sum of :math:`a_k`.
-    centre : float
-        s.
     """
 
-    share: float
-    centre: float
+    share: float  # Sum of :math:`a_k`
+    centre: float  # s
 
     name: ClassVar[str] = "slow_dipoles"
     strength: ClassVar[str] = "share"
@@ -74,18 +53,10 @@ class SlowDipoles(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCharge(PlantMechanism):
-    r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV.
+    r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV."""
 
-    Parameters
-    ----------
-    share : float
-        b.
-    time : float
-        s.
-    """
-
-    share: float
-    time: float
+    share: float  # b
+    time: float  # s
 
     name: ClassVar[str] = "space_charge"
     strength: ClassVar[str] = "share"
@@ -106,18 +77,10 @@ class SpaceCharge(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class TrapConduction(PlantMechanism):
-    r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance.
-
-    Parameters
-    ----------
-    resistance : float
-        In series with the film, ohm.
-    field : float
-        :math:`E_0`, V/m.
-    """
+    r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
     resistance: float
-    field: float
+    field: float  # :math:`E_0`, V/m
 
     name: ClassVar[str] = "trap_conduction"
     strength: ClassVar[str] = "resistance"
@@ -149,15 +112,9 @@ class TrapConduction(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class LadderElectrode(PlantMechanism):
-    """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance.
+    """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance."""
 
-    Parameters
-    ----------
-    time : float
-        Whole resistance times whole capacitance, s.
-    """
-
-    time: float
+    time: float  # Whole resistance times whole capacitance, s
 
     name: ClassVar[str] = "ladder_electrode"
     strength: ClassVar[str] = "time"
@@ -180,21 +137,11 @@ class LadderElectrode(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class CrackedElectrode(PlantMechanism):
-    """A crack that runs round the electrode's rim cuts it off, within a part of a second.
-
-    Parameters
-    ----------
-    share : float
-        Of the area that is lost.
-    at : float
-        When it begins, s.
-    lasts : float
-        s.
-    """
+    """A crack that runs round the electrode's rim cuts it off, within a part of a second."""
 
     share: float
-    at: float
-    lasts: float
+    at: float  # When it begins, s
+    lasts: float  # s
 
     name: ClassVar[str] = "cracked_electrode"
     strength: ClassVar[str] = "share"
@@ -221,18 +168,10 @@ class CrackedElectrode(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class RateLimit(PlantMechanism):
-    """An amplifier whose current limits its rate, sharply; down by another rate than up.
+    """An amplifier whose current limits its rate, sharply; down by another rate than up."""
 
-    Parameters
-    ----------
-    slowness : float
-        Upwards, s/V.
-    ratio : float
-        Falling rate over rising rate.
-    """
-
-    slowness: float
-    ratio: float
+    slowness: float  # Upwards, s/V
+    ratio: float  # Falling rate over rising rate
 
     name: ClassVar[str] = "rate_limit"
     strength: ClassVar[str] = "slowness"
@@ -259,18 +198,10 @@ class RateLimit(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class HardClip(Mechanism):
-    """An output that stops dead at a level.
+    """An output that stops dead at a level."""
 
-    Parameters
-    ----------
-    depth : float
-        Share of the command's range that is cut off.
-    top, bottom : float
-        Of that range, V.
-    """
-
-    depth: float
-    top: float
+    depth: float  # Share of the command's range that is cut off
+    top: float  # Of that range, V
     bottom: float
 
     name: ClassVar[str] = "hard_clip"
@@ -289,15 +220,9 @@ class HardClip(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class GroundShift(Mechanism):
-    """Two grounds that differ: a voltage is added to every command, at rest too.
+    """Two grounds that differ: a voltage is added to every command, at rest too."""
 
-    Parameters
-    ----------
-    offset : float
-        V of the command.
-    """
-
-    offset: float
+    offset: float  # V of the command
 
     name: ClassVar[str] = "ground_shift"
     strength: ClassVar[str] = "offset"
@@ -316,15 +241,9 @@ class GroundShift(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class TransportDelay(Mechanism):
-    """Every command begins to act late, at the very instant, whole sample or not.
+    """Every command begins to act late, at the very instant, whole sample or not."""
 
-    Parameters
-    ----------
-    time : float
-        s.
-    """
-
-    time: float
+    time: float  # s
 
     name: ClassVar[str] = "transport_delay"
     strength: ClassVar[str] = "time"

@@ -11,26 +11,14 @@ import numpy as np
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import Mechanism, PlantMechanism, Reading, Setting, log_uniform
 
-__all__ = ["MainsHum", "ThermostatSwing"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ThermostatSwing(PlantMechanism):
-    """A room that is heated on and off: the modulus follows its temperature, up and down exponentially.
-
-    Parameters
-    ----------
-    change : float
-        Of the modulus from the coldest to the warmest moment, as a share.
-    period : float
-        s.
-    phase : float
-        Share of a period that is over at clock 0.
-    """
+    """A room that is heated on and off: the modulus follows its temperature, up and down exponentially."""
 
     change: float
-    period: float
-    phase: float
+    period: float  # s
+    phase: float  # Share of a period that is over at clock 0
 
     name: ClassVar[str] = "thermostat_swing"
     strength: ClassVar[str] = "change"
@@ -62,21 +50,11 @@ class ThermostatSwing(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class MainsHum(Mechanism):
-    """A tone in the reading with a weak second harmonic, whose phase wanders a little.
+    """A tone in the reading with a weak second harmonic, whose phase wanders a little."""
 
-    Parameters
-    ----------
-    amplitude : float
-        m.
-    frequency : float
-        Hz.
-    phase : float
-        At clock 0, rad.
-    """
-
-    amplitude: float
-    frequency: float
-    phase: float
+    amplitude: float  # m
+    frequency: float  # Hz
+    phase: float  # At clock 0, rad
 
     name: ClassVar[str] = "mains_hum"
     strength: ClassVar[str] = "amplitude"

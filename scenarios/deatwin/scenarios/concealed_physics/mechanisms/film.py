@@ -11,15 +11,6 @@ import numpy as np
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting, log_uniform
 
-__all__ = [
-    "AgeingPermittivity",
-    "ChainDamage",
-    "DilutedPermittivity",
-    "ExponentialStiffening",
-    "LogarithmicRelaxation",
-    "PowerLawCreep",
-]
-
 
 def _decades(time: Any, first: Any) -> Any:
     """Decades of time since clock 0, counted from the time `first` on."""
@@ -28,25 +19,11 @@ def _decades(time: Any, first: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class PowerLawCreep(PlantMechanism):
-    r"""Creep in the area of the film whose relaxation follows a power law of time.
+    r"""Creep in the area of the film whose relaxation follows a power law of time."""
 
-    Four linear elements in the logarithmic area strain :math:`a = \ln(\lambda_1\lambda_2)` of each point,
-    :math:`\tfrac32\mu w_k(a - \theta_k)^2` with :math:`\tau_k\dot\theta_k = a - \theta_k` and
-    :math:`w_k \propto \tau_k^{-n}`, at times evenly spread over one and a half decades.
-
-    Parameters
-    ----------
-    modulus : float
-        Sum of :math:`\mu w_k`, Pa.
-    exponent : float
-        n.
-    fastest : float
-        Shortest time, s.
-    """
-
-    modulus: float
-    exponent: float
-    fastest: float
+    modulus: float  # Sum of :math:`\mu w_k`, Pa
+    exponent: float  # n
+    fastest: float  # Shortest time, s
 
     name: ClassVar[str] = "power_law_creep"
     strength: ClassVar[str] = "modulus"
@@ -77,18 +54,10 @@ class PowerLawCreep(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class LogarithmicRelaxation(PlantMechanism):
-    """The film's tension falls by the same share in each decade of time.
+    """The film's tension falls by the same share in each decade of time."""
 
-    Parameters
-    ----------
-    loss : float
-        Share for each decade.
-    first : float
-        Where the first decade begins, s.
-    """
-
-    loss: float
-    first: float
+    loss: float  # Share for each decade
+    first: float  # Where the first decade begins, s
 
     name: ClassVar[str] = "logarithmic_relaxation"
     strength: ClassVar[str] = "loss"
@@ -108,18 +77,10 @@ class LogarithmicRelaxation(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class ChainDamage(PlantMechanism):
-    r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`.
+    r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`."""
 
-    Parameters
-    ----------
-    damage : float
-        :math:`d_\\infty`, share of the network's stress.
-    energy : float
-        m, J/m³.
-    """
-
-    damage: float
-    energy: float
+    damage: float  # :math:`d_\\infty`, share of the network's stress
+    energy: float  # m, J/m³
 
     name: ClassVar[str] = "chain_damage"
     strength: ClassVar[str] = "damage"
@@ -149,18 +110,10 @@ class ChainDamage(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentialStiffening(PlantMechanism):
-    r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`.
+    r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`."""
 
-    Parameters
-    ----------
-    modulus : float
-        Pa.
-    exponent : float
-        b.
-    """
-
-    modulus: float
-    exponent: float
+    modulus: float  # Pa
+    exponent: float  # b
 
     name: ClassVar[str] = "exponential_stiffening"
     strength: ClassVar[str] = "modulus"
@@ -185,18 +138,10 @@ class ExponentialStiffening(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class AgeingPermittivity(PlantMechanism):
-    """The permittivity changes by the same share in each decade of time.
+    """The permittivity changes by the same share in each decade of time."""
 
-    Parameters
-    ----------
-    change : float
-        Share for each decade.
-    first : float
-        Where the first decade begins, s.
-    """
-
-    change: float
-    first: float
+    change: float  # Share for each decade
+    first: float  # Where the first decade begins, s
 
     name: ClassVar[str] = "ageing_permittivity"
     strength: ClassVar[str] = "change"
@@ -215,15 +160,9 @@ class AgeingPermittivity(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class DilutedPermittivity(PlantMechanism):
-    r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on.
+    r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on."""
 
-    Parameters
-    ----------
-    exponent : float
-        c.
-    """
-
-    exponent: float
+    exponent: float  # c
 
     name: ClassVar[str] = "diluted_permittivity"
     strength: ClassVar[str] = "exponent"

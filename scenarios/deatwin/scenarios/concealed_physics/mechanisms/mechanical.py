@@ -11,8 +11,6 @@ import numpy as np
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting
 
-__all__ = ["BristleFriction", "HardeningSpring", "RoundedStop", "StopOperators", "TurbulentDrag", "TwinModes"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StopOperators(PlantMechanism):
@@ -20,19 +18,10 @@ class StopOperators(PlantMechanism):
 
     .. math:: F = -\sum_k \frac{F_h}{5r_k}\sigma_k, \qquad
               \dot\sigma_k = v \text{ while } |\sigma_k| < r_k \text{ or } v\sigma_k < 0, \text{ else } 0
-
-    The last twentieth before slipping is passed smoothly.
-
-    Parameters
-    ----------
-    force : float
-        :math:`F_h`, N.
-    widest : float
-        Largest :math:`r_k`, m; the smallest is an eighth of it.
     """
 
-    force: float
-    widest: float
+    force: float  # :math:`F_h`, N
+    widest: float  # Largest :math:`r_k`, m; the smallest is an eighth of it
 
     name: ClassVar[str] = "stop_operators"
     strength: ClassVar[str] = "force"
@@ -65,22 +54,11 @@ class BristleFriction(PlantMechanism):
     .. math:: F = -(\sigma_0z + \sigma_1\dot z), \qquad \dot z = v - \frac{\sigma_0|v|}{g(v)}z, \qquad
               g = F_c\bigl[1 + 0.25\,e^{-(v/v_s)^2}\bigr]
 
-    with :math:`v_s` = 1 mm/s and :math:`\sigma_1/F_c` = 50 s/m.
-
-    Parameters
-    ----------
-    force : float
-        :math:`F_c`, N.
-    bend : float
-        :math:`F_c/\sigma_0`, m.
-
-    References
-    ----------
-    Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
+    Source: Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
     """
 
-    force: float
-    bend: float
+    force: float  # :math:`F_c`, N
+    bend: float  # :math:`F_c/\sigma_0`, m
 
     name: ClassVar[str] = "bristle_friction"
     strength: ClassVar[str] = "force"
@@ -105,15 +83,9 @@ class BristleFriction(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class TurbulentDrag(PlantMechanism):
-    r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow.
+    r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
-    Parameters
-    ----------
-    coefficient : float
-        c, N (s/m)^1.75.
-    """
-
-    coefficient: float
+    coefficient: float  # c, N (s/m)^1.75
 
     name: ClassVar[str] = "turbulent_drag"
     strength: ClassVar[str] = "coefficient"
@@ -133,18 +105,10 @@ class TurbulentDrag(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class RoundedStop(PlantMechanism):
-    r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth.
+    r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
-    Parameters
-    ----------
-    stiffness : float
-        k, N/m^1.5.
-    position : float
-        Displacement at the first touch, m.
-    """
-
-    stiffness: float
-    position: float
+    stiffness: float  # k, N/m^1.5
+    position: float  # Displacement at the first touch, m
 
     name: ClassVar[str] = "rounded_stop"
     strength: ClassVar[str] = "stiffness"
@@ -166,18 +130,10 @@ class RoundedStop(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class HardeningSpring(PlantMechanism):
-    r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`.
+    r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
-    Parameters
-    ----------
-    stiffness : float
-        k, N/m.
-    reach : float
-        a, m.
-    """
-
-    stiffness: float
-    reach: float
+    stiffness: float  # k, N/m
+    reach: float  # a, m
 
     name: ClassVar[str] = "hardening_spring"
     strength: ClassVar[str] = "stiffness"
@@ -198,20 +154,10 @@ class HardeningSpring(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class TwinModes(PlantMechanism):
-    """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder.
-
-    Parameters
-    ----------
-    mass : float
-        Of both together, kg.
-    frequency : float
-        Of the lower, Hz.
-    damping_ratio : float
-        Of each.
-    """
+    """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
     mass: float
-    frequency: float
+    frequency: float  # Of the lower, Hz
     damping_ratio: float
 
     name: ClassVar[str] = "twin_modes"

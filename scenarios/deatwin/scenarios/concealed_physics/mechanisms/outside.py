@@ -17,31 +17,13 @@ from deatwin.scenarios.concealed_physics.mechanisms.base import (
     log_uniform,
 )
 
-__all__ = [
-    "CapacitiveCrosstalk",
-    "ChargingHeat",
-    "ClockSkew",
-    "CrossoverDeadZone",
-    "GainWander",
-    "InterferenceBursts",
-    "OneWayDamper",
-]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CrossoverDeadZone(Mechanism):
-    """An amplifier of two halves that leave a gap where one hands over to the other.
+    """An amplifier of two halves that leave a gap where one hands over to the other."""
 
-    Parameters
-    ----------
-    width : float
-        Half of the gap, V of the command.
-    level : float
-        Where it lies, V.
-    """
-
-    width: float
-    level: float
+    width: float  # Half of the gap, V of the command
+    level: float  # Where it lies, V
 
     name: ClassVar[str] = "crossover_dead_zone"
     strength: ClassVar[str] = "width"
@@ -63,17 +45,9 @@ class CrossoverDeadZone(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class ChargingHeat(PlantMechanism):
-    """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer.
+    """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer."""
 
-    Parameters
-    ----------
-    softening : float
-        Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second.
-    time : float
-        In which the film cools, s.
-    """
-
-    softening: float
+    softening: float  # Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second
     time: float
 
     name: ClassVar[str] = "charging_heat"
@@ -103,17 +77,9 @@ class ChargingHeat(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class GainWander(Mechanism):
-    """The amplifier's gain wanders at random, and comes back within some seconds.
+    """The amplifier's gain wanders at random, and comes back within some seconds."""
 
-    Parameters
-    ----------
-    deviation : float
-        Standard deviation, as a share.
-    time : float
-        In which it forgets, s.
-    """
-
-    deviation: float
+    deviation: float  # Standard deviation, as a share
     time: float
 
     name: ClassVar[str] = "gain_wander"
@@ -136,18 +102,10 @@ class GainWander(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class InterferenceBursts(Mechanism):
-    """Short bursts in the reading at random times, each with its own frequency and size.
+    """Short bursts in the reading at random times, each with its own frequency and size."""
 
-    Parameters
-    ----------
-    amplitude : float
-        Typical size, m.
-    apart : float
-        Mean time between two, s.
-    """
-
-    amplitude: float
-    apart: float
+    amplitude: float  # Typical size, m
+    apart: float  # Mean time between two, s
 
     name: ClassVar[str] = "interference_bursts"
     strength: ClassVar[str] = "amplitude"
@@ -169,15 +127,9 @@ class InterferenceBursts(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class OneWayDamper(PlantMechanism):
-    """Air that leaves the chamber below the film easily, and comes back through a narrow valve.
+    """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
-    Parameters
-    ----------
-    coefficient : float
-        Of the way up, N s/m.
-    """
-
-    coefficient: float
+    coefficient: float  # Of the way up, N s/m
 
     name: ClassVar[str] = "one_way_damper"
     strength: ClassVar[str] = "coefficient"
@@ -197,18 +149,10 @@ class OneWayDamper(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class CapacitiveCrosstalk(Mechanism):
-    """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so.
+    """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so."""
 
-    Parameters
-    ----------
-    coupling : float
-        m for a step of one volt of the command.
-    time : float
-        s.
-    """
-
-    coupling: float
-    time: float
+    coupling: float  # m for a step of one volt of the command
+    time: float  # s
 
     name: ClassVar[str] = "capacitive_crosstalk"
     strength: ClassVar[str] = "coupling"
@@ -231,15 +175,9 @@ class CapacitiveCrosstalk(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class ClockSkew(Mechanism):
-    """Two clocks that run apart: commands come later and later against the readings.
+    """Two clocks that run apart: commands come later and later against the readings."""
 
-    Parameters
-    ----------
-    skew : float
-        s for each s.
-    """
-
-    skew: float
+    skew: float  # s for each s
 
     name: ClassVar[str] = "clock_skew"
     strength: ClassVar[str] = "skew"

@@ -10,23 +10,13 @@ import numpy as np
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.mechanisms.base import Mechanism, PlantMechanism, Reading, Setting
 
-__all__ = ["CrookedOptics", "HardCeiling", "KnockedSensor", "SecondOrderSensor", "WarmingSensor"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrderSensor(PlantMechanism):
-    r"""A filter of second order: :math:`T^2\ddot r + 2\zeta T\dot r + r = y`.
+    r"""A filter of second order: :math:`T^2\ddot r + 2\zeta T\dot r + r = y`."""
 
-    Parameters
-    ----------
-    time : float
-        T, s.
-    damping_ratio : float
-        :math:`\zeta`.
-    """
-
-    time: float
-    damping_ratio: float
+    time: float  # T, s
+    damping_ratio: float  # :math:`\zeta`
 
     name: ClassVar[str] = "second_order_sensor"
     strength: ClassVar[str] = "time"
@@ -51,18 +41,10 @@ class SecondOrderSensor(PlantMechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class WarmingSensor(Mechanism):
-    """The zero moves by the same way in each decade of time.
-
-    Parameters
-    ----------
-    change : float
-        For each decade, m.
-    first : float
-        Where the first decade begins, s.
-    """
+    """The zero moves by the same way in each decade of time."""
 
     change: float
-    first: float
+    first: float  # Where the first decade begins, s
 
     name: ClassVar[str] = "warming_sensor"
     strength: ClassVar[str] = "change"
@@ -78,18 +60,10 @@ class WarmingSensor(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class KnockedSensor(Mechanism):
-    """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second.
+    """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
-    Parameters
-    ----------
-    change : float
-        That stays, m.
-    at : float
-        s.
-    """
-
-    change: float
-    at: float
+    change: float  # That stays, m
+    at: float  # s
 
     name: ClassVar[str] = "knocked_sensor"
     strength: ClassVar[str] = "change"
@@ -110,15 +84,9 @@ class KnockedSensor(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class CrookedOptics(Mechanism):
-    r"""Triangulation that was not made straight: :math:`r = y/(1 - \kappa y)`.
+    r"""Triangulation that was not made straight: :math:`r = y/(1 - \kappa y)`."""
 
-    Parameters
-    ----------
-    curvature : float
-        :math:`\kappa`, 1/m.
-    """
-
-    curvature: float
+    curvature: float  # :math:`\kappa`, 1/m
 
     name: ClassVar[str] = "crooked_optics"
     strength: ClassVar[str] = "curvature"
@@ -134,17 +102,9 @@ class CrookedOptics(Mechanism):
 
 @dataclass(frozen=True, kw_only=True)
 class HardCeiling(Mechanism):
-    """A reading that stops dead at a level.
+    """A reading that stops dead at a level."""
 
-    Parameters
-    ----------
-    depth : float
-        Share of the motion's range that is cut off.
-    top, bottom : float
-        Of that range, m.
-    """
-
-    depth: float
+    depth: float  # Share of the motion's range that is cut off
     top: float
     bottom: float
 
