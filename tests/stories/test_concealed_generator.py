@@ -22,7 +22,6 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.concealed_physics import mechanisms
 from deatwin.scenarios.concealed_physics.apparatus import Apparatus
 from deatwin.scenarios.concealed_physics.cases import CaseSpec, case_specs, pairable
-from deatwin.scenarios.concealed_physics.specimens import make
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES, accepted, canonical
 from deatwin.scenarios.concealed_physics.mechanisms import MECHANISMS, Drive, Reading, mechanism_named
 from deatwin.scenarios.concealed_physics.mechanisms.electrical import HardClip, TransportDelay
@@ -32,6 +31,7 @@ from deatwin.scenarios.concealed_physics.noise import SensorNoise
 from deatwin.scenarios.concealed_physics.rigs import FILM_ERROR, Rigging, drawn_rig
 from deatwin.scenarios.concealed_physics.rosenbrock import integrate
 from deatwin.scenarios.concealed_physics.sizes import LADDER, size_named
+from deatwin.scenarios.concealed_physics.specimens import make
 
 STEP = 0.02
 SILENT = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.greybox.filter import Floor, Opening, filter_likelihood, latent, linearise, open_place
-from deatwin.ident.greybox.filter_openings import places
 from deatwin.ident.greybox.filter_linear import without_repeats
+from deatwin.ident.greybox.filter_openings import places
 from deatwin.ident.greybox.fit import Problem
 from deatwin.ident.kalman import StateSpace, kalman_filter
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording

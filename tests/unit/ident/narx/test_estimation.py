@@ -8,12 +8,10 @@ from scipy.integrate import quad
 from scipy.stats import gamma, multivariate_normal
 
 from deatwin.ident.narx.bayes import Priors
+from deatwin.ident.narx.estimate import LeastSquares, least_squares
 from deatwin.ident.narx.estimation import TotalLeastSquares
-from deatwin.ident.narx.estimate import least_squares
-from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.ident.narx.estimate import LeastSquares
-from deatwin.ident.narx.shrinkage import Bayesian
 from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.shrinkage import Bayesian, Ridge
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

@@ -7,11 +7,11 @@ import pytest
 
 from deatwin.ident.narx import Frols
 from deatwin.ident.narx.criteria import criterion_values
-from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.rules import NoConstant
+from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
