@@ -80,7 +80,7 @@ def in_words(count: float) -> str:
 
 
 def clipped(text: object, length: int = 80) -> str:
-    """Return what a file holds as an error text may show it: printable, and not all of a long one.
+    r"""Return what a file holds as an error text may show it: printable, and not all of a long one.
 
     Examples
     --------

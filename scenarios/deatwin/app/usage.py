@@ -30,7 +30,7 @@ class Group(TyperGroup):
 
 
 def unwrapped(text: str | None) -> str:
-    """Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the source's.
+    r"""Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the source's.
 
     Examples
     --------

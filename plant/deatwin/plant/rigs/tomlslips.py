@@ -28,7 +28,7 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 
 
 def slip_of(text: str) -> str:
-    """Return the first slip in a rig file: its line, its key, and what to write.
+    r"""Return the first slip in a rig file: its line, its key, and what to write.
 
     Examples
     --------
