@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deatwin.plant.dielectric import (
+from deatwin.plant.laws.dielectric import (
     VACUUM_PERMITTIVITY,
     conduction_density,
     electric_energy,

@@ -14,7 +14,10 @@ PUBLIC = (
     "deatwin.plant",
     "deatwin.plant.effects",
     "deatwin.plant.excitation",
+    "deatwin.plant.export",
     "deatwin.plant.files",
+    "deatwin.plant.laws",
+    "deatwin.ident",
     "deatwin.ident.narx",
     "deatwin.ident.narx.linear",
     "deatwin.ident.narx.preprocess",
@@ -22,6 +25,7 @@ PUBLIC = (
     "deatwin.ident.greybox",
     "deatwin.ident.mismatch",
     "deatwin.control",
+    "deatwin.control.export",
     "deatwin.studies.sweep",
 )
 

@@ -12,10 +12,10 @@ import pytest
 
 from deatwin.plant import Diaphragm, ElectrodeRC, Plant
 from deatwin.plant.builder import Builder
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.equations import Equations
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.film import FilmPoint, point_capacitances
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.rigs.diaphragm import GRAVITY
 from deatwin.plant.simulate import Simulator

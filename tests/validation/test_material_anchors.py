@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy, maxwell_strain
 from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy, maxwell_strain
 from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
 from deatwin.plant.laws.stress import nominal_stress, shear_modulus, tangent
 from deatwin.plant.material import MATERIALS

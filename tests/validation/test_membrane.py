@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from deatwin.plant import Diaphragm, Experiment, Plant
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.files import read_recording
 from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import RestState, rest_state
 
 GRAVITY = 9.80665

@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.material import gent
 from deatwin.plant.rest import rest_state

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting, story
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import deatwin.plant.material as materials
 from deatwin.plant import Parameter, Plant
 from deatwin.plant.actuation import CurveEnd, actuation_curve
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.linear_elastic import LinearElastic
 from deatwin.plant.rigs.bow_tie import BowTie

@@ -4,6 +4,7 @@ from deatwin.plant.actuation import ActuationCurve, actuation_curve
 from deatwin.plant.builder import Builder
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.chain import MeasuringChain
+from deatwin.plant.datasheets import Amplifier, Converter, Laser, Part, quantise
 from deatwin.plant.effects import (
     AmplifierOffset,
     AmplifierSaturation,
@@ -42,9 +43,10 @@ from deatwin.plant.effects import (
 )
 from deatwin.plant.errors import DataError, DeatwinError, ModelError, RigError, SimulationError
 from deatwin.plant.files import read_experiment, read_recording
-from deatwin.plant.fleet import Actuator, fleet
+from deatwin.plant.fleet import Actuator, History, Tolerance, fleet, specification
 from deatwin.plant.limits import Event
 from deatwin.plant.linear_elastic import LinearElastic
+from deatwin.plant.material import MATERIALS, Branch, Material, material
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
@@ -64,16 +66,20 @@ from deatwin.plant.sources import load_plant
 from deatwin.plant.thesis import thesis_plant
 
 __all__ = [
+    "MATERIALS",
     "ActuationCurve",
     "Actuator",
+    "Amplifier",
     "AmplifierOffset",
     "AmplifierSaturation",
     "AmplifierSlew",
     "BlockedPlanar",
     "BowTie",
+    "Branch",
     "Builder",
     "CalibratedPlant",
     "ChargeInjection",
+    "Converter",
     "CoulombFriction",
     "Coupon",
     "Creep",
@@ -91,14 +97,18 @@ __all__ = [
     "Event",
     "Experiment",
     "Family",
+    "History",
     "Hysteresis",
+    "Laser",
     "Leakage",
     "LinearElastic",
+    "Material",
     "MeasuringChain",
     "ModelError",
     "Mullins",
     "Parameter",
     "ParameterSet",
+    "Part",
     "PeriodicDisturbance",
     "PermittivityDrift",
     "PermittivityStretch",
@@ -127,14 +137,18 @@ __all__ = [
     "StartProcedure",
     "StrainStiffening",
     "ThermalStiffness",
+    "Tolerance",
     "actuation_curve",
     "catalogue",
     "effect_named",
     "fleet",
     "load_plant",
+    "material",
+    "quantise",
     "read_experiment",
     "read_recording",
     "read_rig",
     "resample",
+    "specification",
     "thesis_plant",
 ]

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.errors import RigError
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.energies import maxwell_branch
 
 if TYPE_CHECKING:

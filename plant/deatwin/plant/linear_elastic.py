@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-from deatwin.plant.dielectric import maxwell_strain
+from deatwin.plant.laws.dielectric import maxwell_strain
 from deatwin.plant.material import Material
 
 

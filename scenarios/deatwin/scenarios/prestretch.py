@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.actuation import ActuationCurve, actuation_curve
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.energies import maxwell_branch
 from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.material import material

@@ -6,8 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.film import FilmPoint, PointwiseFilm, film_points, point_capacitances
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.material import gent
 from deatwin.plant.parameters import ParameterSet
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant import Diaphragm, Planar, Plant, RunStatus, SimulationError
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import rest_state
 
 RAMP = np.linspace(0.0, 3.75, 500)

@@ -1,1 +1,5 @@
-"""Controllers as C source for the micro-controller on the bench."""
+"""Controllers as C source."""
+
+from deatwin.control.export.controller import controller_source
+
+__all__ = ["controller_source"]

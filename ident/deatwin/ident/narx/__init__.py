@@ -7,6 +7,7 @@ y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.export import narx_source
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier
@@ -72,6 +73,7 @@ __all__ = [
     "extend",
     "free_run_band",
     "generate_terms",
+    "narx_source",
     "one_step_band",
     "prune",
     "refine",

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.dielectric import conduction_density
 from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.laws.dielectric import conduction_density
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Leakage(Effect):
     References
     ----------
     Foo, Koh, Keplinger, Kaltseis, Bauer & Suo, J. Appl. Phys. 111 (2012) 094107, doi:10.1063/1.4714557 (form; the
-    values are those of `deatwin.plant.dielectric.conduction_density`).
+    values are those of `deatwin.plant.laws.dielectric.conduction_density`).
     """
 
     resistance: float = 1e9

@@ -1,1 +1,63 @@
-"""Constitutive laws: energies and stresses of films, permittivity, breakdown."""
+"""Constitutive laws of films: energies, electrostatics, permittivity and breakdown."""
+
+from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001, BreakdownLaw
+from deatwin.plant.laws.dielectric import (
+    VACUUM_PERMITTIVITY,
+    capacitance,
+    conduction_density,
+    effective_permittivity,
+    electric_energy,
+    electrostriction_factors,
+    electrostrictive_strain,
+    maxwell_strain,
+    maxwell_stress,
+)
+from deatwin.plant.laws.energies import (
+    arruda_boyce,
+    first_invariant,
+    gent,
+    maxwell_branch,
+    mooney_rivlin,
+    neo_hookean,
+    ogden,
+    second_invariant,
+    yeoh,
+)
+from deatwin.plant.laws.permittivity import (
+    displacement,
+    polarisation_rate,
+    polarised_energy,
+    random_walk,
+    relaxing,
+    stretched,
+)
+
+__all__ = [
+    "HUANG_2012",
+    "KOFOD_2001",
+    "VACUUM_PERMITTIVITY",
+    "BreakdownLaw",
+    "arruda_boyce",
+    "capacitance",
+    "conduction_density",
+    "displacement",
+    "effective_permittivity",
+    "electric_energy",
+    "electrostriction_factors",
+    "electrostrictive_strain",
+    "first_invariant",
+    "gent",
+    "maxwell_branch",
+    "maxwell_strain",
+    "maxwell_stress",
+    "mooney_rivlin",
+    "neo_hookean",
+    "ogden",
+    "polarisation_rate",
+    "polarised_energy",
+    "random_walk",
+    "relaxing",
+    "second_invariant",
+    "stretched",
+    "yeoh",
+]

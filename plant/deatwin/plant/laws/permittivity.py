@@ -1,6 +1,6 @@
 r"""Laws of the film's permittivity: with stretch, with time, at random, and with a polarisation that lags.
 
-A constant permittivity needs no law: it is the number that `deatwin.plant.dielectric` takes.
+A constant permittivity needs no law: it is the number that `deatwin.plant.laws.dielectric` takes.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY, electric_energy
 from deatwin.plant.errors import DataError
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy
 
 Symbol = Any  # a CasADi SX, MX, DM or a float
 

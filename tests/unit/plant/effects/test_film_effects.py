@@ -9,7 +9,6 @@ from scipy.special import erf
 
 from deatwin.plant import Coupon, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.builder import Builder
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.effects.mullins import Mullins
 from deatwin.plant.effects.permittivity_drift import PermittivityDrift
 from deatwin.plant.effects.permittivity_stretch import PermittivityStretch
@@ -17,6 +16,7 @@ from deatwin.plant.effects.prestretch_relaxation import PrestretchRelaxation
 from deatwin.plant.effects.strain_stiffening import StrainStiffening
 from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
 from deatwin.plant.film import Film, FilmPoint
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.parameters import ParameterSet
 
 STRIP = Coupon()

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
 from deatwin.plant import DataError
-from deatwin.plant.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.laws.permittivity import (
     displacement,
     polarisation_rate,

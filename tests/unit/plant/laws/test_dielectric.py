@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from deatwin.plant.dielectric import (
+from deatwin.plant.laws.dielectric import (
     VACUUM_PERMITTIVITY,
     capacitance,
     conduction_density,
