@@ -32,6 +32,9 @@ _GAP = 5.0  # usual steps; why is said above
 _FOLDED = 1.1
 """Of the usual step: what a sample time no longer than that folds is the last tenth of the band, of which linear
 interpolation leaves less than a half anyway."""
+_FINEST = 10.0
+"""New rows to a usual step, at most: nine of ten would lie on a straight line between two others already, and a model
+would learn the interpolation."""
 _STAYS = 0.5  # of the rows: more stay than change
 _TOLD = 2000  # new rows tell the gain of the interpolation to 1 %
 _ROUNDED = 1e-6  # of a step: times of so little jitter are even but for their print
@@ -122,9 +125,16 @@ def plan_resampling(
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0))
         raise DataError(
-            f"{where(row + 1)}: times do not increase: {timepts[row + 1]:.9g} s follows {timepts[row]:.9g} s"
+            f"{where(row + 1)}: times do not increase: {timepts[row + 1]:.9g} s follows {timepts[row]:.9g} s; "
+            "take out rows that stand twice, and put the others in order"
         )
     usual = float(np.median(steps))
+    if usual > _FINEST * (1.0 + _SAME) * sample_time:
+        raise DataError(
+            f"{where(0)}: rows every {usual:g} s cannot tell a clock of {sample_time:g} s: "
+            f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
+            f"{resampling_options(timepts)}"
+        )
     # Where the new clock is slower than a step, nothing is missing between two new rows.
     long = steps > max(_GAP * usual, _FOLDED * sample_time)
     if long.any() and not allow_gaps:

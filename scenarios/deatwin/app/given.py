@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_commands, read_experiment
-from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.files.wanted import header_like, units_like
 from deatwin.plant.recording import Experiment, Recording, label
@@ -70,10 +72,12 @@ class GivenPlant:
             reading=rig.reading,
             input_unit=rig.input_unit,
             output_unit=rig.output_unit,
-            rig=self.described,
         )
         for record in read.recordings:
-            self._require_unit(record)
+            self._require_unit(record)  # before numbers in an unknown unit are found too large
+            if self.described is not None:
+                check_command_range(record, self.described.drive)
+                check_motion(record, self.described.film)
         return read
 
     def _require_unit(self, record: Recording) -> None:
@@ -83,11 +87,12 @@ class GivenPlant:
             return
         usual = usual_unit(rig.output_name) == rig.output_unit
         shown = split_unit(COLUMNS[rig.output_name])[1] if usual else rig.output_unit
+        column = self.output_column or name
         likes = units_like(rig.output_unit)
         also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
         raise DataError(
             f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it '
-            f'in {rig.output_unit}: it needs a header with the unit, as in "{header_like(name, shown)}"{also}'
+            f'in {rig.output_unit}: it needs a header with the unit, as in "{header_like(name, shown)}"{also}; or state it: --output-column "{column}={shown}"'
         )
 
     def commands(self, file: str | Path) -> Recording:

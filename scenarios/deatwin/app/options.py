@@ -17,9 +17,15 @@ RigSource = Annotated[
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 InputColumn = Annotated[
-    str | None, typer.Option(metavar="NAME", help="Header of the input column, or its place: #2 is the second.")
+    str | None,
+    typer.Option(
+        metavar="NAME[=UNIT]", help="Header of the input column, or its place: #2 is the second; =mV states its unit."
+    ),
 ]
-OutputColumn = Annotated[str | None, typer.Option(metavar="NAME", help="Header of the output column, or its place.")]
+OutputColumn = Annotated[
+    str | None,
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the output column, or its place; =mm states its unit."),
+]
 TimeColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME[=UNIT]", help="Header of the column of times, or its place; =ms states its unit."),

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_csv, write_text_atomic
+from deatwin.plant.files.formats.xlsx import split_sheet
 from deatwin.plant.files.replacing import place_of
 
 
@@ -93,7 +94,7 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
 
 def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
     """Raise DataError if a file that will be written is one of those that are read."""
-    if file.exists() and any(Path(name).is_file() and file.samefile(name) for name in inputs):
+    if file.exists() and any(p.is_file() and file.samefile(p) for p in (Path(split_sheet(i)[0]) for i in inputs)):
         raise DataError(f"{file}: this command reads the file, and would write over it; give another place or name")
 
 

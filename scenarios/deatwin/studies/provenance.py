@@ -12,6 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from deatwin.plant.files.formats.xlsx import split_sheet
+
 SCHEMA = "deatwin/run/1"
 PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "control", "joblib", "matplotlib")
 
@@ -29,7 +31,7 @@ def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 def hashes(files: Iterable[str | Path]) -> list[dict[str, str]]:
     """Names and SHA-256 of the files that went into a run; what is no file is left out."""
-    existing = [Path(file) for file in files if Path(file).is_file()]
+    existing = [path for file in files if (path := Path(split_sheet(file)[0])).is_file()]
     return [{"file": str(f), "sha256": hashlib.sha256(f.read_bytes()).hexdigest()} for f in existing]
 
 

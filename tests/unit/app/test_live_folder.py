@@ -188,7 +188,7 @@ def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
 
 def test_other_columns_are_read_as_they_are_named(root: Path) -> None:
     content = TABLE.replace("command_V", "U").encode()
-    columns = {"input_column": "U", "output_column": "displacement_mm"}
+    columns = {"input_column": "U", "output_column": "displacement_mm", "time_column": "#1"}
     assert keep_upload(root, "other.csv", content, most_bytes=10_000, **columns) == "other.csv"
     with pytest.raises(DataError, match="command_V"):
         keep_upload(root, "again.csv", content, most_bytes=10_000)

@@ -1,11 +1,16 @@
 """Recordings that are sampled too fast for a NARX model."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
+from deatwin.app.cli import main
 from deatwin.app.thinning import thinned
 from deatwin.ident.narx.preprocess import choose_sampling
+from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -35,3 +40,17 @@ def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:
     assert thinned(slow, None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
     assert "not decimated" in thinned(slow, "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes[0]
     assert thinned(slow, "3", ReadingTime.END_OF_HOLD, held_out=0.3).records[0].sample_time == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize("samples", [12, 40])
+def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str], samples: int) -> None:
+    u = np.random.default_rng(5).standard_normal(samples)
+    y = lfilter([0.5], [1.0, -0.6], u)
+    write_csv(tmp_path / "r.csv", {"time_s": 0.1 * np.arange(samples), "command_V": u, "displacement_mm": y})
+    assert main(["identify", str(tmp_path / "r.csv"), "--out", str(tmp_path / "m.json"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert f"r.csv: {samples} samples tell no spectrum" in found["notes"][-1]
+    assert found["unseen"][0]["validation"].startswith("residuals not tested: ")
+    assert found["unseen"][0]["failed_tests"] is None
+    if samples == 40:
+        assert found["terms"]["y(k-1)"] == pytest.approx(0.6, abs=1e-3)

@@ -80,7 +80,7 @@ def test_the_bandwidth_is_that_of_the_interpolation() -> None:
     times = np.concatenate([[0.0], STEP * (np.arange(500) + 0.5)])  # new rows midway: cos(pi f h), 3 dB at 0.25 / h
     assert plan_resampling(times, STEP, str).bandwidth == pytest.approx(0.25 / STEP, rel=0.02)
     assert plan_resampling(STEP * np.arange(500), STEP, str).bandwidth == 0.5 / STEP  # nothing is moved
-    finer = plan_resampling(STEP * np.arange(200), STEP / 50, str)  # all places between rows: sinc squared
+    finer = plan_resampling(STEP * np.arange(200), STEP / 10, str)  # all places between rows: sinc squared
     x = np.linspace(0.01, 1.0, 10_000)
     assert finer.bandwidth == pytest.approx(x[np.argmax(np.sinc(x) ** 2 < np.sqrt(0.5))] / STEP, rel=0.15)
 
@@ -116,11 +116,11 @@ def test_even_times_are_kept_and_uneven_ones_are_not_passed_over_in_silence(tmp_
     found = read_recording(tmp_path / "even.csv", resample=STEP)
     np.testing.assert_array_equal(found.outputs, read_recording(tmp_path / "even.csv").outputs)
     assert "resampled" not in found.provenance
-    write_csv(tmp_path / "millis.csv", {"millis": times, "command_V": even, "displacement_mm": even})
-    said = read_recording(tmp_path / "millis.csv", dt=STEP).provenance["clock"]
-    assert '"millis" was passed over' in said
-    (column,) = re.findall(r'--time-column "(\S+)"', said)
-    found = read_recording(tmp_path / "millis.csv", time_column=column, resample=STEP)
+    write_csv(tmp_path / "ticks.csv", {"clock": times, "command_V": even, "displacement_mm": even})
+    said = read_recording(tmp_path / "ticks.csv", dt=STEP).provenance["clock"]
+    assert '"clock" was passed over' in said
+    assert said.endswith(f'--time-column "clock=ms" --resample {STEP}')
+    found = read_recording(tmp_path / "ticks.csv", time_column="clock=ms", resample=STEP)
     assert found.end == pytest.approx(1e-3 * times[-1], abs=1.5 * STEP)
 
 
@@ -136,10 +136,42 @@ def test_times_without_a_unit_that_are_no_seconds(tmp_path: Path, *, even: bool)
     assert found.end == pytest.approx(1e-3 * times[-1], abs=1.5 * STEP)
 
 
+@pytest.mark.parametrize("header", ["millis", "Time_ms", "t [ms]", "timeMillis", "uptime ms", "Zeit, ms"])
+def test_the_name_of_the_times_says_their_unit(tmp_path: Path, header: str) -> None:
+    times = 1e3 * jittered(50)
+    write_csv(
+        tmp_path / "r.csv", {header.replace(",", ""): times, "command_V": np.sin(times), "displacement_mm": times}
+    )
+    # The step that the user means is offered, not the median of these.
+    with pytest.raises(DataError, match=f"--resample {STEP}, in Python"):
+        read_recording(tmp_path / "r.csv", dt=STEP)
+    found = read_recording(tmp_path / "r.csv", dt=STEP, resample=STEP)
+    assert found.end == pytest.approx(1e-3 * times[-1], abs=1.5 * STEP)
+
+
+def test_whole_numbers_without_a_unit_raise_a_question(tmp_path: Path) -> None:
+    times = 100.0 * np.arange(50)
+    write_csv(tmp_path / "r.csv", {"time": times, "command_V": np.sin(times), "displacement_mm": times})
+    found = read_recording(tmp_path / "r.csv")
+    assert found.sample_time == 100.0
+    assert "are they milliseconds?" in found.provenance["clock"]
+    with pytest.raises(DataError, match=r"999 of 1000 new rows .* --resample 100; where .* --time-column \"time=ms\""):
+        read_recording(tmp_path / "r.csv", resample=0.1)
+    for column, step in (("time=ms", 0.1), ("time=s", 100.0)):
+        told = read_recording(tmp_path / "r.csv", time_column=column, resample=step)
+        assert told.sample_time == step
+        assert "clock" not in told.provenance
+    write_csv(tmp_path / "r.csv", {"time": 0.02 * times, "command_V": np.sin(times), "displacement_mm": times})
+    assert "clock" in read_recording(tmp_path / "r.csv").provenance
+    write_csv(tmp_path / "r.csv", {"time": 1e-3 * times, "command_V": np.sin(times), "displacement_mm": times})
+    assert "clock" not in read_recording(tmp_path / "r.csv").provenance
+
+
 @pytest.mark.parametrize(
     ("times", "step", "says"),
     [
         ([0.0, 0.1], 0.1, "shape"),
+        ([0.0, 0.1, 0.2], 0.009, "take one of 0.01 s or more"),
         ([0.0, 0.2, 0.1], 0.1, "sample 2: times do not increase"),
         ([0.0, 0.1, 0.2], 0.0, "must be positive"),
         ([0.0, 0.1, 0.2], 5.0, "no two samples"),

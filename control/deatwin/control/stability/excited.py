@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deatwin.control.arguments import each, instance, pair, require_fields, taking
 from deatwin.control.errors import ControlError
 from deatwin.plant.errors import DataError, ModelError
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Recording, label
 
 BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
 """Keys of a model's provenance: up to which frequency its recording excited, and, if any, the holes below, Hz."""
@@ -218,15 +218,15 @@ def _power(recording: Recording) -> NDArray[np.float64]:
     """Of the lines of the input's spectrum, from 0 Hz on, one over the duration apart."""
     command = recording.inputs[0]
     if not np.ptp(command) > 0.0:
-        raise DataError("the input of the recording is constant: it excites nothing")
+        raise DataError(f"{label(recording)}: the input is constant: it excites nothing")
     if command.size < _FEWEST:
-        raise DataError(f"a recording of {command.size} samples says nothing of a spectrum: {_FEWEST} are the least")
+        raise DataError(f"{label(recording)}: {command.size} samples tell no spectrum of the input; {_FEWEST} would")
     # A trend, and ends that do not meet, would look like power at all frequencies.
     timepts = np.linspace(-1.0, 1.0, command.size)
     trend = np.polynomial.Polynomial.fit(timepts, command, 1)(timepts)
     left = command - trend
     if not np.abs(left).max() > 1e-9 * np.ptp(command):
-        raise DataError("the input of the recording is a ramp: it excites nothing but the slowest motion")
+        raise DataError(f"{label(recording)}: the input is a ramp: it excites nothing but the slowest motion")
     return np.asarray(np.abs(np.fft.rfft(left * np.hanning(command.size))) ** 2)
 
 

@@ -90,7 +90,8 @@ class Regression:
         most = min(n_terms, len(self.table.terms))
         if self.n_samples <= most:
             raise ModelError(
-                f"{self.n_samples} usable samples are too few for up to {most} terms; at least {most + 1} are needed"
+                f"{self.n_samples} usable samples are too few for up to {most} terms; at least {most + 1} are needed: "
+                "allow fewer terms, or record longer"
             )
 
     def only(self, indices: Iterable[int]) -> Regression:

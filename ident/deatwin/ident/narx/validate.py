@@ -335,10 +335,12 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     simulated = [model.simulate(record) for record in chosen]
     residuals = [response.residuals for response in predicted]
     n_samples = sum(residual.shape[1] for residual in residuals)
-    if max_lag < 1 or n_samples < _LEAST_SAMPLES * max_lag or not 0 < level < 1:
+    if max_lag < 1 or not 0 < level < 1:
+        raise ModelError(f"max_lag = {max_lag}, level = {level}: the lag is at least 1, the level between 0 and 1")
+    if n_samples < (needed := _LEAST_SAMPLES * max_lag):
         raise ModelError(
-            f"max_lag = {max_lag}, level = {level}: {n_samples} residuals allow lags of 1 to "
-            f"{n_samples // _LEAST_SAMPLES}, and the level lies between 0 and 1"
+            f"{n_samples} samples after the model's lags are too few to test its residuals: correlations over "
+            f"{max_lag} lags need {needed}"
         )
     largest = np.max([np.abs(record.outputs).max(axis=1) for record in chosen], axis=0)
     exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= _ROUNDING * largest))

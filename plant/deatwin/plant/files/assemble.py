@@ -14,11 +14,12 @@ from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
 from deatwin.plant.files.columns import extra_columns
+from deatwin.plant.files.dates import ORDERS, moment
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
-from deatwin.plant.files.timecolumns import no_times, time_column, with_times
-from deatwin.plant.files.times import BEGAN, moment
+from deatwin.plant.files.timecolumns import no_times, time_column, times_options, unit_of_steps, with_times
+from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.recording import Recording, label
@@ -60,11 +61,24 @@ def recordings_of(
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
-    source = _Source(table=table, roles=roles, numbers=numbers, passed_over=_passed_over(table, used, times))
+    # Beside a stated sample time, a column of whole numbers one apart that has no unit says nothing more.
+    counted = (
+        told is not None and dt is not None and not unit and named_times is None and bool((np.diff(told) == 1).all())
+    )
+    told = None if counted else told
+    ticks = times is not None and not unit and told is not None and _may_be_ticks(table, times, told)
+    remark = ""
+    if times is not None and told is not None:
+        remark = _seconds_or_ticks(table, times, told) if ticks and stated is None else ""
+    elif counted and times is not None and dt != 1.0:
+        remark = f'the stated sample time was taken; the column "{table.shown(times)}" counts the rows'
+    elif stated:
+        remark = _passed_over(table, used, stated.sample_time)
+    source = _Source(table=table, roles=roles, numbers=numbers, remark=remark)
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     except DataError as error:
-        if times is None or unit or told is None or not _may_be_ticks(table, times, told):
+        if times is None or not ticks:
             raise
         raise DataError(
             f'{error}; where the column "{table.shown(times)}" is not in seconds, state its unit: --time-column '
@@ -86,7 +100,7 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
             table.path,
             "" if table.scales.get(times) else " in s",
         )
-    if not unit and (scale := table.scales.get(times)) and not scale.dates:
+    if not unit and (scale := table.scales.get(times)) and scale.unit and scale.began:
         logger.warning(
             '%s: the column "%s" holds %s, as their size says; its clock starts at %s',
             table.path,
@@ -99,16 +113,21 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
 def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
     """Return whether times that nothing gives a unit may count ms or the like: they go on by whole numbers."""
     steps = np.diff(told)
-    whole = bool((steps > 0.0).all() and np.array_equal(told, np.round(told)))
+    whole = bool(steps.size and (steps > 0.0).all() and np.array_equal(told, np.round(told)))
     return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     """Return recordings on the clock of the earliest, if all of them say at which date their own clock began."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
+    files = " and ".join(label(recording) for recording in recordings)
+    if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
+        raise DataError(
+            f"{files}: the dates of some may have the day or the month first, and none tells; state it for all: "
+            f"--time-column NAME={ORDERS[0]} or NAME={ORDERS[1]}"
+        )
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)
-    files = " and ".join(label(recording) for recording in recordings)
     try:
         began = [moment(str(date)) for date in dates]
     except ValueError:
@@ -144,7 +163,7 @@ class _Source:
     table: Table
     roles: Mapping[str, tuple[int, ...]]
     numbers: Mapping[int, Floats]
-    passed_over: str
+    remark: str
 
     def recording(
         self,
@@ -186,9 +205,9 @@ class _Source:
         """Return where the rows from one up to another come from."""
         table = self.table
         rows = f"{table.row(first)}-{table.row(last - 1)}"
-        clock = {"clock": self.passed_over} if self.passed_over else {}
+        clock = {"clock": self.remark} if self.remark else {}
         for scale in table.scales.values():
-            clock |= {"times": scale.said, BEGAN: scale.began.isoformat()}
+            clock |= scale.provenance
         return {"file": table.path, "sha256": table.sha256, "rows": rows, **clock}
 
 
@@ -240,14 +259,14 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
     return tuple(made)
 
 
-def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
+def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
     """Return what is to be said of uneven times in a column that no unit tells to be times; else an empty text."""
     named = [
         k
         for k, name in enumerate(table.names)
         if k not in used and _LIKE_TIMES.search(name) and UNITS[table.units[k]].si in ("", "s")
     ]
-    for column in named if times is None else []:
+    for column in named:
         try:
             found = table.si([column])[0]
         except DataError:
@@ -258,12 +277,22 @@ def _passed_over(table: Table, used: Sequence[int], times: int | None) -> str:
         try:
             even_pieces(found, str, allow_gaps=True)
         except DataError:
+            unit = "" if table.units[column] else unit_of_steps(float(np.median(steps)), dt)
             return (
                 f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though '
                 f"it looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds "
-                f'them, name it: --time-column "{table.unmistakable(column)}{"" if table.units[column] else "=ms"}"'
+                f"them, name it: {times_options(table, column, unit, dt)}"
             )
     return ""
+
+
+def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
+    """Return the question that whole numbers without a unit raise, which were taken as seconds."""
+    named = f'--time-column "{table.unmistakable(times)}'
+    return (
+        f'the column "{table.shown(times)}" gives no unit, and its whole numbers were taken as seconds, '
+        f'{np.median(np.diff(told)):g} s a sample; are they milliseconds? Then state {named}=ms", else {named}=s"'
+    )
 
 
 def _is_even(told: Floats | None, sample_time: float) -> bool:

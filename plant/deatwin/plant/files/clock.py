@@ -72,25 +72,58 @@ def even_pieces(
     if len(timepts) < 2:
         raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
     steps = np.diff(timepts)
+    if stated and _coarse(timepts, stated):
+        return stated, [Piece.even(len(timepts), stated, _start(timepts, stated))]
     if (steps <= 0.0).any():
-        sample = int(np.argmax(steps <= 0.0))
-        raise DataError(
-            f"{where(sample + 1)}: times do not increase: {timepts[sample + 1]:.9g} s follows {timepts[sample]:.9g} s"
-        )
+        raise _not_increasing(timepts, where)
     usual = float(np.median(steps))
+    meant = stated or usual  # the clock that an advice names
     tolerance = _SLACK * max(_JITTER * usual, min(_rounding(timepts, steps, usual), _ROUNDING * usual))
     long = steps > _GAP * usual
     short = steps < usual - 2.0 * tolerance
     if long.sum() > max(_FEW_GAPS, _LONG_STEPS * len(steps)) or short.sum() > _SHORT_STEPS * len(steps):
-        raise _odd_step(timepts, np.abs(steps - usual) > 2.0 * tolerance, usual, tolerance, where)
+        raise _odd_step(timepts, np.abs(steps - usual) > 2.0 * tolerance, usual, tolerance, where, meant)
     if (odd := ~long & (steps > usual + 2.0 * tolerance)).any():
-        raise _odd_step(timepts, odd, usual, tolerance, where)
+        raise _odd_step(timepts, odd, usual, tolerance, where, meant)
     runs = list(pairwise([0, *(np.flatnonzero(long | short) + 1), len(timepts)]))
     sample_time = _sample_time(timepts, runs, usual, tolerance, where, stated)
     if long.any() and not allow_gaps:
         raise _gap(timepts, long, usual, where)
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
     return sample_time, list(_pieces(timepts, edges, short, sample_time, tolerance))
+
+
+def _coarse(timepts: Floats, sample_time: float) -> bool:
+    """Return whether times repeat only because they are printed with few digits, and keep a clock within the last."""
+    steps = np.diff(timepts)
+    if (steps < 0.0).any() or (steps == 0.0).mean() < _ROUNDED_STEPS or not steps.any():
+        return False
+    digit = float(steps[steps > 0.0].min())
+    # A rounded time lies half a digit off, one that is cut off a whole one: off the middle of all, half.
+    off = float(_off_clock(timepts, sample_time).max())
+    return digit > sample_time * (1.0 + _JITTER) and off <= _SLACK * 0.5 * digit
+
+
+def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
+    """Return the error of times that repeat or go back, with what would help."""
+    steps = np.diff(timepts)
+    at = np.flatnonzero(steps <= 0.0) + 1
+    row = int(at[0])
+    more = f" ({len(at)} such rows in all)" if len(at) > 1 else ""
+    ranks = np.arange(len(timepts)) - 0.5 * (len(timepts) - 1)
+    fitted = abs(float(ranks @ timepts / (ranks @ ranks)))
+    # A sample time has few digits.
+    rounded = [step for digits in (1, 2, 3, 4) if _coarse(timepts, step := float(f"{fitted:.{digits}g}"))]
+    advice = "take the rows out that stand twice, or correct their times"
+    if (back := steps < 0.0).any():
+        row = int(np.argmax(back)) + 1
+        restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
+        advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
+    elif rounded:
+        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: --dt {rounded[0]:g}"
+    return DataError(
+        f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}"
+    )
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
@@ -176,13 +209,15 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     )
 
 
-def _odd_step(timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str]) -> DataError:
+def _odd_step(
+    timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str], meant: float
+) -> DataError:
     """Return the error that names the first row that comes too late or too early after the one before."""
     sample = int(np.argmax(odd)) + 1
     step = timepts[sample] - timepts[sample - 1]
     return DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
-        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(timepts, usual)}"
+        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(timepts, meant)}"
     )
 
 

@@ -4,9 +4,11 @@ from collections.abc import Callable, Collection, Mapping
 from functools import partial
 
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.csvtext import header_line
 from deatwin.plant.files.formats.table import Table, is_place
+from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
-from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.files.wanted import in_units, require_known_units
 from deatwin.plant.intake import clipped
@@ -132,7 +134,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     timed = "--dt SECONDS" if times is None else f"{times_options(table, times)} (or --dt SECONDS)"
     return DataError(
         f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
-        f"{' '.join([*said, timed])}, or put a header above: time_s,command_V,displacement_mm"
+        f"{' '.join([*said, timed])}, or put a header above: {header_line(len(table.headers), table.delimiter, times)}"
     )
 
 
@@ -155,7 +157,11 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
     """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
-    named = [column for column in range(len(table.names)) if table.names[column] == name]
+    named = [
+        column
+        for column in range(len(table.names))
+        if table.names[column] == name and (table.units[column] or not table.own_unit(column))
+    ]
     if set(taken).intersection(named):
         return None  # the quantity has its role already
     fitting = [column for column in named if UNITS[table.units[column]].si == UNITS[right].si]

@@ -3,7 +3,7 @@
 import csv
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from pathlib import Path
@@ -15,7 +15,8 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvtext import BLANKS, decode, find_layout, is_comment, is_number, names_and_units, split_cells
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.units import Unit, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import Unit
 from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
@@ -29,16 +30,16 @@ class CsvTable(Table):
 
     lines: list[str]  # The lines that hold samples
     rows: list[int]  # The number of each in the file, as an editor shows it; the first line is 1
-    delimiter: str  # Comma, semicolon, tab or bar; a blank stands for any run of blanks and tabs
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, as an editor shows it."""
         return self.rows[sample]
 
-    def first(self, column: int) -> str:
-        """Return the first cell of a column, as the file has it; empty where there is none."""
-        row = split_cells(self.lines[0], self.delimiter)
-        return row[column] if column < len(row) else ""
+    def texts(self, column: int) -> Iterator[str]:
+        """Yield the cells of a column, as the file has them; an empty text where there is none."""
+        for line in self.lines:
+            row = split_cells(line, self.delimiter)
+            yield row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
         """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n)."""
@@ -65,8 +66,8 @@ class CsvTable(Table):
         return scale.seconds(cells) if scale else _si(cells, self.unit(column))
 
     def _dated(self, column: int) -> bool:
-        """Return whether a column holds dates."""
-        return column in self.scales and self.scales[column].dates
+        """Return whether a column holds dates or times of day."""
+        return column in self.scales and self.scales[column].texts
 
     def _cells(self) -> list[list[str]]:
         """Return the cells of all rows; none has more than the header, and between blanks none has fewer."""

@@ -10,10 +10,11 @@ from collections import Counter
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.units import find_unit, for_name, split_unit
+from deatwin.plant.files.dates import is_clock, is_date
+from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.units import find_unit
 from deatwin.plant.intake import clipped
 
-_WANTED = "time_s,command_V,displacement_mm"
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _HEAD = 1000  # lines at most before the samples
@@ -21,7 +22,6 @@ _LIKE_SAMPLES = 3  # lines that hold numbers follow a header, where there are so
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # no blank before or in brackets
 _FAR_APART = re.compile(r"\s{2,}|\t")
-_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?([T ]\d.*)?")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,8 +45,12 @@ def decode(content: bytes, path: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Chinese characters take two such bytes each; Latin-1's µ, ° and accents stand alone.
-        paired = all(len(run) % 2 == 0 for run in re.findall(rb"[\x80-\xff]+", content))
+        # Chinese characters take two such bytes each, the common ones beginning with B0 to D7; Latin-1's µ, ° and accents
+        # stand alone, or are small letters from DF on, as in größe.
+        runs = re.findall(rb"[\x80-\xff]+", content)
+        paired = all(len(run) % 2 == 0 for run in runs) and any(
+            0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2]
+        )
         return content.decode("gbk" if paired else "latin-1", errors="replace")
 
 
@@ -70,6 +74,13 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     if layout := _nameless(lines):
         return layout
     raise _no_layout(lines, rows, marks[0], path)
+
+
+def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
+    """Return a header that fits rows of so many cells, with the times in one of them, as an error text shows it."""
+    usual = ["command_V", "displacement_mm"]
+    names = ["time_s" if k == times else usual.pop(0) if usual else f"column_{k + 1}" for k in range(width)]
+    return f"{' '.join(names)}, parted by tabs" if delimiter == "\t" else delimiter.join(names)
 
 
 def is_comment(line: str) -> bool:
@@ -101,11 +112,6 @@ def is_number(cell: str) -> bool:
     return "_" not in cell  # Python's own mark between thousands
 
 
-def is_date(cell: str) -> bool:
-    """Return whether a cell begins as a date of ISO 8601 does: year, month, day."""
-    return _DATE.fullmatch(cell) is not None
-
-
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and what the line of units says."""
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
@@ -127,11 +133,11 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 
 
 def _are_units(cells: list[str]) -> bool:
-    """Return whether a line holds units: known ones, or others in brackets or as a dash, one known at least."""
+    """Return whether a line holds units: known ones, or others in brackets, with a stroke or as a dash; one known."""
     filled = [cell for cell in cells if cell]
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
-        cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]", cell) for cell in filled
+        cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*", cell) for cell in filled
     )
 
 
@@ -218,7 +224,7 @@ def _kind(cell: str) -> str:
     """Return what a cell holds: nothing, a number, a date, a text, or a mixture of numbers and marks."""
     if not cell or _is_value(cell):
         return "number" if cell else ""
-    if is_date(cell):
+    if is_date(cell) or is_clock(cell):
         return "date"
     return "text" if re.search(r"[^\W\d_]", cell) and not any(map(_is_value, cell.split())) else "mixture"
 
@@ -249,7 +255,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
-        advice = f"the first line must name the columns, and no name is a number; for example {_WANTED}"
+        advice = f"the first line must name the columns, and no name is a number; for example {header_line(len(cells[0]), delimiter)}"
         if delimiter == "," and _is_cut(lines, cells):
             advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
         return DataError(f"{path}, row {rows[0]}: no header; {advice}")

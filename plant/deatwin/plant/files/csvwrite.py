@@ -10,7 +10,8 @@ from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.csvtable import DESCRIPTION, EXACT, decimal_relation, power_of_ten, reader
 from deatwin.plant.files.csvtext import is_number
 from deatwin.plant.files.formats.description import describe, header_with_unit, rows_of, signals_of
-from deatwin.plant.files.units import UNITS, Unit, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS, Unit
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.recording import Recording
 

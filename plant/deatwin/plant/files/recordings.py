@@ -17,9 +17,9 @@ from deatwin.plant.files.formats.mat import read_mat, write_mat
 from deatwin.plant.files.formats.netcdf import read_netcdf, write_netcdf
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
-from deatwin.plant.files.formats.xlsx import read_xlsx
+from deatwin.plant.files.formats.xlsx import read_xlsx, split_sheet
 from deatwin.plant.files.replacing import replacing
-from deatwin.plant.files.wanted import in_units, require_known_units
+from deatwin.plant.files.wanted import in_units, require_known_units, with_stated_units
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
@@ -66,15 +66,16 @@ def read_recordings(
     Parameters
     ----------
     path : str or Path
-        The file.
+        The file; of a workbook with several sheets also the sheet, ``lab.xlsx#Sheet2``.
     input_column, output_column : str, optional
         Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
         file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
-        line below it, or in an attribute; values without a known unit are taken as they are.
+        line below it, in an attribute, or here behind an equals sign, ``"#2=mm"``; values without a known unit are
+        taken as they are.
     time_column : str, optional
         Header of the times, or the place; by default the column called ``time`` or the like, else the one with a
         unit of time. The unit is that of the header, or stands behind an equals sign, ``"Timestamp=ms"``; else it
-        is the second. Dates of ISO 8601 and Unix times, whose size tells their unit, put the zero of the clock at
+        is the second; of dates ``"Date=dmy"`` or ``mdy`` says what comes first. Dates and Unix times put the zero of the clock at
         the first sample; the provenance holds its date as ``clock_began``.
     allow_gaps : bool, default False
         Split the record at its gaps and keep the clock. Else a gap is an error.
@@ -349,7 +350,7 @@ def _write_text(path: Path, text: str) -> None:
 
 def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     """Return how a file's format is read or written."""
-    ending = Path(path).suffix.lower()
+    ending = Path(split_sheet(path)[0] if verb == "read" else path).suffix.lower()
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
@@ -374,6 +375,7 @@ def _recordings(
     rig: RigFile | None,
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
+    table, asked = with_stated_units(table, asked)
     chosen = chosen_columns(table, asked, units)
     wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
     table = in_units(table, wanted)

@@ -1,19 +1,25 @@
 """Which column of a table holds the times, and in which unit."""
 
+import math
 import re
 from dataclasses import replace
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
+from deatwin.plant.files.dates import ORDERS
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
+from deatwin.plant.files.wanted import split_stated
 from deatwin.plant.intake import clipped
 from deatwin.plant.resampling import resampling_options
 
-_TIME_NAMES = ("time", "t", "zeit", "temps", "时间")
-_STAMP_NAMES = ("ts", "timestamp", "datetime", "unixtime", "times", "seconds", "timesec", "elapsedtime")
+_TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
+_STAMP_NAMES = (
+    *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
+    *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
+)
 _LISTED = 5  # columns that an error text names
 
 
@@ -34,6 +40,8 @@ def time_column(
     found = usual or named or stamped or timed or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
+    if len(found) > 1 and found == timed:  # beside a clock there may be durations
+        found = [column for column in found if holds_times(table, column)] or found
     if len(found) > 1 and needed:
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         raise DataError(
@@ -44,8 +52,8 @@ def time_column(
 
 
 def _plain(name: str) -> str:
-    """Return a name without capitals, blanks and strokes."""
-    return re.sub(r"[\s_-]", "", name).lower()
+    """Return a name without capitals, blanks, strokes and what stands in brackets behind it, such as a time zone."""
+    return re.sub(r"[\s/&+_-]|\(.*\)$", "", name).lower()
 
 
 def _group(name: str) -> str:
@@ -55,13 +63,14 @@ def _group(name: str) -> str:
 
 def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
     """Return the column of the times that the user names, and its unit."""
-    name, stated = wanted, ""
-    before, sign, behind = wanted.rpartition("=")
-    if sign and wanted not in table.headers:
-        name, stated = before, find_unit(behind)
-        if UNITS[stated].si != "s":
+    name, behind = split_stated(table, wanted)
+    stated = ""
+    if behind:
+        stated = behind if behind in ORDERS else find_unit(behind)
+        if stated not in (*TIME_UNITS, *ORDERS):
             raise DataError(
-                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}'
+                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}, and '
+                f"of dates {' and '.join(ORDERS)}, for the day or the month first"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
@@ -87,13 +96,19 @@ def likely_times(table: Table, taken: set[int]) -> list[int]:
     return [k for k, way in ways.items() if not way] or list(ways)
 
 
-def times_options(table: Table, column: int) -> str:
+def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> str:
     """Return the options of a command that take a column as the times."""
-    more = _uneven(table, column)
-    return f'--time-column "{table.unmistakable(column)}"{f" {more}" if more else ""}'
+    more = _uneven(table, column, unit, step)
+    stated = f"={unit}" if unit else ""
+    return f'--time-column "{table.unmistakable(column)}{stated}"{f" {more}" if more else ""}'
 
 
-def _uneven(table: Table, column: int, unit: str = "") -> str | None:
+def unit_of_steps(step: float, sample_time: float) -> str:
+    """Return the unit in which a step of times without one comes nearest to a sample time, s."""
+    return min(("s", "ms", "us", "ns"), key=lambda unit: abs(math.log(step / UNITS[unit].denominator / sample_time)))
+
+
+def _uneven(table: Table, column: int, unit: str = "", step: float | None = None) -> str | None:
     """Return the options that a column needs to be the times, empty where its clock is even; None where it cannot."""
     own = table.units[column]
     if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
@@ -103,20 +118,28 @@ def _uneven(table: Table, column: int, unit: str = "") -> str | None:
     except DataError:
         return None
     try:
-        even_pieces(times, table.where, allow_gaps=False)
+        even_pieces(times, table.where, allow_gaps=False, stated=step)
     except DataError:
-        return resampling_options(times) or None
+        return resampling_options(times, step) or None
     return ""
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
     """Return the table that reads a column as times."""
+    order = unit if unit in ORDERS else ""
+    units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
+    scale = time_scale(table.texts(column), unit)
     # What deatwin wrote comes back as it was, whatever its clock.
-    own = table.declared.signals or table.headers[column] == USUAL_TIMES
-    scale = time_scale(table.first(column), unit)
-    if scale and own and not scale.dates:
+    if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
-    units = tuple(unit or "s" if k == column else known for k, known in enumerate(table.units))
+    if order and not scale:
+        raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; leave ={order} out')
+    if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
+        either = " or ".join(f'--time-column "{table.unmistakable(column)}={order}"' for order in ORDERS)
+        raise DataError(
+            f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
+            f"none of them tells; state it: {either}"
+        )
     return replace(table, units=units, scales={column: scale} if scale else {})
 
 

@@ -1,4 +1,4 @@
-"""Times that are no plain numbers of a unit: dates of ISO 8601, and Unix times.
+"""Times that are no plain numbers of a unit: dates, times of day, and Unix times.
 
 A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2065, when it
 will be 3e9 s, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
@@ -6,18 +6,18 @@ explanation; above, numbers may be seconds since 1904, as LabVIEW counts. Where 
 tried.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 
-from deatwin.plant.files.csvtext import is_date
+from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.intake import clipped
 
 BEGAN = "clock_began"
 """The provenance that holds the date of a clock's zero."""
-DATES = "dates of ISO 8601"
+DATES = "dates"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
 _FIRST, _LAST = 10**9, 3 * 10**9  # s
@@ -28,25 +28,36 @@ _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 class TimeScale:
     """How a column of times is read: as seconds since its first value."""
 
-    unit: str  # A key of `deatwin.plant.files.units.UNITS`; empty for dates
-    began: datetime  # The first value, which is the zero of the clock
+    unit: str  # A key of `deatwin.plant.files.units.UNITS`; empty for dates and times of day
+    began: datetime | None = None  # The first value, which is the zero of the clock; None where its date is not known
     first: Decimal = Decimal(0)
+    order: str = "dmy"
 
     @property
-    def dates(self) -> bool:
-        """Whether the values are dates, and no numbers."""
+    def texts(self) -> bool:
+        """Whether the values are dates or times of day, and no numbers."""
         return not self.unit
 
     @property
     def said(self) -> str:
         """What the values were taken as."""
-        return DATES if self.dates else f"Unix times in {self.unit}"
+        if self.unit:
+            return f"Unix times in {self.unit}"
+        return DATES if self.began else "times of day"
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """What a recording keeps of it; a date whose day and month nobody knows is none."""
+        known = {BEGAN: self.began.isoformat()} if self.began and self.order else {}
+        return {"times": self.said, **known}
 
     def seconds(self, cells: Sequence[str]) -> list[float]:
         """Return times as seconds since the first."""
-        if self.dates:
-            began = self.began
-            return [_since(moment(cell), began) for cell in cells]
+        if self.texts:
+            if (began := self.began) is None:
+                times = day_seconds(cells)
+                return [float(time - times[0]) for time in times]
+            return [(moment(cell, self.order) - began).total_seconds() for cell in cells]
         if any("_" in cell for cell in cells):
             raise ValueError("Python's own mark between thousands")
         unit, first = UNITS[self.unit], self.first
@@ -55,48 +66,45 @@ class TimeScale:
 
     def fault(self, cell: str) -> str:
         """Return what is wrong with a cell, empty where nothing is."""
-        if not self.dates:
+        if not self.texts:
             return ""
+        if self.began is None:
+            return "" if is_clock(cell) else f'"{clipped(cell)}" is no time of day such as 12:00:00.25'
         try:
-            date = moment(cell)
+            date = moment(cell, self.order)
         except ValueError:
-            return f'"{clipped(cell)}" is no date of ISO 8601, such as 2024-05-01 12:00:00.25'
+            return f'"{clipped(cell)}" is no date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00'
         if (date.tzinfo is None) != (self.began.tzinfo is None):
             return f'"{clipped(cell)}": of the dates, some have an offset from UTC and others have none'
         return ""
 
 
-def moment(text: str) -> datetime:
-    """Return a date of ISO 8601, with a stroke for each dash also.
-
-    Examples
-    --------
-    >>> moment("2024-05-01 12:00:00.5"), moment("2024-05-01T14:00:00+02:00").isoformat()
-    (datetime.datetime(2024, 5, 1, 12, 0, 0, 500000), '2024-05-01T12:00:00+00:00')
-    """
-    found = datetime.fromisoformat(text.strip().replace("/", "-"))
-    try:
-        return found.astimezone(UTC) if found.tzinfo else found
-    except OverflowError:
-        raise ValueError("before the first year, or behind the last one") from None
-
-
-def time_scale(first: str, unit: str) -> TimeScale | None:
+def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
     """Return how a column of times is read, or None where it holds plain numbers.
 
     Examples
     --------
-    >>> time_scale("1714564800500", "").said, time_scale("1714564800500", "").began.isoformat()
-    ('Unix times in ms', '2024-05-01T12:00:00.500000+00:00')
-    >>> time_scale("12.5", "")
+    >>> time_scale(["1714564800500"], "").provenance
+    {'times': 'Unix times in ms', 'clock_began': '2024-05-01T12:00:00.500000+00:00'}
+    >>> time_scale(["12.5"], "")
     """
-    if is_date(first.strip()):
+    cells = iter(texts)
+    first = next(cells, "").strip()
+    if is_date(first):
+        order = unit if unit in ORDERS else date_order([first, *cells])
         try:
-            return TimeScale(unit="", began=moment(first))
+            return TimeScale(unit="", began=moment(first, order), order=order)
         except ValueError:
             return None
+    if is_clock(first):
+        return TimeScale(unit="")
+    return None if unit in ORDERS else _unix(first, unit)
+
+
+def _unix(first: str, unit: str) -> TimeScale | None:
+    """Return how Unix times are read; None where the first value is none."""
     try:
-        value = Decimal(first.strip().replace(",", "."))
+        value = Decimal(first.replace(",", "."))
         for name in (unit,) if unit else _SIZED:
             seconds = value * int(UNITS[name].numerator) / int(UNITS[name].denominator)
             if _FIRST <= seconds < _LAST:
@@ -105,8 +113,3 @@ def time_scale(first: str, unit: str) -> TimeScale | None:
     except ArithmeticError:  # no number, or one beyond decimal ones
         return None
     return None
-
-
-def _since(date: datetime, began: datetime) -> float:
-    """Return the seconds between two dates."""
-    return (date - began).total_seconds()

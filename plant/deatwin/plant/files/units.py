@@ -113,18 +113,6 @@ UNITS = {
     "%": Unit("1", 1, 1e2),
 }
 _SAME_KIND = {"Hz": "1/s"}
-_LOWERED = {name.lower() for name in UNITS}
-_IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
-_RATE = re.compile(r"(.+?)_((?:m?rad|deg|rev|[kcmu]?m)_(?:per_)?(?:s2?|min|h))")
-_LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
-_IN_WORDS = re.compile(r"(.+?)\s+in\s+(\S.*)")
-_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
-_FORMS = (_IN_BRACKETS, _RATE, _LAST_PART, _IN_WORDS, _DIVIDED)
-"""How a header may give its unit, as the second group."""
-_NO_QUANTITIES = frozenset({"counts"})
-"""Before a stroke these begin a unit that is not known, as in ``counts/s``."""
-_DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
-_ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 _PREFIXES = {
     "": "",
     "pico": "p",
@@ -163,6 +151,10 @@ _SPELLED_OUT = {
     "degree": "deg",
     "revolution": "rev",
     "percent": "%",
+    "millis": "ms",
+    "micros": "us",
+    "nanos": "ns",
+    "nsec": "ns",
     "sec": "s",
     "msec": "ms",
     "usec": "us",
@@ -281,37 +273,6 @@ def _known(symbols: Counter[str]) -> str:
     return whole if whole in UNITS else ""
 
 
-def split_unit(header: str) -> tuple[str, str]:
-    """Return name and unit of a column header.
-
-    Examples
-    --------
-    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
-    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
-    """
-    for form in _FORMS:
-        match = form.fullmatch(header)
-        if not match:
-            continue
-        unit = find_unit(re.sub("_(per_)?", "/", match[2]) if form is _RATE else match[2])
-        if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
-            return match[1], for_name(match[1], unit)
-    return header, ""
-
-
-def for_name(name: str, unit: str) -> str:
-    """Return the unit that is meant behind a name, where the name decides between two.
-
-    Examples
-    --------
-    >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("accel_x", "g"), for_name("mass", "g")
-    ('C', 'Δ°C', 'gn', 'g')
-    """
-    if unit == "C" and _DIFFERENCE.match(name):
-        return "Δ°C"
-    return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
-
-
 def same_kind(first: str, second: str) -> bool:
     """Return whether two SI units measure the same kind of quantity, so that numbers in one are numbers in the other.
 
@@ -321,40 +282,3 @@ def same_kind(first: str, second: str) -> bool:
     (True, False)
     """
     return _SAME_KIND.get(first, first) == _SAME_KIND.get(second, second)
-
-
-def without_unit(header: str, unit: str) -> str:
-    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
-
-    Examples
-    --------
-    >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
-    ('speed', 'speed', '')
-    """
-    own = re.escape(unit)
-    forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
-    if unit not in ("", "1"):  # speed_1 is the first of several speeds
-        forms += [rf"(.+?)\s*_{own}", rf"(.+?)\s+in\s+{own}"]
-    return next((match[1] for form in forms if (match := re.fullmatch(form, header))), "")
-
-
-def unknown_unit(header: str) -> str:
-    """Return what a header gives as its unit where that is none, but was surely meant to be one.
-
-    Examples
-    --------
-    >>> unknown_unit("command_MV"), unknown_unit("U (%FS)"), unknown_unit("U_cmd"), unknown_unit("x (left)")
-    ('MV', '%FS', '', '')
-    """
-    for form in _FORMS:
-        if match := form.fullmatch(header):
-            said = match[2].strip("()[] ")
-            if "%" in said or (len(said) > 1 and said.lower() in _LOWERED):
-                return said
-    return ""
-
-
-def _is_rate(before: str, unit: str) -> bool:
-    """Whether what stands before a stroke belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
-    rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
-    return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -1,6 +1,7 @@
 """The columns of a recording as deatwin writes them."""
 
-from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS
 
 USUAL_TIMES = "time_s"
 """The header of the times in the files that deatwin writes."""

@@ -5,20 +5,53 @@ from dataclasses import replace
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
-from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind, unknown_unit, without_unit
+from deatwin.plant.files.headers import for_name, is_misspelt, without_unit
+from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
 from deatwin.plant.intake import clipped
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
-    """Refuse columns whose headers give as their unit what is none."""
+    """Refuse columns in a unit that differs from a known one by its capitals only."""
     for column in columns:
-        header = table.headers[column]
-        if column not in table.wanted and not table.units[column] and (said := unknown_unit(header)):
+        said = table.own_unit(column)
+        if column not in table.wanted and is_misspelt(said):
             known = [unit for unit in UNITS if unit]
             raise DataError(
-                f'{table.path}: the column "{clipped(header)}" is in "{clipped(said)}", which is no known unit'
+                f'{table.path}: the column "{table.shown(column)}" is in "{clipped(said)}", which is no known unit'
                 f"{nearest(said, known)} (capitals count; known are {', '.join(known)})"
             )
+
+
+def split_stated(table: Table, wanted: str) -> tuple[str, str]:
+    """Return the column that a user names and the unit behind its ``=``; one whose own name holds such a sign wins."""
+    name, sign, unit = wanted.rpartition("=")
+    whole = not sign or not unit.strip() or wanted in (*table.headers, *table.names)
+    return (wanted, "") if whole else (name, unit.strip())
+
+
+def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Table, dict[str, str | None]]:
+    """Return a table with the units that a user states behind the names of the input and the output. `asked` column
+    by role, ``"#3"`` or ``"#3=mm"``.
+    """
+    bare, units = dict(asked), list(table.units)
+    said = list(table.said or [""] * len(units))
+    for role in ("input", "output"):
+        name, unit = split_stated(table, asked.get(role) or "")
+        if not unit:
+            continue
+        bare[role] = name
+        try:
+            column = table.column(name)
+        except DataError:  # whoever looks for the column tells it better
+            continue
+        known = for_name(table.names[column], find_unit(unit))
+        if units[column] and known != units[column]:
+            raise DataError(
+                f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
+                f"{clipped(unit)}; leave ={clipped(unit)} out"
+            )
+        units[column], said[column] = known, unit
+    return replace(table, units=tuple(units), said=tuple(said)), bare
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
@@ -43,8 +76,7 @@ def _way(table: Table, column: int, wanted: str) -> Unit | None:
         return unit.onto(target, wanted)
     if wanted == "1" and (unit.is_si or unit.si == "1"):
         return replace(unit, si=wanted)
-    said = known or said or unknown_unit(header)
-    if not said:
+    if not (said := known or said or table.own_unit(column)):
         return None
     raise _another_unit(table, column, said, wanted)
 
@@ -72,11 +104,14 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataErro
             f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
         )
     likes = units_like(wanted)
+    stated = (
+        "" if unit in UNITS or is_misspelt(unit) else f'; or state another one: "{table.unmistakable(column)}={wanted}"'
+    )
     return DataError(
         f"{place}, but the plant takes it in {wanted}{nearest(unit, likes)} (one of {', '.join(likes)} must stand "
-        f'behind its name, as in "{better}")'
+        f'behind its name, as in "{better}"){stated}'
         if len(likes) > 1
-        else f'{place}, but the plant takes it in {wanted}; where it is in that, call the column "{better}"'
+        else f'{place}, but the plant takes it in {wanted}; where it is in that, call the column "{better}"{stated}'
     )
 
 

@@ -126,9 +126,10 @@ def identify(
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
-    from deatwin.app.thinning import thinned
+    from deatwin.app.thinning import LEAST, thinned
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
+    from deatwin.plant.errors import ModelError
     from deatwin.plant.files import read_recordings
     from deatwin.plant.rigs.base import ReadingTime
     from deatwin.studies.folder import ResultFolder, require_place
@@ -168,13 +169,18 @@ def identify(
             except KeyboardInterrupt:
                 complain("interrupted before a model was found; nothing was written")
                 raise typer.Exit(130) from None
+            except ModelError as error:
+                if sum(fitted.n_samples for fitted, _ in pieces) >= LEAST:
+                    raise
+                raise ModelError(f"{', '.join(dict.fromkeys(_labels(records)))}: {error}") from None
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
-        model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
+        excited, unexcited = _excited(records)
+        model = _for_check(identifier.model_, excited, records, [unseen for _, unseen in pieces])
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
         _say(voice, model, errors, _labels(records))
-        for note in identifier.notes_:
+        for note in (*identifier.notes_, *unexcited):
             voice.say(f"note: {note}")
         for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
             voice.say(remark)
@@ -191,7 +197,7 @@ def identify(
                 "terms": terms,
                 "origins": _origins(model),
                 "complete": identifier.status_.ok,
-                "notes": list(identifier.notes_),
+                "notes": [*identifier.notes_, *unexcited],
                 "unseen": errors,
                 "input_lags": chosen.lags,
                 "dead_times": chosen.document,
@@ -280,20 +286,35 @@ def _origins(model: NarxModel) -> dict[str, float]:
     return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
-def _for_check(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> NarxModel:
-    """The model with what `frequency` and `check` ask for: excited band, free-run residual, and the residual tests."""
-    from dataclasses import replace
-
+def _excited(records: list[Recording]) -> tuple[dict[str, str], list[str]]:
+    """The band that the recordings excited as a model keeps it, and what to say where none can be told."""
     import numpy as np
 
     from deatwin.control.stability.excited import Excitation, excitation
+    from deatwin.plant.errors import DataError
+
+    found, faults = [], []
+    for record in records:
+        if np.ptp(record.inputs[0]) > 0:
+            try:
+                found.append(excitation(record))
+            except DataError as error:
+                faults.append(f"{error}; the model does not say up to which frequency it can be relied upon")
+    return (Excitation.joined(found).provenance, []) if found else ({}, faults)
+
+
+def _for_check(
+    model: NarxModel, excited: dict[str, str], records: list[Recording], unseen: list[Recording]
+) -> NarxModel:
+    """The model with what `frequency` and `check` ask for: excited band, free-run residual, and the residual tests."""
+    from dataclasses import replace
+
     from deatwin.ident.narx import assess_reliance
 
-    excited = Excitation.joined(excitation(record) for record in records if np.ptp(record.inputs[0]) > 0)
     left = _largest_residual(model, records, unseen)
     reliance = assess_reliance(model, unseen)
     told = {} if reliance is None else reliance.provenance
-    return replace(model, provenance={**model.provenance, **excited.provenance, **left, **told})
+    return replace(model, provenance={**model.provenance, **excited, **left, **told})
 
 
 def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:
@@ -346,7 +367,7 @@ def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
     try:
         found = validate(model, unseen)
     except ModelError as error:
-        return {"validation": f"no correlation tests: {error}", "failed_tests": None, "unstable": []}
+        return {"validation": f"residuals not tested: {error}", "failed_tests": None, "unstable": []}
     return {
         "validation": found.status.value,
         "failed_tests": [test.name for test in found.failed],

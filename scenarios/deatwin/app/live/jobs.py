@@ -46,8 +46,9 @@ class Order:
     rig: str  # Rig file or ``model.json`` in the folder
     recordings: Sequence[str]  # Files in the folder: one experiment
     out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
-    input_column: str = ""  # Headers of the columns; empty for the usual ones
+    input_column: str = ""
     output_column: str = ""
+    time_column: str = ""
     allow_gaps: bool = False  # Split records at gaps
     seed: int = 0
 
@@ -55,7 +56,7 @@ class Order:
     def arguments(self) -> list[str]:
         """Those of ``deatwin``, run in the folder."""
         files = [f"./{name}" if name.startswith("-") else name for name in (self.rig, *self.recordings)]
-        columns = (("--input-column", self.input_column), ("--output-column", self.output_column))
+        columns = {"input": self.input_column, "output": self.output_column, "time": self.time_column}
         return [
             "diagnose",
             *files,
@@ -63,7 +64,7 @@ class Order:
             self.out,
             "--seed",
             str(self.seed),
-            *(f"{option}={name}" for option, name in columns if name),
+            *(f"--{role}-column={name}" for role, name in columns.items() if name),
             *(["--allow-gaps"] if self.allow_gaps else []),
         ]
 

@@ -100,6 +100,7 @@ class View:
         with ui.expansion("Columns, gaps, seed").props("dense").classes("full"):
             self.input_column = _field(ui.input("Input column, if not command_V"))
             self.output_column = _field(ui.input("Output column, if not displacement_mm"))
+            self.time_column = _field(ui.input("Column of times, if not time_s"))
             self.allow_gaps = ui.checkbox("Split records at their gaps")
             self.seed = _field(ui.number("Seed", value=0, min=0, precision=0))
         self.fault = ui.label().classes("fault").props('role="alert"')
@@ -143,6 +144,7 @@ class View:
                 most_bytes=self.most_bytes,
                 input_column=self.input_column.value or None,
                 output_column=self.output_column.value or None,
+                time_column=self.time_column.value or None,
             )
         except (DeatwinError, OSError) as error:
             self.complain(_told(error))
@@ -164,6 +166,7 @@ class View:
                     out=self.out.value.strip(),
                     input_column=self.input_column.value,
                     output_column=self.output_column.value,
+                    time_column=self.time_column.value,
                     allow_gaps=self.allow_gaps.value,
                     seed=int(self.seed.value or 0),
                 )

@@ -23,6 +23,7 @@ def keep_upload(
     most_bytes: int,
     input_column: str | None = None,
     output_column: str | None = None,
+    time_column: str | None = None,
 ) -> str:
     """Keep a recording or a rig file in the folder, if it reads as the command line would read it."""
     kept = safe_name(name)
@@ -43,7 +44,7 @@ def keep_upload(
         if suffix == ".toml":
             read_rig(path)
         else:
-            read_experiment([path], input_column=input_column, output_column=output_column)
+            read_experiment([path], input_column=input_column, output_column=output_column, time_column=time_column)
 
     _keep(root, kept, content, read)
     return kept

@@ -44,9 +44,8 @@ def _diagnose(arguments: Sequence[str]) -> None:
 
     asked = _parse(arguments)
     files = [str(path) for path in asked["recordings"]]
-    plant = GivenPlant.load(
-        asked["rig"], input_column=asked["input_column"], output_column=asked["output_column"], dt=asked["dt"]
-    )
+    named = ("input_column", "output_column", "time_column", "dt", "resample")
+    plant = GivenPlant.load(asked["rig"], **{name: asked[name] for name in named})
     task = DiagnosisTask(
         plant=plant.model.plant,
         experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],

@@ -365,7 +365,7 @@ def test_the_plot_shows_five_panels_with_bands():
 
 
 def test_what_cannot_be_is_said():
-    with pytest.raises(ModelError, match="99 residuals allow lags of 1 to 24"):
+    with pytest.raises(ModelError, match=r"99 samples after the model's lags are too few .* over 25 lags need 100"):
         validate(model(), record(14, n=100))
     with pytest.raises(ModelError, match=r'did you mean "e\(eu\)"'):
         validate(model(), record(14)).test("e(ue)")

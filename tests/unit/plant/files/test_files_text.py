@@ -185,3 +185,10 @@ class TestDescription:
 def test_format_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r'files ".xls" cannot be written; known are .csv, .mat, .tdms, .nc'):
         write_recording(tmp_path / "rec.xls", Recording.from_arrays([1.0], [1.0], 1.0))
+
+
+@pytest.mark.parametrize("name", ["Größe", "Maßgröße", "température", "Länge µm"])
+def test_letters_of_latin_1_are_no_chinese(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "r.csv"
+    path.write_bytes(f"time_s;command_V;{name}\n0;0;1\n1;1;2\n".encode("latin-1"))
+    assert read_recording(path, output_column=name).output_names == (name,)

@@ -41,10 +41,23 @@ def test_sheet(tmp_path: Path, dates: bool) -> None:
 def test_several_sheets(tmp_path: Path) -> None:
     path = book(tmp_path / "rec.xlsx", dates=False)
     made = openpyxl.load_workbook(path)
-    made["empty"].append([1])
+    made["empty"].append(["operator", "Ada"])
     made.save(path)
-    with pytest.raises(DataError, match=r'2 sheets hold cells, "Sheet", "empty"; save the one with the recording'):
+    np.testing.assert_array_equal(read_recording(path, **ASKED).outputs, [[0.0, 0.001, 0.002, 0.003]])  # only notes
+    for row in ("tu", *[(k, k) for k in range(3)]):
+        made["empty"].append(tuple(row))
+    made.save(path)
+    with pytest.raises(DataError, match=r'2 sheets hold cells, "Sheet", "empty"; name one .* as in ".*rec.xlsx#Sheet"'):
         read_recording(path, **ASKED)
+    named = read_recording(f"{path}#Sheet", **ASKED)
+    np.testing.assert_array_equal(named.outputs, [[0.0, 0.001, 0.002, 0.003]])
+    assert named.provenance["file"] == f"{path}#Sheet"
+    with pytest.raises(
+        DataError, match=r'no sheet "sheet" with cells; did you mean "Sheet"\?; there are "Sheet", "empty"'
+    ):
+        read_recording(f"{path}#sheet", **ASKED)
+    with pytest.raises(DataError, match="no such file"):
+        read_recording(tmp_path / "other.xlsx#Sheet", **ASKED)
 
 
 def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import constants
 
-from deatwin.plant.files.units import UNITS, find_unit, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS, find_unit
 
 
 @pytest.mark.parametrize(
@@ -18,7 +19,7 @@ from deatwin.plant.files.units import UNITS, find_unit, split_unit
         ("t_rel (ms)", "t_rel", "ms"),
         ("x_mm (V)", "x_mm", "V"),
         ("film_voltage", "film_voltage", ""),
-        ("x_left (left)", "x_left (left)", ""),
+        ("x_left (left)", "x_left", ""),
         ("gain (V)_mm", "gain (V)", "mm"),
         ("mm", "mm", ""),
         ("U/mV", "U", "mV"),

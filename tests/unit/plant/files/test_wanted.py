@@ -98,3 +98,40 @@ def test_a_misspelt_column_is_offered_in_the_unit_that_is_wanted(tmp_path: Path,
     with pytest.raises(DataError, match=re.escape(f'did you mean "{offered}"?')):
         read(path, "spee (rpm)", wanted)
     assert read(path, offered, wanted)[1] == wanted
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"), [("speed [l/min]", "l/min"), ("speed (widgets/h)", "widgets/h"), ("speed / (m³/h)", "m³/h")]
+)
+def test_what_stands_in_brackets_is_the_unit_known_or_not(tmp_path: Path, header: str, unit: str) -> None:
+    for asked in ("speed", header, "#3"):
+        assert read(written(tmp_path, header), asked) == ("speed", unit, [1.0, 2.0, -3.0])
+    with pytest.raises(DataError, match=re.escape(f"is in {unit}, but the plant takes it in m")):
+        read(written(tmp_path, header), "speed", "m")
+    assert read(written(tmp_path, header), "speed=mm", "m") == ("speed", "m", [0.001, 0.002, -0.003])
+
+
+def test_an_unknown_unit_below_the_names_is_carried(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("t;u;flow\ns;V;l/min\n0;0;1\n0,1;1;2\n", encoding="utf-8")
+    found = read_recording(path, input_column="u", output_column="flow")
+    assert (found.input_units, found.output_names, found.output_units) == (("V",), ("flow",), ("l/min",))
+
+
+@pytest.mark.parametrize("asked", ["speed=mm", "#3=mm"])
+def test_a_unit_is_stated_behind_the_column(tmp_path: Path, asked: str) -> None:
+    assert read(written(tmp_path, "speed"), asked) == ("speed", "m", [0.001, 0.002, -0.003])
+    assert read(written(tmp_path, "speed"), asked, "mm") == ("speed", "mm", [1.0, 2.0, -3.0])
+    with pytest.raises(DataError, match=r"is in V, but is said to be in mm; leave =mm out"):
+        read(written(tmp_path, "speed_V"), asked.replace("speed", "speed_V"))
+    with pytest.raises(DataError, match='is in "MM", which is no known unit; did you mean "mm"'):
+        read(written(tmp_path, "speed"), asked.upper().replace("SPEED", "speed"))
+    assert read(written(tmp_path, "speed"), asked.replace("mm", "widgets/h"))[1] == "widgets/h"
+
+
+def test_a_name_with_an_equals_sign_wins(tmp_path: Path) -> None:
+    path = written(tmp_path, "x=mm")
+    assert read(path, "x=mm") == ("x=mm", "", [1.0, 2.0, -3.0])
+    assert read(path, "x=mm=um") == ("x=mm", "m", [1e-6, 2e-6, -3e-6])
+    with pytest.raises(DataError, match='no column "y"'):
+        read(path, "y=um")

@@ -1,6 +1,6 @@
 """Tables of the binary formats, whose columns are arrays, and whose units may stand in attributes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Table, Timing
+from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
-from deatwin.plant.files.units import UNITS, find_unit, for_name, split_unit
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.intake import COLUMNS, clipped
 
 
@@ -24,10 +25,9 @@ class ArrayTable(Table):
         """Return the number of a sample; the first is 1, as in MATLAB and LabVIEW."""
         return sample + 1
 
-    def first(self, column: int) -> str:
-        """Return the first value of a column as text; empty where there is none."""
-        values = self.columns[column]
-        return str(values[0]) if len(values) else ""
+    def texts(self, column: int) -> Iterator[str]:
+        """Yield the values of a column as text."""
+        return map(str, self.columns[column])
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
         """Return the clock that the file states for some columns, or None."""

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Signal, Timing
-from deatwin.plant.files.units import UNITS, split_unit
+from deatwin.plant.files.headers import split_unit
+from deatwin.plant.files.units import UNITS
 from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
 

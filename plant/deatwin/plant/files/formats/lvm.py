@@ -17,9 +17,11 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import CsvTable, read_bytes
 from deatwin.plant.files.csvtext import decode, is_number
+from deatwin.plant.files.dates import moment
 from deatwin.plant.files.formats.table import Declared, Timing
-from deatwin.plant.files.times import BEGAN, moment
-from deatwin.plant.files.units import find_unit, for_name, split_unit
+from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.times import BEGAN
+from deatwin.plant.files.units import find_unit
 from deatwin.plant.intake import COLUMNS, ROWS, TEXT_BYTES, clipped
 
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"

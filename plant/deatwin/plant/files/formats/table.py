@@ -2,18 +2,20 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.files.headers import said_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.intake import clipped
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
+_NO_UNITS = ("", "-", "–", "1")  # as a line of units leaves one out
 _LISTED = 20  # headers that an error text names
 
 
@@ -71,10 +73,11 @@ class Table(ABC):
     scales: Mapping[int, TimeScale] = field(default_factory=dict)
     said: tuple[str, ...] = ()
     wanted: Mapping[int, Unit] = field(default_factory=dict)
+    delimiter: str = ","
 
     @abstractmethod
-    def first(self, column: int) -> str:
-        """Return the first value of a column as text."""
+    def texts(self, column: int) -> Iterator[str]:
+        """Yield the values of a column, counted from 0, as text; an empty one where a value is missing."""
 
     @abstractmethod
     def row(self, sample: int) -> int:
@@ -90,7 +93,13 @@ class Table(ABC):
         own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
         if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
             return self.wanted.get(column, Unit(own))
-        return self.wanted.get(column, UNITS[known])
+        return self.wanted.get(column) or (UNITS[known] if known else Unit(self.own_unit(column)))
+
+    def own_unit(self, column: int) -> str:
+        """Return the unit of a column, counted from 0, in the file's own spelling where it is not known."""
+        said = self.said[column].strip("()[] ") if self.said else ""
+        said = "" if said in _NO_UNITS else said
+        return self.units[column] or said or said_unit(self.headers[column])
 
     def where(self, sample: int) -> str:
         """Return file and row of a sample, for an error text."""

@@ -1,13 +1,17 @@
-"""Workbooks of Excel (.xlsx), by openpyxl: the one sheet that holds cells is read as a CSV file of them."""
+"""Workbooks of Excel (.xlsx), by openpyxl: the one sheet that holds samples is read as a CSV file of its cells.
+
+Of several, one is named behind the file, ``lab.xlsx#Sheet2``.
+"""
 
 import hashlib
 import io
+import re
 import zipfile
 from datetime import datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
@@ -15,9 +19,16 @@ from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
 _LISTED = 10  # sheets that an error text names
 
 
+def split_sheet(path: str | Path) -> tuple[str, str]:
+    """Return the file, and the sheet that is named behind its ending; an empty text where none is."""
+    found = re.fullmatch(r"(.*\.xlsx)#(.+)", str(path), re.IGNORECASE | re.DOTALL)
+    return (found[1], found[2]) if found else (str(path), "")
+
+
 def read_xlsx(path: str | Path) -> CsvTable:
     """Read a workbook."""
-    content, name = read_bytes(path), str(path)
+    name, wanted = split_sheet(path)
+    content = read_bytes(name)
     openpyxl = require("openpyxl", f"{name}: an Excel workbook")
     with reading(name, "XLSX"):
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
@@ -26,13 +37,24 @@ def read_xlsx(path: str | Path) -> CsvTable:
         book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
         sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
     filled = {title: lines for title, lines in sheets.items() if lines}
-    if len(filled) > 1:
-        titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
-        raise DataError(
-            f"{name}: {len(filled)} sheets hold cells, {titles}; save the one with the recording as a file of its own"
-        )
-    lines = next(iter(filled.values()), [])
-    return table_of(lines, name, hashlib.sha256(content).hexdigest())
+    titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
+    if wanted and wanted not in filled:
+        raise DataError(f'{name}: no sheet "{clipped(wanted)}" with cells{nearest(wanted, filled)}; there are {titles}')
+    if wanted:
+        filled = {wanted: filled[wanted]}
+    tables = {}
+    for title, lines in filled.items() or [("", [])]:
+        try:
+            tables[title] = table_of(lines, str(path), hashlib.sha256(content).hexdigest())
+        except DataError:  # notes, beside the sheet that holds samples
+            if len(filled) < 2:
+                raise
+    if len(tables) == 1:
+        return next(iter(tables.values()))
+    longest = max(tables or filled, key=lambda title: len(filled[title]))
+    raise DataError(
+        f'{name}: {len(filled)} sheets hold cells, {titles}; name one behind the file, as in "{name}#{clipped(longest)}"'
+    )
 
 
 def _lines(sheet: Any) -> list[tuple[int, str]]:

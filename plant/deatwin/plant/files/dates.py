@@ -1,0 +1,137 @@
+"""Dates and times of day as loggers and spreadsheets write them.
+
+Year, month, day is ISO 8601, with strokes too. With points the day comes first, and a month by its name is certain.
+Between strokes or dashes day and month change places from country to country: one above 12 tells, else nothing does.
+"""
+
+import re
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta, timezone
+from decimal import Decimal
+
+ORDERS = ("dmy", "mdy")
+"""Day or month first, as a user states it."""
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
+_OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
+_CLOCK = re.compile(
+    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
+)
+_DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
+
+
+def is_date(cell: str) -> bool:
+    """Return whether a cell begins as a date does."""
+    if _ISO.fullmatch(cell):
+        return True
+    found = _OTHER.fullmatch(cell)
+    return found is not None and ((found[3].isdigit() and found[2] != " ") or found[3].lower() in _MONTHS)
+
+
+def is_clock(cell: str) -> bool:
+    """Return whether a cell is a time of day or an elapsed time: with seconds, or with am or pm."""
+    found = _CLOCK.fullmatch(cell)
+    if found and not found[6] and (found[3] or found[5]):
+        return True
+    found = _DURATION.fullmatch(cell)
+    return found is not None and (found[1] is not None or found[4] is not None)
+
+
+def date_order(cells: Iterable[str]) -> str:
+    """Return the one of `ORDERS` that the dates of a column tell; empty where nothing does."""
+    for cell in cells:
+        found = _OTHER.fullmatch(cell.strip())
+        if found is None or found[2] == "." or not found[3].isdigit() or int(found[1]) > 12:
+            return "dmy"
+        if int(found[3]) > 12:
+            return "mdy"
+    return ""
+
+
+def moment(text: str, order: str = "dmy") -> datetime:
+    """Return a date; in UTC if it has an offset. Raise ValueError if it is none.
+
+    Examples
+    --------
+    >>> moment("2024-05-01T14:00:00+02:00").isoformat(), moment("1.5.2024 12:00:00,5").isoformat()
+    ('2024-05-01T12:00:00+00:00', '2024-05-01T12:00:00.500000')
+    >>> moment("5/1/24 2:00 PM", "mdy").isoformat(), moment("01-May-2024 14:00:00").isoformat()
+    ('2024-05-01T14:00:00', '2024-05-01T14:00:00')
+    """
+    cell = text.strip()
+    try:
+        found = datetime.fromisoformat(cell)
+    except ValueError:
+        found = _moment(cell, order)
+    try:
+        return found.astimezone(UTC) if found.tzinfo else found
+    except OverflowError:
+        raise ValueError("before the first year, or behind the last one") from None
+
+
+def _moment(cell: str, order: str) -> datetime:
+    """Return a date that `datetime.fromisoformat` does not know."""
+    if found := _ISO.fullmatch(cell):
+        year, month, day, clock = found[1], found[2], found[3], found[4]
+    elif found := _OTHER.fullmatch(cell):
+        year, clock = found[4], found[5]
+        day, month = (found[3], found[1]) if order == "mdy" and found[3].isdigit() else (found[1], found[3])
+        month = month if month.isdigit() else str(1 + _MONTHS.index(month.lower()))
+        year = year if len(year) == 4 else f"20{year}"
+    else:
+        raise ValueError("no date")
+    date = datetime(int(year), int(month), int(day))
+    if not clock:
+        return date
+    time = _CLOCK.fullmatch(clock)
+    if time is None or not 0 <= (hour := _hour(time)) < 24 or int(time[2]) > 59 or int(time[3] or 0) > 59:
+        raise ValueError("no time of day")
+    micro = int(f"{time[4] or 0:0<6}"[:6])
+    date += timedelta(hours=hour, minutes=int(time[2]), seconds=int(time[3] or 0), microseconds=micro)
+    if not time[6]:
+        return date
+    hours, minutes = (
+        (0, 0) if time[6] in "Zz" else (int(time[6][:3]), int(time[6][0] + (time[6][3:].strip(":") or "0")))
+    )
+    return date.replace(tzinfo=timezone(timedelta(hours=hours, minutes=minutes)))
+
+
+def _hour(time: re.Match[str]) -> int:
+    """Return the hour of 24 of a time of day; -1 where it is none of a clock of 12."""
+    hour = int(time[1])
+    if not time[5]:
+        return hour
+    return hour % 12 + (12 if time[5].lower() == "p" else 0) if 1 <= hour <= 12 else -1
+
+
+def day_seconds(cells: Iterable[str]) -> list[Decimal]:
+    """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day or
+    more.
+
+    Examples
+    --------
+    >>> [float(seconds) for seconds in day_seconds(["23:59:59.5", "0:00:00.25"])]
+    [86399.5, 86400.25]
+    """
+    found: list[Decimal] = []
+    days = Decimal(0)
+    for cell in cells:
+        seconds = _of_day(cell.strip())
+        if found and seconds + days < found[-1] - 43200 and seconds < 86400:
+            days += 86400
+        found.append(seconds + days)
+    return found
+
+
+def _of_day(cell: str) -> Decimal:
+    """Return the seconds of a time of day or of an elapsed time."""
+    clock = _CLOCK.fullmatch(cell)
+    if clock and not clock[6] and (clock[3] or clock[5]):
+        hour, minutes, seconds, fraction = _hour(clock), clock[2], clock[3], clock[4]
+    elif (long := _DURATION.fullmatch(cell)) and (long[1] or long[4]):
+        hour, minutes, seconds, fraction = int(long[1] or 0), long[2], long[3], long[4]
+    else:
+        raise ValueError("no time of day")
+    if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:
+        raise ValueError("no time of day")
+    return Decimal(f"{3600 * hour + 60 * int(minutes) + int(seconds or 0)}.{fraction or 0}")

@@ -1,0 +1,108 @@
+"""Name and unit in the header of a column."""
+
+import re
+
+from deatwin.plant.files.units import UNITS, find_unit
+
+_LOWERED = {name.lower() for name in UNITS}
+_IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
+_RATE = re.compile(r"(.+?)_((?:m?rad|deg|rev|[kcmu]?m)_(?:per_)?(?:s2?|min|h))")
+_LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
+_IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
+_DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
+_FORMS = (_IN_BRACKETS, _RATE, _LAST_PART, _IN_WORDS, _DIVIDED)
+"""How a header may give its unit, as the second group."""
+_TIMES = re.compile(
+    r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
+    r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
+    re.IGNORECASE,
+)
+"""A header of times that ends in its unit, with nothing between that would part them."""
+_TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
+"""A unit of time that is all of a header; s, min and h alone may be a way, a minimum and a height."""
+_NO_QUANTITIES = frozenset({"counts"})
+"""Before a stroke these begin a unit that is not known, as in ``counts/s``."""
+_DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
+_ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
+
+
+def split_unit(header: str) -> tuple[str, str]:
+    """Return name and unit of a column header.
+
+    Examples
+    --------
+    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
+    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
+    >>> split_unit("speed [l/min]"), split_unit("x (1)")
+    (('speed', ''), ('x (1)', ''))
+    """
+    for form in _FORMS:
+        match = form.fullmatch(header)
+        if not match:
+            continue
+        unit = find_unit(re.sub("_(per_)?", "/", match[2]) if form is _RATE else match[2])
+        if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
+            return match[1], for_name(match[1], unit)
+    if match := _TIMES.fullmatch(header):
+        return match[1], find_unit((match[2] or match[3]).lower())
+    if _TIME_WORD.fullmatch(header):
+        return header, find_unit(header.lower())
+    match = _IN_BRACKETS.fullmatch(header)
+    return (match[1] if match and said_unit(header) == match[2].strip("()[] ") else header), ""
+
+
+def for_name(name: str, unit: str) -> str:
+    """Return the unit that is meant behind a name, where the name decides between two.
+
+    Examples
+    --------
+    >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("accel_x", "g"), for_name("mass", "g")
+    ('C', 'Δ°C', 'gn', 'g')
+    """
+    if unit == "C" and _DIFFERENCE.match(name):
+        return "Δ°C"
+    return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
+
+
+def without_unit(header: str, unit: str) -> str:
+    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
+
+    Examples
+    --------
+    >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
+    ('speed', 'speed', '')
+    """
+    own = re.escape(unit)
+    forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
+    if unit not in ("", "1"):  # speed_1 is the first of several speeds
+        forms += [rf"(.+?)\s*_{own}", rf"(.+?)\s+in\s+{own}"]
+    return next((match[1] for form in forms if (match := re.fullmatch(form, header))), "")
+
+
+def said_unit(header: str) -> str:
+    """Return what a header gives as its unit where that is no known one, as the header has it; else an empty text.
+
+    Examples
+    --------
+    >>> said_unit("speed [l/min]"), said_unit("command_MV"), said_unit("U_cmd"), said_unit("x (1)")
+    ('l/min', 'MV', '', '')
+    """
+    for form in _FORMS:
+        if match := form.fullmatch(header):
+            said = match[2].strip("()[] ")
+            if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]", said):
+                return said
+            if is_misspelt(said):
+                return said
+    return ""
+
+
+def is_misspelt(unit: str) -> bool:
+    """Return whether an unknown unit differs from a known one by its capitals only."""
+    return len(unit) > 1 and unit.lower() in _LOWERED and not find_unit(unit)
+
+
+def _is_rate(before: str, unit: str) -> bool:
+    """Whether what stands before a stroke belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
+    rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
+    return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

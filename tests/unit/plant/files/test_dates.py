@@ -1,0 +1,150 @@
+"""Dates, times of day, and times that repeat, as loggers write them."""
+
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant import DataError, Recording
+from deatwin.plant.files import read_experiment, read_recording
+from deatwin.plant.files.dates import is_clock, is_date, moment
+
+STEP = 0.25
+BEGAN = datetime(2025, 12, 31, 23, 59, 55)
+OURS = "%Y-%m-%dT%H:%M:%S"
+
+
+def written(folder: Path, cells: list[str], header: str = "Time", mark: str = ";") -> Path:
+    """A file of a logger: times, a command and a reading with decimal commas."""
+    values = np.sin(np.arange(len(cells)))
+    rows = [
+        mark.join([cell, *(f"{v:.6f}".replace(".", "," if mark == ";" else ".") for v in (value, value**2))])
+        for cell, value in zip(cells, values, strict=True)
+    ]
+    path = folder / "log.csv"
+    path.write_text("\n".join([mark.join([header, "command_V", "displacement_mm"]), *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def stamps(form: str, began: datetime = BEGAN, count: int = 40) -> list[str]:
+    """Python's own writing of the times, with milliseconds where the form says ``~``."""
+    moments = [began + timedelta(seconds=STEP * k) for k in range(count)]
+    return [m.strftime(form).replace("~", f"{m.microsecond // 1000:03d}") for m in moments]
+
+
+def the_clock(recording: Recording) -> tuple[float, float]:
+    return recording.sample_time, float(recording.timepts[-1] - recording.timepts[0])
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        "%d.%m.%Y %H:%M:%S.~",
+        "%d.%m.%Y %H:%M:%S,~",
+        "%d.%m.%y %H:%M:%S,~",
+        "%d/%m/%Y %H:%M:%S.~",
+        "%d-%b-%Y %H:%M:%S.~",
+        "%d %b %Y %H:%M:%S.~",
+        "%m/%d/%Y %I:%M:%S.~ %p",
+        "%m/%d/%y %H:%M:%S:~",
+        "%Y/%m/%d %H:%M:%S.~",
+        "%Y.%m.%d %H:%M:%S.~",
+        "%Y-%m-%dT%H:%M:%S.~Z",
+        "%d.%m.%Y %H:%M:%S.~+01:00",
+    ],
+)
+@pytest.mark.parametrize("header", ["Time", "Datum", "Date/Time", "Timestamp (UTC)"])
+def test_dates_are_times(tmp_path: Path, form: str, header: str) -> None:
+    found = read_recording(written(tmp_path, stamps(form), header))
+    assert the_clock(found) == (STEP, STEP * 39)
+    began = BEGAN - timedelta(hours=1) if "+" in form else BEGAN
+    assert found.provenance["clock_began"][:19] == began.strftime(OURS)
+
+
+@pytest.mark.parametrize("form", ["%H:%M:%S.~", "%H:%M:%S,~", "%I:%M:%S.~ %p", "%H:%M:%S:~"])
+@pytest.mark.parametrize("header", ["Time", "Uhrzeit"])
+def test_times_of_day_go_on_past_midnight(tmp_path: Path, form: str, header: str) -> None:
+    found = read_recording(written(tmp_path, stamps(form), header))
+    assert the_clock(found) == (STEP, STEP * 39)
+    assert found.provenance["times"] == "times of day"
+    assert "clock_began" not in found.provenance
+
+
+def test_elapsed_times_go_on_past_a_day(tmp_path: Path) -> None:
+    cells = [f"{23 + k // 60}:{k % 60:02d}:00" for k in range(100)]
+    assert the_clock(read_recording(written(tmp_path, cells))) == (60.0, 99 * 60.0)
+    cells = [f"{k // 240:02d}:{k % 240 / 4:05.2f}" for k in range(300)]  # minutes and seconds
+    assert the_clock(read_recording(written(tmp_path, cells, mark=","))) == (STEP, 299 * STEP)
+
+
+def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
+    early, late = datetime(2025, 5, 6, 12, 0, 0), datetime(2025, 5, 6, 23, 59, 55)
+    found = read_recording(written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", early)))
+    assert the_clock(found) == (STEP, STEP * 39)  # within one day the order does not matter
+    assert "clock_began" not in found.provenance
+    first = (tmp_path / "log.csv").rename(tmp_path / "first.csv")
+    files = [first, written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", early + timedelta(seconds=60)))]
+    with pytest.raises(DataError, match=r"first.csv and .*log.csv: the dates of some .* --time-column NAME=dmy"):
+        read_experiment(files)
+    assert [one.start for one in read_experiment(files, time_column="Time=mdy").recordings] == [0.0, 60.0]
+    path = written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", late))
+    with pytest.raises(DataError, match='state it: --time-column "Time=dmy" or --time-column "Time=mdy"'):
+        read_recording(path)
+    assert the_clock(read_recording(path, time_column="Time=dmy")) == (STEP, STEP * 39)
+    with pytest.raises(DataError, match=r"a gap from 4\.75 s to 2\.5056e\+06 s"):  # 5 June to 5 July: 29 days
+        read_recording(path, time_column="Time=mdy")
+    with pytest.raises(DataError, match="holds no dates; leave =dmy out"):
+        read_recording(written(tmp_path, ["1", "2", "3", "4"]), time_column="Time=dmy")
+
+
+def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
+    cells = stamps("%d.%m.%Y %H:%M:%S")
+    with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is no date'):
+        read_recording(written(tmp_path, [*cells[:7], "31.12.2025 25:00:00", *cells[8:]]))
+    cells = stamps("%H:%M:%S.~")
+    with pytest.raises(DataError, match='row 9, column "Time": "noon" is no time of day'):
+        read_recording(written(tmp_path, [*cells[:7], "noon", *cells[8:]]))
+
+
+def test_what_is_a_date() -> None:
+    assert all(map(is_date, ["1.2.2025", "1/2/25 3:04", "3-Mar-2025", "2025-01-02"]))
+    assert not any(map(is_date, ["1.2", "1.25", "12 13 2025", "3-Foo-2025", "1/2"]))
+    assert all(map(is_clock, ["1:02:03", "2:03 PM", "00:01.5", "123:00:00"]))
+    assert not any(map(is_clock, ["14:03", "1.5", "#1:2", "a:b:c"]))
+    for wrong in ("32.1.2025", "1.13.2025", "1.1.2025 13:00 PM", "1.1.2025 12:60"):
+        with pytest.raises(ValueError, match=r"date|time|day|month"):
+            moment(wrong)
+
+
+def test_times_that_are_printed_too_coarsely(tmp_path: Path) -> None:
+    path = written(tmp_path, stamps("%d.%m.%Y %H:%M:%S"))  # four rows a second
+    with pytest.raises(DataError, match=r"30 such rows in all\); they are printed too coarsely; .* --dt 0.25"):
+        read_recording(path)
+    assert read_recording(path, dt=STEP).sample_time == STEP
+    with pytest.raises(DataError, match="do not increase"):
+        read_recording(path, dt=0.2)
+
+
+def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path: Path) -> None:
+    path = written(tmp_path, [str(k) for k in range(40)], "time [samples]")
+    found = read_recording(path, dt=STEP)
+    assert the_clock(found) == (STEP, STEP * 39)
+    assert "counts the rows" in found.provenance["clock"]
+    with pytest.raises(DataError, match="keep the stated sample time"):
+        read_recording(path, dt=STEP, time_column="#1")
+
+
+@pytest.mark.parametrize(
+    ("times", "says"),
+    [
+        ([*range(20), 19, *range(20, 40)], "row 22: .*; take the rows out that stand twice"),
+        ([*range(20), 25, 24, *range(26, 40)], "row 23: .* put the rows in order"),
+        ([*range(20), *range(20)], "row 22: .* starts again: give each run its own file"),
+    ],
+)
+def test_times_that_do_not_increase(tmp_path: Path, times: list[int], says: str) -> None:
+    path = written(tmp_path, [str(time) for time in times], "time (s)")
+    for dt in (None, 1.0):
+        with pytest.raises(DataError, match=says):
+            read_recording(path, dt=dt)
