@@ -75,8 +75,8 @@ def read_recordings(
     time_column : str, optional
         Header of the times, or the place; by default the column called ``time`` or the like, else the one with a
         unit of time. The unit is that of the header, or stands behind an equals sign, ``"Timestamp=ms"``; else it
-        is the second; of dates ``"Date=dmy"`` or ``mdy`` says what comes first. Dates and Unix times put the zero of the clock at
-        the first sample; the provenance holds its date as ``clock_began``.
+        is the second; of dates ``"Date=dmy"`` or ``mdy`` says what comes first. Dates and Unix
+        times put the zero of the clock at the first sample; the provenance holds its date as ``clock_began``.
     allow_gaps : bool, default False
         Split the record at its gaps and keep the clock. Else a gap is an error.
     dt : float, optional
