@@ -69,7 +69,11 @@ class TimeScale:
         if not self.texts:
             return ""
         if self.began is None:
-            return "" if is_clock(cell) else f'"{clipped(cell)}" is no time of day such as 12:00:00.25'
+            try:
+                day_seconds([cell])
+            except ValueError:
+                return f'"{clipped(cell)}" is no time of day such as 12:00:00.25'
+            return ""
         try:
             date = moment(cell, self.order)
         except ValueError:

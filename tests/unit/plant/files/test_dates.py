@@ -103,8 +103,9 @@ def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is no date'):
         read_recording(written(tmp_path, [*cells[:7], "31.12.2025 25:00:00", *cells[8:]]))
     cells = stamps("%H:%M:%S.~")
-    with pytest.raises(DataError, match='row 9, column "Time": "noon" is no time of day'):
-        read_recording(written(tmp_path, [*cells[:7], "noon", *cells[8:]]))
+    for wrong in ("noon", "12:60:00"):
+        with pytest.raises(DataError, match=f'row 9, column "Time": "{wrong}" is no time of day'):
+            read_recording(written(tmp_path, [*cells[:7], wrong, *cells[8:]]))
 
 
 def test_what_is_a_date() -> None:
