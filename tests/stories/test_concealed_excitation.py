@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.control.linear.plant import linearise_plant
-from deatwin.control.stability.excited import excitation as excited
+from deatwin.ident.narx.excited import excitation as excited
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.concealed import (
     CLOSED_LOOP_TIME,

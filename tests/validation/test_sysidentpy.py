@@ -15,7 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Term
+from deatwin.ident.narx import Term
+from deatwin.ident.narx.estimate import least_squares
+from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.plant.recording import Recording
@@ -51,9 +53,14 @@ def recording(name, seed, first=AFTER_REST):
 
 
 def ours(record, output_lags, input_lags, degree, terms=TERMS):
-    frols = Frols(output_lags=output_lags, input_lags=input_lags, degree=degree, max_terms=terms, criterion="none")
-    frols.fit(record)
-    return {"terms": list(map(str, frols.terms_)), "err": frols.err_.tolist(), "theta": frols.model_.theta.tolist()}
+    """What `Frols` does, on the signals as they are: it would count signals far from zero from their means."""
+    data = Regression.of(record, output_lags=output_lags, input_lags=input_lags, degree=degree)
+    rows, target = data.matrix()
+    steps = list(forward_selection(rows.copy(), target, terms))
+    chosen = [step.candidate for step in steps]
+    theta = least_squares(rows[chosen], target).theta * data.term_scales[chosen]
+    names = [str(data.table.terms[i]) for i in chosen]
+    return {"terms": names, "err": [step.err for step in steps], "theta": theta.tolist()}
 
 
 def theirs(record, output_lags, input_lags, degree, terms=TERMS):

@@ -34,7 +34,6 @@ from deatwin.control.linear.varying import VaryingLinear, linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.loop.references import sine_reference, step_reference, tone_reference
-from deatwin.control.loop.residual import Residual, free_run_residual
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.stability.bands import MarginBand, UncertainMargin, band_margins
 from deatwin.control.stability.describing import (
@@ -49,7 +48,6 @@ from deatwin.control.stability.describing import (
     describing_function,
     describing_function_of_run,
 )
-from deatwin.control.stability.excited import Excitation, excitation, excited_band
 from deatwin.control.stability.limit_cycles import LimitCycle, LimitCycles, limit_cycles
 from deatwin.control.stability.margins import Margins, margins
 from deatwin.control.stability.polynomials import in_series
@@ -63,7 +61,6 @@ __all__ = [
     "Controller",
     "DeadZone",
     "DescribingFunction",
-    "Excitation",
     "Finding",
     "Frd",
     "GainSchedule",
@@ -87,7 +84,6 @@ __all__ = [
     "Quantiser",
     "RateLimiter",
     "Relay",
-    "Residual",
     "Saturation",
     "ScheduledController",
     "SineResponse",
@@ -105,9 +101,6 @@ __all__ = [
     "describing_function_of_run",
     "draw",
     "draw_plants",
-    "excitation",
-    "excited_band",
-    "free_run_residual",
     "from_control",
     "gain_schedule",
     "hinf",

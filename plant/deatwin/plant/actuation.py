@@ -14,7 +14,7 @@ from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.rest import RestState, rest_state
-from deatwin.plant.small_signal import held_rest
+from deatwin.plant.rest_path import held_rest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

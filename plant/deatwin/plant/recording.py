@@ -43,8 +43,8 @@ class Recording:
     Raises
     ------
     DataError
-        If shapes, names and units do not belong together, a value is not finite, or the sample time is not
-        positive.
+        If shapes, names and units do not belong together, two inputs or two outputs have one name, a value is not
+        finite, or the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -72,6 +72,9 @@ class Recording:
                 raise DataError(f"{kind}s have the shape {values.shape}: it must be ({kind} count, samples)")
             if not len(names) == len(units) == len(values):
                 raise DataError(f"{len(values)} {kind}s, {len(names)} names and {len(units)} units of them")
+            if len(set(names)) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise DataError(f'two {kind}s of the recording are named "{twice}": give each a name of its own')
             for name, row in zip(names, values, strict=True):
                 _require_finite(name, row)
             object.__setattr__(self, f"{kind}s", values)

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
+from deatwin.plant.undefined import undefined_by_parameters
 
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
@@ -57,7 +58,7 @@ def rest_state(
     for number in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions.residual(w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
-            fault = fault if number else _undefined_at_guess(equations, residual.ravel(), jacobian, w)
+            fault = fault if number else _undefined_at_guess(equations, residual.ravel(), jacobian, w, values)
             break
         matrix, rows = _scaled(equations, jacobian, kept)
         step = np.zeros(w.size)
@@ -106,6 +107,10 @@ def undefined_ahead(
     path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
     ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
     n_x = len(equations.states)
+    masses = np.asarray(equations.mass(values, equations.constants)).ravel()
+    if not np.isfinite(masses).all():
+        which = f"the mass of state {equations.states[int(np.argmin(np.isfinite(masses)))]} has no finite value"
+        return _blamed(which, equations, values) or which
     for samples in (0.0, 1.0, 2.0):  # the last state, and where the sample leads if all goes on as before or faster
         w = path[:, -1] + samples * ahead
         residual, jacobian = (
@@ -116,16 +121,24 @@ def undefined_ahead(
         if not which and not np.isfinite(float(reading)):
             which = "the reading has no finite value"
         if which:
-            return (
+            return _blamed(which, equations, values) or (
                 f"{which} near {at}, as a quotient by zero, a logarithm or a root there: the equations must have a "
                 "value wherever the plant may go"
             )
     return ""
 
 
-def _undefined_at_guess(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> str:
+def _blamed(which: str, equations: Equations, values: np.ndarray) -> str:
+    """Say which expression of the parameters takes an equation its value; empty where the parameters alone do not."""
+    culprit = undefined_by_parameters(equations, values)
+    return culprit and f"{which}: {culprit}; give the parameter a range in which it has one"
+
+
+def _undefined_at_guess(
+    equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray, values: np.ndarray
+) -> str:
     which, at = _undefined(equations, residual, jacobian, w)
-    return (
+    return _blamed(which, equations, values) or (
         f"no state of rest was found: {which} at the initial guess ({at}), "
         "as a quotient by zero, a logarithm or a root there: give another guess (build.guess), or check the parameters"
     )

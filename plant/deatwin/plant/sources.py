@@ -11,19 +11,19 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.diaphragm import Diaphragm
-from deatwin.plant.rigs.rigfile import read_rig
+from deatwin.plant.rigs.rigfile import RigFile, read_rig
 
 _RAISED = (Exception, SystemExit)
 """Whatever a user's own code may raise; a script without a guard calls `sys.exit`."""
 
 
-def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
+def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
     """The plant that a command line names.
 
     Parameters
     ----------
-    source : str or path
-        A rig file (``.toml``), a ``model.json``, or ``module:function`` whose function returns a Plant; modules
+    source : str, path or RigFile
+        A rig file (``.toml``), read or not, a ``model.json``, or ``module:function`` whose function returns a Plant; modules
         are also looked for in the working folder.
 
     Returns
@@ -36,6 +36,8 @@ def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
     RigError, ModelError
         If the source does not give a plant.
     """
+    if isinstance(source, RigFile):
+        return _of_rig_file(source)
     text = os.fspath(source)
     if text.endswith(".json"):
         return CalibratedPlant.load(text)
@@ -46,11 +48,14 @@ def load_plant(source: str | os.PathLike[str]) -> CalibratedPlant:
         raise RigError(
             f"{text}: no such rig; give a rig file (.toml), a model.json or module:function{nearest(text, beside)}"
         )
-    described = read_rig(text)
+    return _of_rig_file(read_rig(text))
+
+
+def _of_rig_file(described: RigFile) -> CalibratedPlant:
     try:
         return CalibratedPlant.nominal(Plant(rig=Diaphragm.from_rig_file(described)))
     except DeatwinError as error:
-        raise RigError(f"{text}: {error}") from error
+        raise RigError(f"{described.source}: {error}") from error
 
 
 def _call(text: str) -> Plant:

@@ -12,11 +12,11 @@ import numpy as np
 
 from deatwin.app.check_report import View, write_check_report
 from deatwin.app.designs import DesignName, Wanted, design_named
-from deatwin.control import Check, ControlError, Specification, excited_band
+from deatwin.control import Check, ControlError, Specification
 from deatwin.control import check as check_design
-from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.mismatch.diagnosis import SCHEMA
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, excited_band
+from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document
 from deatwin.plant.errors import DataError, ModelError

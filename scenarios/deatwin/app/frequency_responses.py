@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
@@ -20,6 +19,7 @@ from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel, Reliance
+from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 

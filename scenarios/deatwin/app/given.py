@@ -45,12 +45,13 @@ class GivenPlant:
         resample: float | None = None,
     ) -> GivenPlant:
         """Load the plant."""
-        model = load_plant(source)
+        described = read_rig(source) if source.endswith(".toml") else None
+        model = load_plant(described or source)
         rig = model.plant.rig
         return cls(
             source=source,
             model=model,
-            described=read_rig(source) if source.endswith(".toml") else None,
+            described=described,
             input_column=input_column or _own_column(rig.input_name, rig.input_unit),
             output_column=output_column or _own_column(rig.output_name, rig.output_unit),
             dt=dt,

@@ -15,13 +15,13 @@ from deatwin.app import checking
 from deatwin.app.check_report import View, write_check_report
 from deatwin.app.cli import main
 from deatwin.app.designs import DesignName, Wanted, design_named
-from deatwin.control import Check, Specification, excited_band, free_run_residual, linearise
+from deatwin.control import Check, Specification, linearise
 from deatwin.control.controllers.scheduled import ScheduledController
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import Frols, NarxModel, assessed, excited_band, free_run_residual, hold_out
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.files import read_csv, write_csv
+from deatwin.plant.files import read_csv, read_recordings, write_csv
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
@@ -383,12 +383,19 @@ def test_identify_tells_the_largest_residual(at_desk: Path) -> None:
     assert float(model.provenance["free_run_residual_time_s"]) == pytest.approx(largest.correlation_time, rel=1e-5)
 
 
-def test_a_model_whose_free_run_diverges_says_so(at_desk: Path) -> None:
-    from deatwin.app.commands.identify import _largest_residual
-
+def test_a_model_whose_free_run_diverges_says_so() -> None:
     wild = NarxModel.from_terms({"y(k-1)": 1.2, "u(k)": 1.0}, sample_time=0.1)
     record = pulled(1, strip())
-    assert _largest_residual(wild, [record], [record.section(800, 1200)]) == {"free_run": "diverged"}
+    assert assessed(wild, record, record.section(800, 1200)).provenance["free_run"] == "diverged"
+
+
+def test_python_saves_the_file_that_the_command_saves(at_desk: Path) -> None:
+    assert main(["identify", "noise.csv", *COLUMNS, "--method", "frols", "--quiet", "--out", "told.json"]) == 0
+    records = read_recordings("noise.csv", input_column="stretch", output_column="force_N")
+    training, held_out = hold_out(records)
+    model = Frols(input_lags=(0, 1, 2)).fit(training).model_
+    assessed(model, records, held_out).save("own.json")
+    assert Path("own.json").read_bytes() == Path("told.json").read_bytes()
 
 
 def test_a_diagnosis_keeps_its_rivals(

@@ -10,7 +10,7 @@ import pytest
 import deatwin.control as control
 from deatwin.control import ControlError, StaticCurve
 from deatwin.control.arguments import each, finite, instance, not_negative, number, pair, positive, row, taking, whole
-from deatwin.ident.narx import NarxModel, OperatingRange, ThetaTrajectory
+from deatwin.ident.narx import NarxModel, OperatingRange, Residual, ThetaTrajectory
 from deatwin.plant import Diaphragm, Plant, Recording
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.rigs.base import ReadingTime
@@ -37,7 +37,7 @@ TOP, BOTTOM = TUNED.law.feedback
 RNG = np.random.default_rng(0)
 PLANT = Plant(rig=Diaphragm(sample_time=0.1))
 RECORDING = Recording.from_arrays(0.2 + np.arange(80) % 7 / 10, np.linspace(0.0, 1.0, 80), 0.1)
-LEFT = control.Residual(rms=1e-3, correlation_time=0.5)
+LEFT = Residual(rms=1e-3, correlation_time=0.5)
 TRAJECTORY = ThetaTrajectory(
     model=MODEL,
     timepts=[0.0, 1.0],
@@ -107,8 +107,6 @@ GIVEN = {
     "Relay": {"level": 1.0, "hysteresis": 0.1},
     "describing_function": {"map": np.tanh, "amplitude": 1.0},
     "describing_function_of_run": {"run": lambda x, h: x, "amplitude": 1.0, "omega": 1.0, "samples": 16, "periods": 1},
-    "excitation": {"recording": Recording.from_arrays(np.arange(80) % 7, np.arange(80.0), 0.1)},
-    "Excitation": {"bands": ((0.0, 1.0),)},
     "limit_cycles": {
         "loop_numerator": TOP,
         "loop_denominator": BOTTOM,
@@ -163,8 +161,6 @@ GIVEN = {
         "count": 90,
         "rng": RNG,
     },
-    "free_run_residual": {"model": MODEL, "recording": RECORDING},
-    "Residual": {"rms": 1e-3, "correlation_time": 0.5},
 }
 NAMING = {
     "check",
@@ -176,8 +172,6 @@ NAMING = {
     "step_reference",
     "sine_reference",
     "tone_reference",
-    "free_run_residual",
-    "Residual",
 }
 """Those whose errors all hold the argument's name, so that it is known which one they are of."""
 FIRST = {"static_curve": (MODEL,), "gain_schedule": (MODEL,)}  # by which the function is chosen
@@ -282,15 +276,6 @@ def test_specifications_and_plants_of_another_kind_are_named():
         control.Specification(reserve=np.nan)
 
 
-def test_a_residual_has_a_size_and_a_memory():
-    for given, says in (
-        ({"rms": -1e-3}, "rms is -0.001: it must not be negative"),
-        ({"correlation_time": 0.0}, "correlation_time is 0: it must be positive and finite"),
-    ):
-        with pytest.raises(ControlError, match=says):
-            control.Residual(**{**GIVEN["Residual"], **given})
-
-
 def test_a_response_has_a_value_at_each_point():
     for values in (np.ones((3, 2)), np.ones(6)):
         with pytest.raises(ControlError, match=r"values of a response have the shape \(.*\): it must be \(2, 3\)"):
@@ -330,12 +315,6 @@ def test_the_decorated_function_stays_itself():
         area()
     with pytest.raises(ControlError, match="other must be a number; got a list of 1"):
         area(2.0, other=[1.0])
-
-
-def test_bands_rise_and_lie_apart():
-    for bands in ((), ((1.0, 0.5),), ((0.0, 1.0), (0.5, 2.0)), ((-1.0, 1.0),)):
-        with pytest.raises(ControlError, match="rising and apart"):
-            control.Excitation(bands=bands)
 
 
 def test_a_curve_of_texts():

@@ -94,6 +94,11 @@ class TestRecording:
         with pytest.raises(DataError, match="2 inputs, 1 names"):
             Recording.from_arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["command"])
 
+    @pytest.mark.parametrize("kind", ["input", "output"])
+    def test_two_signals_of_a_kind_and_one_name(self, kind: str) -> None:
+        with pytest.raises(DataError, match=f'two {kind}s of the recording are named "u": give each a name of its own'):
+            Recording.from_arrays(np.zeros((2, 5)), np.zeros((2, 5)), 1.0, **{f"{kind}_names": ("u", "u")})
+
     def test_extras_must_have_the_length_of_the_record(self) -> None:
         with pytest.raises(DataError, match=r'extra channel "force" has the shape \(3,\)'):
             Recording.from_arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)})

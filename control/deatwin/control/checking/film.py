@@ -11,7 +11,7 @@ from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding
 from deatwin.control.controllers.base import Controller
 from deatwin.plant.model import Plant
-from deatwin.plant.small_signal import rest_under
+from deatwin.plant.rest_path import rest_under
 
 _HOLD = 2.0  # s at the largest command
 

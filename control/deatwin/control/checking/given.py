@@ -11,9 +11,9 @@ from deatwin.control.controllers.law import Law
 from deatwin.control.design.pid import PidGains
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel
-from deatwin.control.loop.residual import Residual, free_run_residual
-from deatwin.control.stability.excited import Excitation, excitation
 from deatwin.ident.narx import NarxModel, Reliance
+from deatwin.ident.narx.excited import Excitation, excitation
+from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.model import Plant

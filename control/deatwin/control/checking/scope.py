@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.checking.specification import Verdict
-from deatwin.control.checking.verdict import Finding
-from deatwin.control.stability.excited import Excitation
+from deatwin.control.checking.verdict import Finding, Runs
+from deatwin.control.linear.model import LinearModel
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.excited import Excitation
+from deatwin.plant.amplitudes import written_amplitude
 
 
 def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
@@ -39,6 +41,27 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
         f"{band:.2f} Hz"
     )
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
+
+
+def judge_rests(
+    linear: LinearModel, amplitude: float, rests: NDArray[np.float64], runs: Runs, verdict: Verdict
+) -> Finding | None:
+    """Find that a plant cannot follow the references since it rests elsewhere than the model; None where it can.
+    Shapes: `rests` (3,).
+    """
+    centre = linear.operating_output
+    if centre is None or not np.isfinite(rests).all():
+        return None
+    if rests.min() <= centre - amplitude and centre + amplitude <= rests.max():
+        return None
+    unit, size = written_amplitude(linear.output_unit)
+    text = (
+        f"at the input {linear.operating_input:.3g} the model rests at {centre / size:.3g} {unit} and the plant at "
+        f"{rests[1] / size:.3g} {unit}, {abs(centre - rests[1]) / size:.3g} {unit} apart: no controller takes the plant "
+        f"to the model's steps, for within the command's limits it rests from {rests.min() / size:.3g} to "
+        f"{rests.max() / size:.3g} {unit}"
+    )
+    return Finding(subject=runs.subject("operating point"), value=float(rests[1] - centre), verdict=verdict, text=text)
 
 
 def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[np.float64]) -> Finding | None:

@@ -22,7 +22,7 @@ from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
-from deatwin.plant.small_signal import held_rest
+from deatwin.plant.rest_path import held_rest
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import has_equilibrium, rest_state
+from deatwin.plant.rest_path import rest_under
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.sample import Sample
 from deatwin.plant.simulate import RunStatus
-from deatwin.plant.small_signal import rest_under
 
 if TYPE_CHECKING:
     from control import NonlinearIOSystem

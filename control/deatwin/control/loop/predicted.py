@@ -14,9 +14,9 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
-from deatwin.control.loop.residual import Residual
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.datasets import dataset

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE
-from deatwin.ident.greybox.parts import Part, Records, parts_of
+from deatwin.ident.greybox.parts import Records, parts_of
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
@@ -56,9 +57,13 @@ class Calibration:
     evaluations : int
         Simulations made, over all starts.
     starts : int
-        Fits made, from as many starting points or by another way from the same.
+        Points from which fits began.
     agreed : int
-        How many of them ended with the same error as this one, the best.
+        From how many of them one ended with the same error as this one, the best.
+    equals : tuple of tuple of float
+        Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
+    fault : str
+        Why the plant cannot be simulated at its starting values; empty where it can.
     """
 
     plant: Plant
@@ -71,8 +76,12 @@ class Calibration:
     evaluations: int
     starts: int = 1
     agreed: int = 1
+    equals: tuple[tuple[float, ...], ...] = ()
+    fault: str = ""
 
     def __str__(self) -> str:
+        if not self.status.ok:
+            return self.fault
         agree = f"; {self.agreed} of {self.starts} starts agree" if self.starts > 1 else ""
         unit = f" {self.plant.rig.output_unit}" if self.plant.rig.output_unit not in ("", "1") else ""
         rows = [f"rms {self.rms:.4g}{unit} after {self.evaluations} simulations: {self.status.value}{agree}"]
@@ -81,13 +90,14 @@ class Calibration:
             unit = "" if parameter.unit == "1" else f" {parameter.unit}"
             known = f"{low:.4g} to {high:.4g}" if self.is_determined(name) else "undetermined"
             bound = ", on a bound of its range" if name in self.at_bound else ""
-            rows.append(f"  {name} = {parameter.value:.6g}{unit} ({known}{bound})")
+            other = "".join(f", or {values[self.names.index(name)]:.6g}" for values in self.equals)
+            rows.append(f"  {name} = {parameter.value:.6g}{unit} ({known}{bound}){other}")
         return "\n".join(rows)
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals, SI."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
+        """Root mean square of the residuals, SI; NaN where the plant could not be simulated."""
+        return float("nan") if not self.status.ok else float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
     def within_reach(self) -> float:
@@ -183,69 +193,11 @@ class Calibration:
                 "evaluations": self.evaluations,
                 "starts": self.starts,
                 "agreed": self.agreed,
+                "equals": [value for values in self.equals for value in values],
                 "rms": self.rms,
                 "effects": list(self.plant.effect_names),
             },
         )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """Residuals of a plant on the counted samples, as a function of the fitted coordinates."""
-
-    plant: Plant  # Where the fit starts
-    parts: tuple[Part, ...]  # What counts
-    names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
-
-    def start(self) -> np.ndarray:
-        """Coordinates of the plant's present values, shape (n,)."""
-        return np.array([p.scale.to_coordinate(p.value) for p in self._fitted])
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper coordinates of the physical range, shape (n,) each."""
-        lower, upper = np.array([p.ends for p in self._fitted]).reshape(-1, 2).T
-        return lower, upper
-
-    def smooth(self) -> np.ndarray:
-        """Which of the coordinates the readings follow smoothly, bool, shape (n,): all but the times of events."""
-        return np.array([name not in self.plant.event_times for name in self.names], dtype=bool)
-
-    def values(self, coordinates: np.ndarray) -> dict[str, float]:
-        """SI values of coordinates, held inside the physical range against rounding."""
-        pairs = zip(self._fitted, coordinates, strict=True)
-        return {p.name: min(max(p.scale.to_value(float(x)), p.lower), p.upper) for p, x in pairs}
-
-    @property
-    def _fitted(self) -> list[Parameter]:
-        return [self.plant.parameters[name] for name in self.names]
-
-    def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
-        Shapes: `coordinates` (n,).
-        """
-        plant = self.plant.with_values(self.values(coordinates))
-        free = plant.parameters.free
-        columns = [free.index(n) for n in self.names]
-        slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[n] for n in self.names)])
-        residuals, jacobians = [], []
-        for part in self.parts:
-            timeline = plant.timeline(part.experiment)
-            counted = part.counted(timeline)
-            run = plant.simulator.run_with_sensitivities(
-                timeline.commands[: counted.max() + 1],
-                start=timeline.start,
-                sample_time=timeline.sample_time,
-                rest_command=plant.rig.start.rest_command,
-                values=plant.free_values,
-                channels=timeline.channels,
-            )
-            if not run.status.ok or run.sensitivities is None:
-                return None
-            residuals.append(part.measured - run.outputs[counted + 1])
-            jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)
-            if not np.isfinite(jacobians[-1]).all():
-                return None
-        return np.concatenate(residuals), np.vstack(jacobians)
 
 
 def calibrate(
@@ -267,8 +219,8 @@ def calibrate(
 
     A descent ends in the nearest minimum. So, unless the first fit leaves no more than the rig's noise, others follow:
     from the same values through growing openings of the record, and so from other points in the parameters' ranges, of
-    low discrepancy and the same in every run. It ends once three were made and two agree on the least error, which
-    costs some three times one fit.
+    low discrepancy and the same in every run. It ends once two points agree on the least error, which costs some three
+    times one fit. Where they agree in the error and not in the parameters, the result holds both.
 
     Parameters
     ----------
@@ -279,7 +231,7 @@ def calibrate(
     names : sequence of str, optional
         Parameters to be fitted; all free ones by default.
     starts : int
-        Most fits; 1 for a single descent from the plant's values.
+        Most points; 1 for a single descent from the plant's values.
     evaluations : int
         Largest number of simulations of the whole record in each fit.
     tolerance : float
@@ -323,6 +275,7 @@ def calibrate(
         evaluations=found.evaluations,
         starts=search.tried,
         agreed=search.agreed,
+        equals=tuple(tuple(problem.values(one)[name] for name in problem.names) for one in search.equals),
     )
     return replace(calibration, status=_ended(calibration, problem, search, tolerance))
 
@@ -343,6 +296,8 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
         return FitStatus.UNSETTLED
     if search.tried > 1 and search.agreed < 2:
         return FitStatus.OTHER_MINIMA
+    if search.equals:
+        return FitStatus.EQUAL_MINIMA
     return fit.status
 
 
@@ -381,6 +336,8 @@ def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _impossible(problem: Problem) -> Calibration:
     n = len(problem.names)
+    runs = (problem.plant.simulate(part.experiment) for part in problem.parts)
+    fault = next((run.advice for run in runs if not run.status.ok), "the readings' derivative is not finite")
     return Calibration(
         plant=problem.plant,
         names=problem.names,
@@ -390,4 +347,5 @@ def _impossible(problem: Problem) -> Calibration:
         status=FitStatus.IMPOSSIBLE,
         at_bound=(),
         evaluations=1,
+        fault=f"the plant cannot be simulated at its starting values: {fault}",
     )

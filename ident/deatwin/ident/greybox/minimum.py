@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import linearised_rms
-
-if TYPE_CHECKING:
-    from deatwin.ident.greybox.fit import Problem
-
 
 EVALUATIONS = 30
 TOLERANCE = 1e-4

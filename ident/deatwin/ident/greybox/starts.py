@@ -9,19 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.greybox.minimum import Minimum, minimise
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 
-if TYPE_CHECKING:
-    from deatwin.ident.greybox.fit import Problem
-
-
 STARTS = 8
-"""Most starts: where only one in three leads to the least minimum, all but one search in 25 find it."""
+"""Most points: where only one in three leads to the least minimum, all but one search in 25 find it."""
 _AGREE = 0.01
 """Relative difference of two errors, rms, that is none: far above what a settled fit leaves, 5e-5."""
 EXACT = 1e-6
@@ -36,11 +32,12 @@ _REACH = (0.5, 0.25, 0.125)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """The best of several fits."""
+    """The best of the fits from several points."""
 
     best: Minimum  # With the simulations of all
-    tried: int  # Number of fits
-    agreed: int  # How many of them ended with the same error as the best
+    tried: int  # Number of points
+    agreed: int  # From how many of them a fit ended with the same error as the best
+    equals: tuple[np.ndarray, ...] = ()
 
 
 def least(
@@ -51,39 +48,63 @@ def least(
     first = minimise(problem, **options)  # type: ignore[arg-type]
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:
         return None if first is None else Search(best=first, tried=1, agreed=1)
+    # The two fits from the given values are one point: that they agree says nothing of other minima.
     found, spent = [first], first.evaluations
     spread = float(np.std(np.concatenate([part.measured for part in problem.parts])))
     # Of n samples of white noise the rms has a relative deviation of 1/sqrt(2 n).
     enough = noise * (1.0 + 3.0 / np.sqrt(2.0 * first.residuals.size))
-    for start in _starts(problem, starts - 1) if _rms(first) > enough else ():
+    for start in _starts(problem, starts) if starts > 1 and _rms(first) > enough else ():
         one, cost = _through_openings(start, options)
         spent += cost
         if one is not None:
-            found.append(one)
-        if len(found) > 2 and _agreeing(found, spread) > 1:
+            found = [min(first, one, key=_rms)] if start is problem else [*found, one]
+        if len(_agreeing(found, spread)) > 1:
             break
-    best = replace(min(found, key=_rms), evaluations=spent)
-    return Search(best=best, tried=len(found), agreed=_agreeing(found, spread))
+    best, agreed = min(found, key=_rms), _agreeing(found, spread)
+    return Search(
+        best=replace(best, evaluations=spent),
+        tried=len(found),
+        agreed=len(agreed),
+        equals=_equals(best, agreed, spread),
+    )
 
 
 def _rms(found: Minimum) -> float:
     return float(np.sqrt(np.mean(found.residuals**2)))
 
 
-def _agreeing(found: list[Minimum], spread: float) -> int:
-    errors = np.array([_rms(one) for one in found])
-    return int(np.sum(errors <= max((1.0 + _AGREE) * float(errors.min()), EXACT * spread)))
+def _same(error: float, spread: float) -> float:
+    """The largest error that is no other than a given one."""
+    return max((1.0 + _AGREE) * error, EXACT * spread)
+
+
+def _agreeing(found: list[Minimum], spread: float) -> list[Minimum]:
+    limit = _same(min(map(_rms, found)), spread)
+    return [one for one in found if _rms(one) <= limit]
+
+
+def _equals(best: Minimum, agreed: list[Minimum], spread: float) -> tuple[np.ndarray, ...]:
+    """Where fits ended that agree in error only: by its linear model, the best one's error should be another there."""
+    apart: list[Minimum] = [best]
+    for one in agreed:
+        if all(_far(one.coordinates - other.coordinates, other, spread) for other in apart):
+            apart.append(one)
+    return tuple(one.coordinates for one in apart[1:])
+
+
+def _far(step: np.ndarray, found: Minimum, spread: float) -> bool:
+    error = _rms(found)
+    return float(np.hypot(error, np.sqrt(np.mean((found.jacobian @ step) ** 2)))) > _same(error, spread)
 
 
 def _starts(problem: Problem, count: int) -> Iterator[Problem]:
-    """The problem from its own start, and from points of low discrepancy about it."""
+    """The problem from its own start, and from points of low discrepancy about it, as many in all."""
     from scipy.stats import qmc
 
     centre, (lower, upper), smooth = problem.start(), problem.bounds(), problem.smooth()
     width = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
-    points = qmc.Halton(d=centre.size, scramble=False).random(max(count, 1))[1:]  # the first is a corner of all ranges
-    if count > 0:
-        yield problem
+    points = qmc.Halton(d=centre.size, scramble=False).random(count)[1:]  # the first is a corner of all ranges
+    yield problem
     for k, point in enumerate(points):
         moved = centre + (2.0 * point - 1.0) * _REACH[k % len(_REACH)] * width * smooth
         values = problem.values(np.clip(moved, lower, upper))

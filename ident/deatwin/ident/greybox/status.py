@@ -15,6 +15,10 @@ class FitStatus(Enum):
         "the error has several minima, and only one of the starts came to the least that was found: "
         "give starting values that are nearer, or more starts"
     )
+    EQUAL_MINIMA = (
+        "other values of the parameters leave the same error: narrow their ranges, or write the equations so that only "
+        "one of them is possible"
+    )
     GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
     IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
 

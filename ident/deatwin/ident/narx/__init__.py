@@ -5,8 +5,10 @@
 y(k) = 0.6 y(k-1) + 0.3 u(k-1)^2 + e(k)
 """
 
+from deatwin.ident.narx.assessed import assessed, hold_out
 from deatwin.ident.narx.estimate import LeastSquares
 from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.excited import Excitation, excitation, excited_band
 from deatwin.ident.narx.export import narx_source
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.frols import Frols
@@ -21,6 +23,7 @@ from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
 from deatwin.ident.narx.refine import extend, prune, refine
 from deatwin.ident.narx.reliance import Reliance, assess_reliance
+from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.robust import robust, robust_covariance
@@ -38,6 +41,7 @@ __all__ = [
     "Bayesian",
     "CleanUpMove",
     "CorrelationTest",
+    "Excitation",
     "Experiment",
     "FitStatus",
     "Fixed",
@@ -53,6 +57,7 @@ __all__ = [
     "PruningStep",
     "Recording",
     "Reliance",
+    "Residual",
     "ResponseStatus",
     "Ridge",
     "Rls",
@@ -70,9 +75,14 @@ __all__ = [
     "ValidationStatus",
     "Variable",
     "assess_reliance",
+    "assessed",
+    "excitation",
+    "excited_band",
     "extend",
     "free_run_band",
+    "free_run_residual",
     "generate_terms",
+    "hold_out",
     "narx_source",
     "one_step_band",
     "prune",

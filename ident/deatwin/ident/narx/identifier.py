@@ -13,6 +13,7 @@ import numpy as np
 
 from deatwin.ident.narx.excess import excess_notes
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.origin import about_data
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
@@ -157,7 +158,8 @@ class NarxIdentifier(Identifier, ABC):
     """An estimator of NARX models under scikit-learn's contract.
 
     Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the
-    estimator. Of recordings with several outputs each equation is learned by a clone of its own, from the
+    estimator. Where terms are chosen, signals whose mean is further from zero than their swing count from their mean:
+    about zero their powers would differ in the last digits only. Of recordings with several outputs each equation is learned by a clone of its own, from the
     lags of all outputs and inputs.
 
     Attributes
@@ -212,33 +214,29 @@ class NarxIdentifier(Identifier, ABC):
         chosen = flatten(recordings)
         rows = range(chosen[0].outputs.shape[0])
         data = [self._regression(chosen, row) for row in rows or (0,)]
-        if len(data) == 1:
-            self.status_, self.equations_ = FitStatus.DONE, ()
-            self.model_ = self._learn(data[0], tell)
-        else:
-            self._learn_each(data, tell)
+        self.model_ = self._learn_all(data, tell)
         self.notes_ = self._notes(chosen)
         return self
 
-    def _learn_each(self, data: list[Regression], progress: Progress) -> None:
-        """Fit a clone for each output and join their equations."""
-        fitted: list[NarxIdentifier] = []
-        for row, regression in enumerate(data):
-            fitted.append(self._fitted_clone(regression, _part_of(progress, row, len(data))))
-        self.equations_ = tuple(fitted)
-        self.status_ = next((one.status_ for one in fitted if not one.status_.ok), FitStatus.DONE)
-        self.model_ = NarxModel.joined([one.model_ for one in fitted])
+    def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
+        """Return the model of all outputs; with several, each equation is learned by a clone."""
+        self.status_, self.equations_ = FitStatus.DONE, ()
+        if len(data) == 1:
+            return self._learn(data[0], progress)
+        parts = [_part_of(progress, row, len(data)) for row in range(len(data))]
+        self.equations_ = tuple(self._fitted_clone(one, part) for one, part in zip(data, parts, strict=True))
+        self.status_ = next((one.status_ for one in self.equations_ if not one.status_.ok), FitStatus.DONE)
+        return NarxModel.joined([one.model_ for one in self.equations_])
 
     def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
         """Return an estimator of the same arguments that has learned one equation."""
         one = type(self)(**self.get_params(deep=False))
-        one.status_, one.equations_, one.notes_ = FitStatus.DONE, (), ()
-        one.model_ = one._learn(data, progress)
+        one.model_, one.notes_ = one._learn_all([data], progress), ()
         return one
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
-        """Return the regression on all candidates of one output's equation."""
-        return Regression.of(
+        """Return the regression on all candidates of one output's equation, about origins that its data give."""
+        candidates = Regression.of(
             recordings,
             output_lags=self.output_lags,
             input_lags=self.input_lags,
@@ -246,6 +244,7 @@ class NarxIdentifier(Identifier, ABC):
             rule=self.rule,
             output=output,
         )
+        return about_data(candidates)
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return what is to be known about the fit to these recordings."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial.polynomial import polyroots
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.terms import TermTable
 
 Array = NDArray[np.float64]
 
@@ -23,23 +23,29 @@ def about_data(data: Regression) -> Regression:
     )
 
 
-def about_rest(data: Regression, model: NarxModel) -> Regression:
-    """Return a regression about the output at which a model rests while its inputs are at their origins."""
-    origin = model.output_origin
-    moved = origin.any() or model.input_origin.any()
-    if origin.size > 1 or not moved or not any(term.degree == 0 for term in model.terms):
+def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
+    """Return the regressions of all outputs about those at which a model rests while its inputs are at their origins."""
+    moved = model.output_origin.any() or model.input_origin.any()
+    if len(data) != model.n_outputs or not moved or not any(term.degree == 0 for term in model.terms):
         return data
-    swing = float(np.ptp(np.concatenate([record.outputs[0] for record in data.recordings])))
+    swings = np.ptp(np.concatenate([record.outputs for record in data[0].recordings], axis=1), axis=1)
     quiet = [m for m, term in enumerate(model.terms) if all(v.kind == "y" for v, _ in term.factors)]
-    degrees = [model.terms[m].degree for m in quiet]
-    coefficients = np.bincount(degrees, weights=model.theta[quiet], minlength=2)
-    coefficients[1] -= 1.0
-    # Counted in swings: no coefficient is large for its unit alone.
-    roots = polyroots(coefficients * swing ** np.arange(coefficients.size) / swing)
-    rests = roots.real[(np.abs(roots.imag) < 1e-9) & (np.abs(roots) <= 1.0)]
-    if rests.size == 0:
-        return data
-    return replace(data, output_origin=origin + swing * rests[np.argmin(np.abs(rests))])
+    rest = _rest(
+        TermTable(tuple(model.terms[m] for m in quiet)), model.theta[quiet], [model.equations[m] for m in quiet], swings
+    )
+    return data if rest is None else [replace(one, output_origin=model.output_origin + rest) for one in data]
+
+
+def _rest(table: TermTable, theta: Array, equations: list[int], swings: Array) -> Array | None:
+    """Return outputs y = f(y) near zero, shape (n_outputs,), counted in swings while solving; None if there is none."""
+    from scipy.optimize import root
+
+    def imbalance(y: Array) -> Array:
+        values = np.array([(y * swings)[variable.index] for variable in table.variables])
+        return np.bincount(equations, weights=theta * table.at(values), minlength=y.size) / swings - y
+
+    found = root(imbalance, np.zeros(swings.size))
+    return found.x * swings if found.success and np.all(np.abs(found.x) <= 1.0) else None
 
 
 def _origins(signals: list[Array]) -> Array:

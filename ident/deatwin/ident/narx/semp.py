@@ -207,7 +207,8 @@ class Semp(NarxIdentifier):
 
 def _grown_step(before: NarxModel, after: NarxModel, data: Regression) -> SempStep:
     """Return the step from a model to a refined one, mostly with a term more."""
-    power = float(np.mean(np.concatenate([r.outputs[0, data.first :] for r in data.recordings]) ** 2))
+    outputs = np.concatenate([r.outputs[0, data.first :] for r in data.recordings])
+    power = float(np.mean((outputs - before.output_origin[0]) ** 2))
     old, new = (float(np.mean(np.concatenate(run_errors(model, data)) ** 2)) for model in (before, after))
     added = tuple(term for term in after.terms if term not in before.terms)
     return SempStep(added=added, pruned=(), terms=after.terms, srr=(old - new) / power, msse=new)

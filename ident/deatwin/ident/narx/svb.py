@@ -13,8 +13,8 @@ from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.origin import about_data, about_rest
-from deatwin.ident.narx.regression import Recordings, Regression
+from deatwin.ident.narx.origin import about_rest
+from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.datasets import dataset
@@ -128,8 +128,8 @@ class SvbNarx(NarxIdentifier):
     The priors have a size of their own, so that the choice depends on units and on the size of the
     regressors: small ones would be neither supported nor refused by the bound. Hence output and regressors are
     divided by their root mean squares, and a signal that is far from zero counts from an origin among its values:
-    zero where the data reach about that far, else their mean; where any signal does so, a single output then counts
-    from where the model rests. Neither units nor offsets of the others change the choice. Bounds and relevances are
+    zero where the data reach about that far, else their mean; where any signal does so, the outputs then count from
+    where the model rests. Neither units nor offsets of the others change the choice. Bounds and relevances are
     those of this scaling; the model is in physical units, about these origins.
 
     Parameters
@@ -209,9 +209,6 @@ class SvbNarx(NarxIdentifier):
         self.tolerance = tolerance
         self.max_iterations = max_iterations
 
-    def _regression(self, recordings: Recordings, output: int) -> Regression:
-        return about_data(super()._regression(recordings, output))
-
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         settled = all(one.settled_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]
         late = f"the parameters had not settled after {self.max_iterations} updates: raise max_iterations"
@@ -225,13 +222,12 @@ class SvbNarx(NarxIdentifier):
         if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
             raise ModelError("resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive")
 
-    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
-        model = self._chosen(data, progress)
+    def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
+        model = super()._learn_all(data, progress)
         resting = about_rest(data, model) if self.status_.ok else data
-        return model if resting is data else self._chosen(resting, progress)
+        return model if resting is data else super()._learn_all(resting, progress)
 
-    def _chosen(self, data: Regression, progress: Progress) -> NarxModel:
-        """Choose and fit terms of signals about given origins."""
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples < 3:
             raise ModelError(f"{data.n_samples} usable samples are too few; at least 3 are needed")
         gram, moment, power = data.gram()

@@ -23,7 +23,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.intake import RIG_BYTES, clipped, read_regular
@@ -83,12 +83,10 @@ class RigFile:
     sensor: SensorSpec
     source: str = ""  # The file that it was read from
 
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any], source: str = "rig") -> Self:
+    @staticmethod
+    def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":
         """Make a rig of the sections and keys of a rig file."""
-        if mistakes := mistakes_of(data):
-            raise RigError(told(source, mistakes, {}))
-        return cls(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
+        return _checked(data, source)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Return sections, keys and values as a rig file has them, in its units, ready for JSON."""
@@ -141,9 +139,14 @@ def read_rig(path: str | Path) -> RigFile:
         raise RigError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
     except RecursionError:
         raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
+    return _checked(data, str(path), text)
+
+
+def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
+    """Return the rig of sections and keys; several mistakes are told with their lines in the file's text."""
     if mistakes := mistakes_of(data):
-        raise RigError(told(str(path), mistakes, lines_of(text) if len(mistakes) > 1 else {}))
-    return RigFile.from_dict(data, source=str(path))
+        raise RigError(told(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
+    return RigFile(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
 
 
 def _specified(section: str, values: Mapping[str, Any]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypedDict
@@ -33,12 +34,6 @@ class Candidates(TypedDict):
     output_lags: int
     input_lags: tuple[int, ...]
     degree: int
-
-
-HELD_OUT = 0.3
-"""Share at the end of each recording that judges the model and is not fitted."""
-LEAST_SAMPLES = 500
-"""Of a held-out part for the free-run residual to be measured on it; else the whole recording is taken."""
 
 
 class Method(StrEnum):
@@ -127,6 +122,7 @@ def identify(
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
     from deatwin.app.thinning import LEAST, thinned
+    from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.errors import ModelError
@@ -158,37 +154,37 @@ def identify(
         require_excitation(records)
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
         records, notes = fewer.records, [*notes, *fewer.notes]
-        pieces = [_split(record) for record in records]
-        chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
+        training, unseen = hold_out(records)
+        chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
         with voice.progress("choosing terms") as progress:
             progress(0.0, "choosing terms")
             try:
-                identifier.fit([fitted for fitted, _ in pieces], progress=progress)
+                identifier.fit(training, progress=progress)
             except KeyboardInterrupt:
                 complain("interrupted before a model was found; nothing was written")
                 raise typer.Exit(130) from None
             except ModelError as error:
-                if sum(fitted.n_samples for fitted, _ in pieces) >= LEAST:
+                if sum(part.n_samples for part in training) >= LEAST:
                     raise
                 raise ModelError(f"{', '.join(dict.fromkeys(_labels(records)))}: {error}") from None
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
-        excited, unexcited = _excited(records)
-        model = _for_check(identifier.model_, excited, records, [unseen for _, unseen in pieces])
+        _, unexcited = band_excited(records)
+        model = assessed(identifier.model_, records, unseen)
         model.save(out)
-        errors = [_errors(model, unseen) for _, unseen in pieces]
+        errors = [_errors(model, part) for part in unseen]
         _say(voice, model, errors, _labels(records))
         for note in (*identifier.notes_, *unexcited):
             voice.say(f"note: {note}")
-        for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
+        for remark in remarks_on_levels(training, degree):
             voice.say(remark)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier, notes)
+            _write_report(folder, record, model, method, unseen, identifier, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -213,7 +209,7 @@ def _write_report(
     record: RunRecord,
     model: NarxModel,
     method: Method,
-    unseen: list[Recording],
+    unseen: Sequence[Recording],
     identifier: NarxIdentifier,
     clocks: list[str],
 ) -> None:
@@ -284,68 +280,6 @@ def _origins(model: NarxModel) -> dict[str, float]:
     """By signal what its terms count from."""
     values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
     return dict(zip(model.input_names + model.output_names, values, strict=True))
-
-
-def _excited(records: list[Recording]) -> tuple[dict[str, str], list[str]]:
-    """The band that the recordings excited as a model keeps it, and what to say where none can be told."""
-    import numpy as np
-
-    from deatwin.control.stability.excited import Excitation, excitation
-    from deatwin.plant.errors import DataError
-
-    found, faults = [], []
-    for record in records:
-        if np.ptp(record.inputs[0]) > 0:
-            try:
-                found.append(excitation(record))
-            except DataError as error:
-                faults.append(f"{error}; the model does not say up to which frequency it can be relied upon")
-    return (Excitation.joined(found).provenance, []) if found else ({}, faults)
-
-
-def _for_check(
-    model: NarxModel, excited: dict[str, str], records: list[Recording], unseen: list[Recording]
-) -> NarxModel:
-    """The model with what `frequency` and `check` ask for: excited band, free-run residual, and the residual tests."""
-    from dataclasses import replace
-
-    from deatwin.ident.narx import assess_reliance
-
-    left = _largest_residual(model, records, unseen)
-    reliance = assess_reliance(model, unseen)
-    told = {} if reliance is None else reliance.provenance
-    return replace(model, provenance={**model.provenance, **excited, **left, **told})
-
-
-def _largest_residual(model: NarxModel, records: list[Recording], unseen: list[Recording]) -> dict[str, str]:
-    """The free-run residual as a model keeps it; where a free run diverges, that.
-
-    Of several records the largest, not their mean: the controller has to bear the worst of them, and a rest, which
-    has hardly a residual, says nothing of it.
-    """
-    from deatwin.control.loop.residual import DIVERGED, DivergedError, free_run_residual
-    from deatwin.plant.errors import ModelError
-
-    found = []
-    for record, part in zip(records, unseen, strict=True):
-        # A short part holds too little of a slow residual to tell its size and memory.
-        judged = part if part.n_samples >= LEAST_SAMPLES else record
-        try:
-            found.append(free_run_residual(model, judged))
-        except DivergedError:
-            return dict(DIVERGED)
-        except ModelError:
-            return {}
-    return dict(max(found, key=lambda residual: residual.rms).provenance)
-
-
-def _split(record: Recording) -> tuple[Recording, Recording]:
-    """The part that is fitted and the part that is held out."""
-    from deatwin.plant.checks import require_samples
-
-    require_samples([record], 10, "identification with a held-out part")
-    cut = round(record.n_samples * (1 - HELD_OUT))
-    return record.section(0, cut), record.section(cut, record.n_samples)
 
 
 def _errors(model: NarxModel, unseen: Recording) -> dict[str, Any]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.checking.check import STICKING
 from deatwin.control.checking.rows import MarginRow, rows_of_family
+from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
 from deatwin.control.controllers.base import Controller
 from deatwin.control.design.lambda_tuning import lambda_tuning
@@ -19,9 +19,9 @@ from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.predicted import predict_loop
-from deatwin.control.loop.residual import free_run_residual
 from deatwin.control.loop.sine_response import sine_response
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
+from deatwin.ident.narx.residual import free_run_residual
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.excitation import band_limited_noise

@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.control import Check, LinearController, Residual, check, lambda_tuning, linearise
-from deatwin.control.stability.excited import BAND_KEY
-from deatwin.ident.narx import NarxModel
+from deatwin.control import Check, LinearController, check, lambda_tuning, linearise
+from deatwin.ident.narx import NarxModel, Residual
+from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import Parameter, Plant, Rig, StartProcedure
 from deatwin.plant.builder import Builder

@@ -12,9 +12,9 @@ import pytest
 
 from deatwin.control import Check, ControlError, LinearStatus, Verdict, check, linearise
 from deatwin.control.controllers.document import controller_to_dict
-from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.plant import ModelError
 
 SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from deatwin.control import Check, LinearStatus, Verdict
-from deatwin.control.loop.residual import DIVERGED, RMS_KEY, TIME_KEY
-from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.excited import BAND_KEY
+from deatwin.ident.narx.residual import DIVERGED, RMS_KEY, TIME_KEY
 from deatwin.plant import DataError, ModelError, Recording
 
 H, LAG, SLOPE = 0.02, 0.01, 2.0  # of the fixture `rig`

@@ -248,3 +248,17 @@ def test_plots(passed):
     assert passed.plot().get_ylabel() == "output (mm)"
     assert passed.predicted.plot().get_xlabel() == "time (s)"
     assert passed.steps.plot().get_ylabel() == "output (mm)"
+
+
+def test_a_plant_with_another_zero_is_told_apart_from_a_bad_controller(checked, exact, rig, trained):
+    """The plant rests from -2 to 2 mm; the steps of 0.6 mm are about the model's own rest."""
+    for zero, told in ((0.0, False), (1.0, False), (3.0, True)):
+        ends = {f"output_{end}": getattr(trained, f"output_{end}") + zero for end in ("min", "max", "centre")}
+        model = exact(output_origin=np.array([zero]), operating=replace(trained, **ends))
+        found = checked(model, rig)
+        assert (found.verdict is Verdict.FAIL) == told
+        apart = [finding for finding in found.findings if finding.subject == "operating point"]
+        assert len(apart) == told
+    assert found.worst_case is apart[0] and apart[0].value == pytest.approx(-3.0)
+    assert "the model rests at 3 mm and the plant at 0 mm, 3 mm apart" in found.sentence
+    assert "within the command's limits it rests from -2 to 2 mm" in found.sentence

@@ -11,14 +11,13 @@ from deatwin.control import (
     ClosedLoop,
     LinearController,
     PredictedLoop,
-    Residual,
     lambda_tuning,
     linearise,
     predict_loop,
     step_reference,
 )
 from deatwin.control.design.pid import PidGains
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Residual
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import ModelError, ReadingTime, RunStatus
 

@@ -7,9 +7,9 @@ from scipy.optimize import brentq
 
 from deatwin.control.errors import ControlError
 from deatwin.control.stability.circle import search
-from deatwin.control.stability.excited import excited_band
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
+from deatwin.ident.narx.excited import excited_band
 from deatwin.plant import DataError, Recording
 
 H = 0.02

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
-from deatwin.ident.narx import Fixed, Frols, Narmax, NarxModel, SvbNarx, ThetaSmoother, refine
+from deatwin.ident.narx import Fixed, Frols, Lasso, Narmax, NarxModel, Semp, SvbNarx, ThetaSmoother, refine
 from deatwin.ident.narx.predictive import free_run_band, one_step_band
 from deatwin.ident.narx.robust import robust_covariance
 from deatwin.plant.errors import ModelError
@@ -71,6 +71,36 @@ def test_terms_and_free_run_do_not_depend_on_how_large_the_offsets_are():
     errors = [svb.model_.simulate(recording).rms_error for svb, recording in fits]
     assert max(errors) == pytest.approx(min(errors), rel=1e-4)
     assert max(errors) < 0.02 * y.std()
+
+
+@pytest.mark.parametrize("identifier", [Frols(degree=3), Lasso(degree=2), Semp(degree=2), SvbNarx(degree=3)])
+@pytest.mark.parametrize("swing", [1e-4, 1e-9])
+def test_every_choice_of_terms_stands_a_swing_that_is_a_small_share_of_the_offset(identifier, swing):
+    """The terms of the plant in its own signals, and a constant at most; a billionth leaves noise of rounding of 1e-7."""
+    u, y = signals()
+    near, far = moved(u, y, 10.0, 10.0), Recording.from_arrays(1.0 + swing * u, 1.0 + swing * y, 1.0)
+    terms = identifier.fit(near).terms_
+    error = identifier.model_.simulate(near).rms_error
+    assert set(identifier.fit(far).terms_) == set(terms)
+    assert identifier.model_.simulate(far).rms_error == pytest.approx(swing * error, rel=1e-3)
+    assert {str(term) for term in terms} >= {"y(k-1)", "u(k-1)", "u(k-2)", "u(k-1)u(k-2)"}
+    assert error < 1.05 * 0.005
+
+
+def test_with_offsets_the_outputs_rest_together_without_a_constant():
+    """Two coupled outputs, driven off their rest by the square of the input; the model at offset zero has no constant."""
+    rng = np.random.default_rng(0)
+    u, y = rng.uniform(-1, 1, 800), np.zeros((2, 800))
+    for k in range(1, 800):
+        y[0, k] = 0.6 * y[0, k - 1] + 0.5 * u[k - 1] + 0.3 * u[k - 1] ** 2
+        y[1, k] = 0.4 * y[1, k - 1] - 0.3 * u[k - 1] + 0.2 * y[0, k - 1] + 0.1 * y[0, k - 1] ** 2
+    seen = y + 0.002 * rng.standard_normal(y.shape)
+    offsets = np.array([[40.0], [-300.0]])
+    svb = SvbNarx().fit(Recording.from_arrays(u + 20.0, seen + offsets, 1.0))
+    assert all(term.degree > 0 for term in svb.model_.terms)
+    free = svb.model_.simulate(Recording.from_arrays(u + 20.0, y + offsets, 1.0)).outputs - offsets
+    assert np.all((free - y).std(axis=1) < 0.005 * y.std(axis=1))
+    np.testing.assert_allclose(svb.model_.output_origin, offsets[:, 0], atol=0.05)
 
 
 @pytest.mark.parametrize("units", [(1e-6, 1.0), (1e6, 1.0), (1.0, 1e-6), (1.0, 1e6), (3.7e-6, 8.1e5)])

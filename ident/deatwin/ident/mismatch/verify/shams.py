@@ -14,8 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment

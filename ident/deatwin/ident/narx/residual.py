@@ -10,8 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.arguments import generator, instance, not_negative, positive, require_fields, taking, whole
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -43,7 +42,7 @@ class Residual:
 
     Raises
     ------
-    ControlError
+    ModelError
         If they are no finite numbers, the rms is negative or the time is not positive.
     """
 
@@ -51,9 +50,12 @@ class Residual:
     correlation_time: float
 
     def __post_init__(self) -> None:
-        require_fields(self, rms=not_negative, correlation_time=positive)
+        if not (0.0 <= self.rms < np.inf and 0.0 < self.correlation_time < np.inf):
+            raise ModelError(
+                f"a residual of {self.rms:g} rms that lasts for {self.correlation_time:g} s: the rms must not be "
+                "negative and the time be positive, both finite"
+            )
 
-    @taking(count=whole(0), draws=whole(0), sample_time=positive, rng=generator)
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
         """Draw the process.
 
@@ -121,7 +123,6 @@ class Residual:
         return cls(rms=rms, correlation_time=time)
 
 
-@taking(model=instance(NarxModel), recording=instance(Recording))
 def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     """Measure what a model leaves of a recording in free run.
 
@@ -138,8 +139,6 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
     Raises
     ------
-    ControlError
-        If it is given something else.
     DivergedError
         If the free run diverges; a ModelError.
 

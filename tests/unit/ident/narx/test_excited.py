@@ -7,10 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from deatwin.control import Excitation, excitation, excited_band
-from deatwin.control.checking.scope import judge_band
-from deatwin.control.checking.specification import Verdict
-from deatwin.control.stability.excited import BAND_KEY, HOLES_KEY
+from deatwin.ident.narx import Excitation, excitation, excited_band
+from deatwin.ident.narx.excited import BAND_KEY, HOLES_KEY
 from deatwin.plant import DataError, ModelError, Recording
 from deatwin.plant.excitation import (
     band_limited_noise,
@@ -126,12 +124,7 @@ def test_several_recordings_fill_each_other_s_holes() -> None:
     assert Excitation.joined([HOLED]).bands == HOLED.bands
 
 
-def test_a_crossover_in_a_hole_is_marginal_and_told_what_would_settle_it() -> None:
-    assert judge_band([0.3, 1.6], HOLED).verdict is Verdict.PASS
-    found = judge_band([0.3, 1.0, 1.6], HOLED)
-    assert (found.verdict, found.value, found.subject) == (Verdict.MARGINAL, 1.0, "excitation")
-    assert "a crossover, 1 Hz, lies in a hole of what the recording excited, 0.5 to 1.5 Hz" in found.text
-    assert "noise up to 2 Hz, would settle it" in found.text
-    assert judge_band([0.1], HOLED).verdict is Verdict.MARGINAL
-    beyond = judge_band([1.0, 3.0], HOLED)  # the worse of the two is told
-    assert beyond.value == 3.0 and "a recording excited up to 6 Hz would settle it" in beyond.text
+def test_bands_rise_and_lie_apart() -> None:
+    for bands in ((), ((1.0, 0.5),), ((0.0, 1.0), (0.5, 2.0)), ((-1.0, 1.0),), ((0.0, np.inf),)):
+        with pytest.raises(ModelError, match="rising and apart"):
+            Excitation(bands=bands)

@@ -11,8 +11,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.arguments import each, instance, pair, require_fields, taking
-from deatwin.control.errors import ControlError
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording, label
 
@@ -46,15 +44,19 @@ class Excitation:
     ----------
     bands : tuple of (float, float)
         Lowest and highest frequency of each, Hz, rising and apart; at least one.
+
+    Raises
+    ------
+    ModelError
+        If they are not.
     """
 
     bands: tuple[Band, ...]
 
     def __post_init__(self) -> None:
-        require_fields(self, bands=each(pair))
-        edges = [edge for band in self.bands for edge in band]
-        if not edges or edges[0] < 0.0 or not all(low < high for low, high in pairwise(edges)):
-            raise ControlError("the bands of an excitation must be one or more, rising and apart, from 0 Hz on")
+        edges = [edge for low, high in self.bands for edge in (low, high)]
+        if not edges or not (0.0 <= edges[0] and edges[-1] < inf and all(low < high for low, high in pairwise(edges))):
+            raise ModelError("the bands of an excitation must be one or more, rising and apart, from 0 Hz on")
 
     @property
     def highest_Hz(self) -> float:
@@ -151,7 +153,6 @@ class Excitation:
         return cls(bands=tuple(merged))
 
 
-@taking(recording=instance(Recording))
 def excited_band(recording: Recording) -> float:
     """Frequency below which a recording's input has 99 % of its power.
 
@@ -173,7 +174,6 @@ def excited_band(recording: Recording) -> float:
     return _last_line(_power(recording)) / recording.duration
 
 
-@taking(recording=instance(Recording))
 def excitation(recording: Recording) -> Excitation:
     """The bands up to `excited_band` in which a recording's input has power, without the holes between them.
 

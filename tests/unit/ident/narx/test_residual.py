@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from deatwin.control import Residual, free_run_residual
-from deatwin.control.loop.residual import RMS_KEY, TIME_KEY, DivergedError
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Residual, free_run_residual
+from deatwin.ident.narx.residual import RMS_KEY, TIME_KEY, DivergedError
 from deatwin.plant import ModelError, Recording
 
 H, RMS, NOISE = 0.02, 2.0, 1.5
@@ -142,3 +141,9 @@ def test_white_noise_alone_leaves_next_to_nothing():
     left = np.array([left_by(NOISE * rng.standard_normal(n), rng).rms for _ in range(20)])
     # Three deviations of the covariance at lag 1, which is taken back to lag 0 by a factor of e at most.
     assert np.all(left**2 < 3.0 * np.e * NOISE**2 / np.sqrt(0.95 * n))
+
+
+def test_a_residual_has_a_size_and_a_memory():
+    for size, time in ((-1e-3, 0.5), (1e-3, 0.0), (np.inf, 0.5), (1e-3, np.nan)):
+        with pytest.raises(ModelError, match="the rms must not be negative and the time be positive, both finite"):
+            Residual(rms=size, correlation_time=time)

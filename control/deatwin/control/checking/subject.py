@@ -1,0 +1,228 @@
+"""A controller with all that it is judged on, and the judgement: margins, prediction, runs on the physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.control.checking.cycles import judge_cycles
+from deatwin.control.checking.film import judge_film
+from deatwin.control.checking.operating import OperatingPoint
+from deatwin.control.checking.result import Check
+from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
+from deatwin.control.checking.scope import judge_band, judge_rests, judge_training, judge_unknown_band
+from deatwin.control.checking.specification import Specification, Verdict
+from deatwin.control.checking.trial import Trial
+from deatwin.control.checking.verdict import (
+    Finding,
+    Runs,
+    judge_draws,
+    judge_margins,
+    judge_prediction,
+    judge_raised,
+    judge_runs,
+    judge_width,
+    late_rms_error,
+    worst,
+)
+from deatwin.control.controllers.base import Controller
+from deatwin.control.linear.family import draw, linearise_many
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.plant import draw_plants, linearise_plants
+from deatwin.control.linear.varying import linearise_along
+from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.loop.predicted import PredictedLoop, predict_loop
+from deatwin.control.progress import Progress, part
+from deatwin.control.stability.bands import band_margins
+from deatwin.ident.narx import NarxModel, ThetaTrajectory
+from deatwin.ident.narx.excited import Excitation
+from deatwin.ident.narx.residual import Residual
+from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.model import Plant
+from deatwin.plant.rigs.base import ReadingTime
+
+Array = NDArray[np.float64]
+
+STICKING = ("hysteresis", "coulomb_friction")
+"""Effects that are a spring or a damper to small motions and nothing to the dynamics of large ones: the loop meets
+both."""
+PLANTS = 20
+"""Plants drawn from a calibration."""
+FILMS = 8
+"""Of them, those on which the film's limits are tried."""
+TIME_SAMPLES = 50
+"""Draws at each time of a model that varies."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Subject:
+    """A controller with all that it is judged on."""
+
+    model: NarxModel
+    linear: LinearModel
+    controller: Controller
+    plant: CalibratedPlant
+    others: Mapping[str, CalibratedPlant]
+    rng: np.random.Generator
+    samples: int
+    points: Array
+    specification: Specification
+    residual: Residual | None
+    excited: Excitation | None
+    trajectory: ThetaTrajectory | None
+    caveats: tuple[str, ...]
+
+    @property
+    def band_Hz(self) -> float | None:
+        return None if self.excited is None else self.excited.highest_Hz
+
+    def judged(self, progress: Progress | None) -> Check:
+        """Margins first, then the prediction, then the physics."""
+        spec, h = self.specification, self.linear.sample_time
+        trial = Trial(controller=self.controller, linear=self.linear, rng=self.rng)
+        here, rows = self._model_rows()
+        plants = draw_plants(self.plant, self.rng, PLANTS) if self.plant.names else ()
+        physics = self._plant_rows("plant", (self.plant.plant, *plants))
+        findings = [*_judged(rows, h, spec), *_judged(physics, h, spec)]
+        crossovers = [row.crossover_Hz for row in rows]
+        findings.append(judge_unknown_band() if self.excited is None else judge_band(crossovers, self.excited))
+        predicted = self._predicted(trial.step_reference, part(progress, 0.1, 0.2))
+        if predicted is not None:
+            findings.append(judge_draws(predicted, spec))
+            predicted = predicted if predicted.diverged < 1.0 else None
+        if predicted is not None:
+            findings.append(judge_width(predicted, trial.amplitude, spec))
+        runs = trial.runs("plant", self.plant.plant, part(progress, 0.2, 0.4))
+        sine_predicted = self._sine_error(trial, part(progress, 0.4, 0.5))
+        findings += self._judged_runs(trial, runs, sine_predicted, self.plant.plant)
+        if runs.steps.status.ok:
+            findings += self._on_plant(trial, runs.steps, predicted, part(progress, 0.5, 0.7))
+            tried = (self.plant.plant, *plants[: FILMS - 1])
+            findings.append(judge_film("plant", tried, _commands(runs), self.controller))
+        if (training := judge_training(self.model, self.points.tolist(), _commands(runs))) is not None:
+            findings.append(training)
+        seen, more = {}, list(physics)
+        for number, (name, other) in enumerate(self.others.items()):
+            table = self._plant_rows(name, (other.plant,))
+            first, last = (0.7 + 0.3 * (number + i) / len(self.others) for i in (0, 1))
+            steps = trial.runs(name, other.plant, part(progress, first, last))
+            findings += [*_judged(table, h, spec), *self._judged_runs(trial, steps, sine_predicted, other.plant)]
+            if steps.steps.status.ok:
+                findings.append(judge_film(name, (other.plant,), _commands(steps), self.controller))
+            seen[name], more = steps.steps, [*more, *table]
+        if progress is not None:
+            progress(1.0)
+        return Check(
+            findings=tuple(findings),
+            operating=OperatingPoint.of(self.linear),
+            controller=self.controller,
+            margins=here,
+            table=(*rows, *more),
+            excited_band_Hz=self.band_Hz,
+            steps=runs.steps,
+            sine=runs.sine,
+            others=seen,
+            predicted=predicted,
+            sine_predicted=sine_predicted,
+            caveats=self.caveats,
+        )
+
+    def _judged_runs(self, trial: Trial, runs: Runs, sine_predicted: float, plant: Plant) -> list[Finding]:
+        """Findings on runs on a plant; first, where it rests elsewhere than the model and that explains them, this."""
+        findings = list(judge_runs(runs, sine_predicted, self.specification.on_a_stand_in))
+        c = self.controller
+        if worst(findings).verdict is Verdict.PASS:
+            return findings
+        inputs = np.array([c.command_min, c.operating_input, c.command_max])
+        rests = linearise_plants((plant,), inputs).operating_outputs[:, 0]
+        apart = judge_rests(self.linear, trial.amplitude, rests, runs, worst(findings).verdict)
+        return findings if apart is None else [apart, *findings]
+
+    def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
+        """Margins at the controller's own point, and at all points and times."""
+        reading = self.plant.plant.rig.reading
+        thetas = np.vstack([self.model.theta, draw(self.model, self.rng, self.samples)])
+        family = linearise_many(self.model, self.points, thetas).in_loop(reading)
+        rows = rows_of_family("model", family, self.controller)
+        here = rows[int(np.flatnonzero(self.points == self.controller.operating_input)[0])]
+        if here.gain > 0.0:  # else the loop of the model itself is unstable and has no band
+            law = self.controller.local(self.controller.operating_input)
+            rows = (*rows, row_of_band(band_margins(self.linear, *law.feedback), self.linear, here.crossover_Hz))
+        if self.trajectory is None:
+            return here, rows
+        return here, (*rows, *self._along(self.trajectory, reading))
+
+    def _along(self, trajectory: ThetaTrajectory, reading: ReadingTime) -> tuple[MarginRow, ...]:
+        """Margins along time."""
+        along = linearise_along(
+            trajectory, self.controller.operating_input, rng=self.rng, samples=min(self.samples, TIME_SAMPLES)
+        )
+        return rows_of_family("model", along.family.in_loop(reading), self.controller, along.timepts.tolist())
+
+    def _plant_rows(self, source: str, plants: tuple[Plant, ...]) -> tuple[MarginRow, ...]:
+        """Margins for small motions, and, where something sticks, for large ones as well."""
+        reading = plants[0].rig.reading
+        small = rows_of_family(source, linearise_plants(plants, self.points).in_loop(reading), self.controller)
+        sticking = [name for name in STICKING if name in plants[0].effect_names]
+        if not sticking:
+            return small
+        loose = linearise_plants(tuple(plant.without_effects(*sticking) for plant in plants), self.points)
+        return (*small, *rows_of_family(f"{source} in large motions", loose.in_loop(reading), self.controller))
+
+    def _sine_error(self, trial: Trial, progress: Progress | None) -> float:
+        """Rms error on the sine that the model predicts; by its linear part where no residual is known."""
+        predicted = self._predicted(trial.sine_reference, progress)
+        if predicted is None or predicted.diverged == 1.0:
+            return trial.sine_error()
+        return predicted.interval(late_rms_error)[0]
+
+    def _predicted(self, reference: Array, progress: Progress | None) -> PredictedLoop | None:
+        if self.residual is None:
+            return None
+        rig = self.plant.plant.rig
+        return predict_loop(
+            self.model,
+            self.controller,
+            reference,
+            reading=rig.reading,
+            residual=self.residual,
+            noise=rig.noise,
+            rng=self.rng,
+            progress=progress,
+        )
+
+    def _on_plant(
+        self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None
+    ) -> list[Finding]:
+        """What more is judged where the plant lived through the steps."""
+        spec, plant = self.specification, self.plant.plant
+        factors = (spec.gain.poor, spec.gain.good)
+        raised = [
+            (factor, trial.raised(plant, factor, part(progress, 0.25 * n, 0.25 * (n + 1))))
+            for n, factor in enumerate(factors)
+        ]
+        cycles = judge_cycles(
+            plant, self.controller, self.linear, trial.amplitude, spec, progress=part(progress, 0.5, 1.0)
+        )
+        found = [judge_raised(raised, spec), cycles]
+        if predicted is not None:
+            found.append(judge_prediction(predicted, steps, spec))
+        return found
+
+
+def _commands(runs: Runs) -> Array:
+    """All commands of the runs."""
+    return np.concatenate([runs.steps.command, runs.sine.command])
+
+
+def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> list[Finding]:
+    """Findings on the margins of each source in the rows."""
+    sources = dict.fromkeys(row.source for row in rows)
+    return [
+        finding
+        for source in sources
+        for finding in judge_margins([row for row in rows if row.source == source], sample_time, specification)
+    ]

@@ -1,0 +1,113 @@
+"""What a model carries of the recordings that it was identified from: what they excited, and how far it can be relied on.
+
+`deatwin identify` and whoever identifies from Python save the same file by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.narx.excited import Excitation, excitation
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.reliance import assess_reliance
+from deatwin.ident.narx.residual import DIVERGED, DivergedError, free_run_residual
+from deatwin.plant.checks import require_samples
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.recording import Recording
+
+HELD_OUT = 0.3
+"""Share at the end of each recording that judges the model and is not fitted."""
+_FEWEST = 500
+"""Of a held-out part for the free-run residual to be measured on it; a shorter one holds too little of a slow residual
+to tell its size and memory."""
+
+
+def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Part each recording into its beginning, to be fitted, and its end, to judge the model.
+
+    Parameters
+    ----------
+    recordings : Recording, Experiment, or several
+        At least 10 samples each.
+    share : float
+        Of each recording that is held out, between 0 and 1.
+
+    Returns
+    -------
+    training, held_out : tuple of Recording
+        One of each for every recording, in order.
+
+    Raises
+    ------
+    ModelError
+        If a recording is too short, or the share is not between 0 and 1.
+    """
+    if not 0.0 < share < 1.0:
+        raise ModelError(f"share = {share}: it must lie between 0 and 1")
+    whole = flatten(recordings)
+    for record in whole:
+        require_samples([record], 10, "identification with a held-out part")
+    cuts = [min(max(round(record.n_samples * (1.0 - share)), 1), record.n_samples - 1) for record in whole]
+    pairs = [
+        (record.section(0, cut), record.section(cut, record.n_samples)) for record, cut in zip(whole, cuts, strict=True)
+    ]
+    return tuple(first for first, _ in pairs), tuple(last for _, last in pairs)
+
+
+def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> NarxModel:
+    """Return a model that carries what its recordings say of it, as `deatwin identify` saves it.
+
+    These are the bands that the input excited, the size and memory of what the model's free run leaves, and what the
+    residual tests and the gain of the free run say on held-out data. `frequency` and `check` ask for them.
+
+    Parameters
+    ----------
+    model : NarxModel
+        Of one output.
+    recordings : Recording, Experiment, or several
+        All that was recorded for it, with what was held out.
+    held_out : Recording, Experiment, or several
+        Parts that were not fitted; see `hold_out`.
+
+    Returns
+    -------
+    NarxModel
+        The same, with a longer provenance.
+
+    Notes
+    -----
+    The band is left out where no input tells it: each is constant, a ramp, or shorter than 64 samples.
+    """
+    whole, unseen = flatten(recordings), flatten(held_out)
+    excited, _ = band_excited(whole)
+    reliance = assess_reliance(model, unseen)
+    told = {} if reliance is None else reliance.provenance
+    left = _largest_residual(model, [part for part in unseen if part.n_samples >= _FEWEST] or whole)
+    return replace(model, provenance={**model.provenance, **excited, **left, **told})
+
+
+def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return the bands that the inputs excited as a model keeps them, and where there is none, the reasons."""
+    found, faults = [], []
+    for record in recordings:
+        if np.ptp(record.inputs[0]) > 0:
+            try:
+                found.append(excitation(record))
+            except DataError as error:
+                faults.append(f"{error}; the model does not say up to which frequency it can be relied upon")
+    return (Excitation.joined(found).provenance, ()) if found else ({}, tuple(faults))
+
+
+def _largest_residual(model: NarxModel, judged: Sequence[Recording]) -> dict[str, str]:
+    """Return the free-run residual as a model keeps it; where a free run diverges, that."""
+    try:
+        found = [free_run_residual(model, record) for record in judged]
+    except DivergedError:
+        return dict(DIVERGED)
+    except ModelError:
+        return {}
+    return max(found, key=lambda residual: residual.rms).provenance

@@ -1,0 +1,186 @@
+"""States of rest that are followed from the start of an experiment, with what is held since then, to other commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.stages import REVERSE
+from deatwin.plant.rest import TENSION, rest_state, resting
+
+if TYPE_CHECKING:
+    from deatwin.plant.model import Plant
+
+FURTHEST = 0.25
+"""From one command to the next no unknown moves further, in units of its scale: a film that snaps does."""
+HALVINGS = 14
+"""How often the way from rest is halved before there counts as none: pull-in is then found to a part in 16000."""
+UPDATES = 20
+SETTLED = 1e-12
+"""Change of the unknowns, against their scale, that ends Newton's method; nothing is differentiated through it."""
+
+
+def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Find the state in which a plant rests once it was brought from its start to a constant command. Shapes: returns
+    (n_x,).
+    """
+    equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
+    first = rest_state(equations, start, values)
+    if not first.found:
+        return None
+    try:
+        here = followed(equations, np.concatenate([first.x, first.z]), start, command, values)
+        here = settled(equations, here, first.d, command, values, time)[0]
+    except (NoRestError, RuntimeError):
+        return None
+    n_x = len(equations.states)
+    return here[:n_x], here[n_x:], first.d
+
+
+def held_rest(
+    equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray
+) -> np.ndarray:
+    """Move an equilibrium to where it is with what was held since the start, such as the zero of the sensor. Shapes:
+    `here` (n_x + n_z,); `held` (n_d,); `values` (n_p,); returns (n_x + n_z,).
+    """
+    if not held.size:
+        return here
+    try:
+        return settled(equations, here, held, command, values, 0.0)[0]
+    except (NoRestError, RuntimeError):
+        return here
+
+
+class NoRestError(Exception):
+    """There is no state of rest in reach."""
+
+
+Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Unknowns (states and coordinates), held quantities, inputs, free parameters."""
+
+
+def settled(
+    equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray, time: float
+) -> Point:
+    """Let the rest settle with what is held since the start of the experiment, and at its clock time, step by step."""
+    n_x = len(equations.states)
+    own = np.asarray(equations.hold(here[:n_x], here[n_x:], values, equations.constants)).ravel()
+    done, step = 0.0, 1.0
+    while done < 1.0:
+        share = min(done + step, 1.0)
+        inputs = inputs_at(equations, equations.held_inputs(command), share * time, share * time)
+        point = (here, own + share * (held - own), inputs, values)
+        there = _solved(equations, point, share * time)
+        # What is held changes the meaning of a charge, which lies in kV: it may move further than the film.
+        if there is not None and np.max(np.abs(there - here) / equations.scale, initial=0.0) < 4 * FURTHEST:
+            here, done, step = there, share, 2 * step
+        elif step > 1 / 2**HALVINGS:
+            step /= 2
+        else:
+            raise NoRestError
+    return here, held, inputs, values
+
+
+def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | None:
+    """Unknowns at which nothing moves, by Newton's method from those of a point nearby; None where it fails."""
+    here, *known = point
+    evaluate = sample_functions(equations).dynamics
+    for _ in range(UPDATES):
+        value, slope, _ = (np.asarray(v) for v in evaluate(here, *known[:2], time, known[2], equations.constants))
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            return None
+        kept, step = resting(equations), np.zeros(here.size)
+        step[kept] = _scaled_solution(slope[np.ix_(kept, kept)], value.ravel()[kept], equations.scale[kept])
+        here = here - equations.scale * step
+        if np.max(np.abs(step), initial=0.0) < SETTLED:
+            return here
+    return None
+
+
+def require_tension(equations: Equations, point: Point, time: float) -> None:
+    """A film without tension wrinkles: the equations do not hold. A rig that does not watch it has none to lose."""
+    if TENSION in equations.signals:
+        (here, held, inputs, values), n_x = point, len(equations.states)
+        seen = equations.watched(here[:n_x], here[n_x:], held, inputs, time, values, equations.constants)
+        if float(seen[equations.signals.index(TENSION)]) < 0.0:
+            raise NoRestError
+
+
+def followed(equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray) -> np.ndarray:
+    """The equilibrium under another command, unless the branch ends before, in a fold or by snapping."""
+    at, step, sign = start, command - start, _sign(equations, here, start, values)
+    while at != command:
+        target = command if abs(command - at) <= abs(step) else at + step
+        tried = rest_state(equations, target, values, guess=here)
+        there = np.concatenate([tried.x, tried.z])
+        near = tried.found and np.max(np.abs(there - here) / equations.scale, initial=0.0) < FURTHEST
+        if near and _sign(equations, there, target, values) == sign:
+            at, here = target, there
+        elif abs(step) > abs(command - start) / 2**HALVINGS:
+            step /= 2
+        else:
+            raise NoRestError
+    return here
+
+
+def _sign(equations: Equations, here: np.ndarray, command: float, values: np.ndarray) -> float:
+    """Of the determinant of the equations of rest: it changes in a fold."""
+    inputs = equations.held_inputs(command)
+    slope = np.asarray(sample_functions(equations).rest_slope(here, inputs, values, equations.constants))
+    kept = resting(equations)
+    return float(np.linalg.slogdet(slope[np.ix_(kept, kept)]).sign)
+
+
+def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Least step, in units of the scale: what may stay anywhere, as a memory at rest, stays where it is."""
+    scaled = slope * scale
+    rows = np.abs(scaled).max(axis=1, initial=0.0)
+    rows[rows == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(scaled / rows[:, None], value / rows, rcond=None)[0])
+
+
+def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: float) -> np.ndarray:
+    """Inputs of a sample that begins at a time, s, and of a step in it with its middle at another."""
+    moved = equations.with_middle(inputs, middle)
+    if equations.sample_start is not None:
+        moved[equations.sample_start] = begin
+    return moved
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SampleFunctions:
+    """Derivatives that one sample needs, evaluated by CasADi's virtual machine: nothing is compiled.
+
+    `dynamics`: ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``; `output` likewise of the reading; `rest_slope`:
+    ``(w, u, p, c) ->`` derivative of the equations of rest.
+    """
+
+    dynamics: ca.Function
+    output: ca.Function
+    rest_slope: ca.Function
+
+
+@lru_cache(maxsize=64)
+def sample_functions(equations: Equations) -> SampleFunctions:
+    n_x = len(equations.states)
+    w, d = ca.SX.sym("w", equations.scale.size), ca.SX.sym("d", len(equations.held))
+    u, t = ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
+    p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
+    arguments, split = [w, d, u, t, p, c], [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
+    f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
+    rest = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
+    return SampleFunctions(
+        dynamics=ca.Function("small_dynamics", arguments, _with_slopes(f, w, u)),
+        output=ca.Function("small_output", arguments, _with_slopes(y, w, u)),
+        rest_slope=ca.Function("small_rest", [w, u, p, c], [ca.densify(ca.jacobian(rest, w))]),
+    )
+
+
+def _with_slopes(value: ca.SX, w: ca.SX, u: ca.SX) -> list[ca.SX]:
+    by_w, by_u = (ca.densify(ca.jacobian(value, symbol, REVERSE)) for symbol in (w, u))
+    return list(ca.cse([ca.densify(value), by_w, by_u]))
