@@ -21,6 +21,7 @@ import hashlib
 import io
 import json
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -127,31 +128,34 @@ class Commit:
     name: str
     key: str
     """Hash of all that its results depend on but for the inputs of a run."""
-    project: dict[str, Any]
+    needed: tuple[str, ...]
+    """Packages to install beside it."""
+    repository: Path
     cache: Path
 
     @classmethod
-    def of(cls, name: str, cache: Path) -> Commit:
+    def of(cls, name: str, repository: Path, cache: Path) -> Commit:
         """Look a commit up."""
-        call("git", "rev-parse", "--verify", "--quiet", f"{name}^{{commit}}")
-        settings = tomllib.loads(call("git", "show", f"{name}:pyproject.toml").decode())
-        parts = {key: settings[key] for key in ("build-system", "project")} | settings["tool"]["hatch"]
-        roots = settings["tool"]["hatch"]["build"]["targets"]["wheel"]["sources"]
-        trees = call("git", "ls-tree", name, *roots)
-        return cls(name, digest(trees, json.dumps(parts, sort_keys=True), sys.version), settings, cache)
+        settings = tomllib.loads(call("git", "show", f"{name}:pyproject.toml", folder=repository).decode())
+        project, build, hatch = settings["project"], settings["build-system"], settings["tool"]["hatch"]
+        trees = call("git", "ls-tree", name, *hatch["build"]["targets"]["wheel"]["sources"], folder=repository)
+        key = digest(trees, json.dumps([project, build, hatch], sort_keys=True), sys.version)
+        needed = (*project.get("dependencies", ()), *build["requires"])
+        return cls(name, key, needed, repository, cache)
 
     def python(self) -> Path:
         """Interpreter of an environment with the packages that the project depends on, made once for all commits.
 
         Both commits get the same releases of these, so that a difference can only come from the commits.
         """
-        needed = [*self.project["project"]["dependencies"], *self.project["build-system"]["requires"]]
-        folder = self.cache / f"environment-{digest(*sorted(needed), sys.version)}"
+        folder = self.cache / f"environment-{digest(*sorted(self.needed), sys.version)}"
         with made_once(folder) as fresh:
             if fresh is not None:
                 print(f"installing the packages that {self.name} depends on", flush=True)
                 call(sys.executable, "-m", "venv", fresh)
-                call(fresh / "bin" / "python", "-m", "pip", "install", "-q", *needed, environment=clean_environment())
+                if self.needed:
+                    pip = (fresh / "bin" / "python", "-m", "pip", "install", "-q")
+                    call(*pip, *self.needed, environment=clean_environment())
         return folder / "bin" / "python"
 
     def installed(self) -> Path:
@@ -163,7 +167,9 @@ class Commit:
         with made_once(folder) as fresh:
             if fresh is not None:
                 with tempfile.TemporaryDirectory() as source:
-                    with tarfile.open(fileobj=io.BytesIO(call("git", "archive", self.name))) as files:
+                    with tarfile.open(
+                        fileobj=io.BytesIO(call("git", "archive", self.name, folder=self.repository))
+                    ) as files:
                         files.extractall(source, filter="data")
                     options = ("-q", "--no-deps", "--no-build-isolation", "--target", fresh)
                     call(self.python(), "-m", "pip", "install", *options, source, environment=clean_environment())
@@ -176,7 +182,8 @@ class Commit:
         with made_once(folder) as fresh:
             if fresh is not None:
                 started = time.monotonic()
-                job.prepare(fresh)
+                for name, content in job.inputs.items():
+                    (fresh / name).write_bytes(content)
                 environment = clean_environment(PYTHONPATH=str(site))
                 for command in COMMANDS[job.kind]:
                     call(python, site / "bin" / "deatwin", *command.split(), folder=fresh, environment=environment)
@@ -188,38 +195,22 @@ class Commit:
 
 @dataclass(frozen=True)
 class Job:
-    """An experiment, or the study."""
+    """An experiment, or the study, with the content of its input files by name."""
 
     name: str
-    source: Path | None = None
-    """Folder of the experiment."""
+    kind: str
+    inputs: Mapping[str, bytes]
 
-    @property
-    def kind(self) -> str:
-        return STUDY if self.source is None else "recording"
-
-    @property
-    def inputs(self) -> dict[str, bytes]:
-        """Content of the input files by name; one that is kept compressed is unpacked.
-
-        Raises FileNotFoundError if one is absent.
-        """
-        found = {}
-        for name in INPUTS if self.source is not None else ():
-            packed = self.source / f"{name}.gz"
-            found[name] = (
-                gzip.decompress(packed.read_bytes()) if packed.is_file() else (self.source / name).read_bytes()
-            )
-        return found
+    @classmethod
+    def of(cls, folder: Path) -> Job:
+        """An experiment from its folder, where files may be compressed; FileNotFoundError if one is absent."""
+        packed = {name: folder / f"{name}.gz" for name in INPUTS}
+        unpacked = {name: gzip.decompress(path.read_bytes()) for name, path in packed.items() if path.is_file()}
+        return cls(folder.name, "recording", {n: unpacked.get(n) or (folder / n).read_bytes() for n in INPUTS})
 
     @property
     def key(self) -> str:
         return digest(*COMMANDS[self.kind], CASES_AS_JSON, *self.inputs.values())
-
-    def prepare(self, folder: Path) -> None:
-        """Write the input files."""
-        for name, content in self.inputs.items():
-            (folder / name).write_bytes(content)
 
     def files(self, *folders: Path) -> list[tuple[str, str]]:
         """Each file to compare that either folder holds or ought to hold, with its entry of `COMPARED`."""
@@ -275,17 +266,18 @@ def compare(base: Path, head: Path, exempt: Sequence[str] = ()) -> str:
 
 def jobs_of(recordings: Path, only: Sequence[str]) -> tuple[list[Job], dict[str, str]]:
     """The jobs to run, the longest first, and why others are not."""
-    folders = sorted(path for path in recordings.iterdir() if path.is_dir())
-    every = {job.name: job for job in (Job(STUDY), *(Job(folder.name, folder) for folder in folders))}
-    if unknown := sorted(set(only) - set(every)):
-        raise SystemExit(f"--only: there is no {', '.join(unknown)} (there are: {', '.join(every)})")
+    folders = {path.name: path for path in sorted(recordings.iterdir()) if path.is_dir()}
+    if unknown := sorted(set(only) - {STUDY, *folders}):
+        raise SystemExit(f"--only: there is no {', '.join(unknown)} (there are: {', '.join((STUDY, *folders))})")
     wanted, skipped = [], {}
-    for job in every.values():
+    if not only or STUDY in only:
+        wanted.append(Job(STUDY, STUDY, {}))
+    for name, folder in folders.items():
         try:
-            if not only or job.name in only:
-                wanted.append(job) if job.key else None
+            if not only or name in only:
+                wanted.append(Job.of(folder))
         except FileNotFoundError as error:
-            skipped[job.name] = f"{Path(error.filename).name} is absent"
+            skipped[name] = f"{Path(error.filename).name} is absent"
     return wanted, skipped
 
 
@@ -306,6 +298,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("base", metavar="BASE", help="commit before the change")
     parser.add_argument("head", metavar="HEAD", help="commit after it")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"experiments, or {STUDY}")
+    parser.add_argument("--repository", type=Path, default=ROOT, help="where the commits are")
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder with one folder an experiment")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="how many run side by side")
     parser.add_argument("--cache", type=Path, default=place, help=f"where results are kept (default {place})")
@@ -315,7 +308,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     wanted, skipped = jobs_of(given.recordings, given.only)
     equal = True
     try:
-        commits = [Commit.of(name, given.cache.resolve()) for name in (given.base, given.head)]
+        commits = [Commit.of(name, given.repository, given.cache.resolve()) for name in (given.base, given.head)]
         for commit in commits:
             commit.installed()
     except RunError as error:
@@ -325,8 +318,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("both commits have the same product: it is run once")
         del commits[1]
     with ThreadPoolExecutor(given.jobs) as pool:
-        runs = {job: [pool.submit(commit.results, job) for commit in commits] for job in wanted}
-        for job, results in runs.items():
+        runs = [(job, [pool.submit(commit.results, job) for commit in commits]) for job in wanted]
+        for job, results in runs:
             try:
                 folders = [result.result() for result in results]
                 equal &= report(job, folders[0], folders[-1])
@@ -335,7 +328,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{job.name:<26} failed: {error}")
     for name, reason in skipped.items():
         print(f"{name:<26} skipped: {reason}")
-    print(f"{'equal' if equal else 'NOT equal'}; {(time.monotonic() - started) / 60:.1f} min")
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = f"{(time.monotonic() - started) / 60:.1f} min, {(used.ru_utime + used.ru_stime) / 60:.1f} of processor time"
+    print(f"{'equal' if equal else 'NOT equal'}; {spent}")
     return 0 if equal else 1
 
 
