@@ -126,6 +126,8 @@ class Commit:
     """A commit, and where its installed packages and results are kept."""
 
     name: str
+    """As it was given."""
+    commit: str
     key: str
     """Hash of all that its results depend on but for the inputs of a run."""
     needed: tuple[str, ...]
@@ -135,13 +137,14 @@ class Commit:
 
     @classmethod
     def of(cls, name: str, repository: Path, cache: Path) -> Commit:
-        """Look a commit up."""
-        settings = tomllib.loads(call("git", "show", f"{name}:pyproject.toml", folder=repository).decode())
+        """Look a commit up. A branch may move while it is run, so that its hash is kept."""
+        commit = call("git", "rev-parse", "--verify", f"{name}^{{commit}}", folder=repository).decode().strip()
+        settings = tomllib.loads(call("git", "show", f"{commit}:pyproject.toml", folder=repository).decode())
         project, build, hatch = settings["project"], settings["build-system"], settings["tool"]["hatch"]
-        trees = call("git", "ls-tree", name, *hatch["build"]["targets"]["wheel"]["sources"], folder=repository)
+        trees = call("git", "ls-tree", commit, *hatch["build"]["targets"]["wheel"]["sources"], folder=repository)
         key = digest(trees, json.dumps([project, build, hatch], sort_keys=True), sys.version)
         needed = (*project.get("dependencies", ()), *build["requires"])
-        return cls(name, key, needed, repository, cache)
+        return cls(name, commit, key, needed, repository, cache)
 
     def python(self) -> Path:
         """Interpreter of an environment with the packages that the project depends on, made once for all commits.
@@ -167,9 +170,8 @@ class Commit:
         with made_once(folder) as fresh:
             if fresh is not None:
                 with tempfile.TemporaryDirectory() as source:
-                    with tarfile.open(
-                        fileobj=io.BytesIO(call("git", "archive", self.name, folder=self.repository))
-                    ) as files:
+                    packed = io.BytesIO(call("git", "archive", self.commit, folder=self.repository))
+                    with tarfile.open(fileobj=packed) as files:
                         files.extractall(source, filter="data")
                     options = ("-q", "--no-deps", "--no-build-isolation", "--target", fresh)
                     call(self.python(), "-m", "pip", "install", *options, source, environment=clean_environment())
@@ -294,7 +296,12 @@ def report(job: Job, base: Path, head: Path) -> bool:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run both commits and compare; 0 if every file is equal."""
     place = Path(tempfile.gettempdir()) / f"deatwin-oracle-{os.getuid()}"
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    apart = [f"  {file} {path}: {why}" for file, paths in EXEMPT.items() for path, why in paths.items()]
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        epilog="\n".join(["may differ, all else may not:", *apart]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument("base", metavar="BASE", help="commit before the change")
     parser.add_argument("head", metavar="HEAD", help="commit after it")
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help=f"experiments, or {STUDY}")

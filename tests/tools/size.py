@@ -19,13 +19,6 @@ ROOT = Path(__file__).resolve().parents[2]
 APART = "deatwin.ident.mismatch"
 """The diagnosis engine, which is measured on its own."""
 STORIES = "deatwin.scenarios"
-NO_STORIES = frozenset(
-    "app check_report commands live report studies sweep schemas".split()
-    + "cli demo designs diagnosing checking given folder voice options partial provenance stories evidence".split()
-    + "frequency_report frequency_responses identify_report identify_lags interrupts thinning timeleft usage".split()
-    + ["warming"]
-)
-"""What lies beside the stories and is none: infrastructure, wherever it has not yet moved to `app` or `studies`."""
 LOST = re.compile(r"(What|Whether|Of|Where|The same|That|Those|As|By|From|With|In|At|On|To|Which|How|When)\b")
 """How a fragment begins: a clause or a preposition, to which no subject comes. A noun with what describes it, such as
 "Sampling time, s.", is an entry as numpydoc has them, and no fragment."""
@@ -86,11 +79,11 @@ def product(root: Path = ROOT) -> dict[str, Module]:
 
 
 def stories(modules: dict[str, Module]) -> dict[str, int]:
-    """Lines by story, a package or module beside the infrastructure; the largest first."""
+    """Lines by story, the largest first; each is a package or a module."""
     sizes: dict[str, int] = {}
     for name, module in modules.items():
-        inner = name.removeprefix(STORIES + ".").split(".")[0]
-        if name.startswith(STORIES + ".") and inner not in NO_STORIES:
+        if name.startswith(STORIES + "."):
+            inner = name.split(".")[2]
             sizes[inner] = sizes.get(inner, 0) + module.lines
     return dict(sorted(sizes.items(), key=lambda item: -item[1]))
 
@@ -197,7 +190,7 @@ def rows(root: Path = ROOT) -> list[tuple[str, str, str, str]]:
             f"{sum(m.docstring_lines for m in ours.values()):,}",
             "<= 19,000",
         ),
-        ("public names (packages re-export them)", "", f"{len(names):,}", "<= 450"),
+        ("public names (packages re-export them)", "1,765", f"{len(names):,}", "<= 450"),
         ("names in __all__ of other modules", "", f"{everywhere:,}", "0"),
         ("circles of imports, for types too", "22", f"{len(circles(modules))}", "<= 5"),
         (
