@@ -22,7 +22,7 @@ from deatwin.studies.stories import STORIES
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
-PAGES = sorted([ROOT / "README.md", *DOCS.rglob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
 REFERENCE = DOCS / "reference"
 PUBLIC = (
     "deatwin.plant",

@@ -50,7 +50,7 @@ def test_importing_the_file_readers_loads_nothing_heavy() -> None:
 
 def test_no_path_of_one_machine() -> None:
     own = re.compile(r"(?<![A-Za-z0-9_.])/(?:home|root|work|farm|Users)/")
-    files = [ROOT / name for name in ("README.md", "pyproject.toml", "CHANGELOG.md", ".ci/run")]
+    files = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "pyproject.toml", "CHANGELOG.md", ".ci/run")]
     for folder in (*SOURCE_ROOTS, "tests"):
         files += [path for path in (ROOT / folder).rglob("*") if path.suffix in {".py", ".toml", ".json", ".md"}]
     found = [str(path.relative_to(ROOT)) for path in files if own.search(path.read_text(encoding="utf-8"))]

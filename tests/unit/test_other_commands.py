@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 BLOCK = re.compile(r"^```sh\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 SPAN = re.compile(r"`((?:python3?|mkdocs|pip|jupyter)\s[^`]+)`")
@@ -21,6 +21,14 @@ PLACES = {
     'python3 -m venv .venv-test && .venv-test/bin/pip install -e ".[test]" && OMP_NUM_THREADS=1 '
     ".venv-test/bin/python -m pytest -n auto --dist loadfile": ".ci/run, word for word",
     "jupyter nbconvert --to notebook --execute --inplace docs/notebooks/simulate_and_identify.ipynb": ".ci/run executes the notebooks",
+    "python3 -m venv .venv && . .venv/bin/activate": ".ci/run makes an environment in the same way",
+    'pip install -e ".[test]" -c requirements-dev.lock': ".ci/run installs the newest releases instead",
+    "pip install pre-commit && pre-commit install": "a convenience: .ci/run runs the same two commands of ruff",
+    "OMP_NUM_THREADS=1 python -m pytest -q tests/unit/plant/effects": "a part of what .ci/run tests",
+    "ruff check . && ruff format --check . && python -m mypy": ".ci/run",
+    ".ci/run": ".ci/run",
+    "python tests/tools/oracle.py BASE HEAD": "tests/unit/tools/test_oracle.py, on a toy project",
+    "python tests/tools/size.py": "tests/unit/tools/test_size.py, on a toy project",
     "mkdocs serve": ".ci/run builds the site that it would serve",
     "python tests/benchmarks/bench_diagnose.py --case CASE --jobs 2": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
