@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.result import AdviceSummary
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
@@ -95,19 +96,20 @@ class Advice:
             f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}."
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """What ``next_experiment`` of diagnosis.json holds; without an input ``file`` and ``seconds`` are None."""
+    @property
+    def summary(self) -> AdviceSummary:
+        """What a diagnosis says of it; without an input it has no file and no seconds."""
         none = self.recording is None
-        return {
-            "file": None if none else INPUT_FILE,
-            "seconds": self.seconds,
-            "confusion_before": self.confusion_before,
-            "confusion_after": None if none else self.confusion_after,
-            "waveform": self.waveform or None,
-            "added_mass_g": None if self.added_mass is None else 1e3 * self.added_mass,
-            "measure": self.measure,
-            "undecided": list(self.undecided),
-        }
+        return AdviceSummary(
+            file=None if none else INPUT_FILE,
+            seconds=self.seconds,
+            confusion_before=self.confusion_before,
+            confusion_after=None if none else self.confusion_after,
+            waveform=self.waveform or None,
+            added_mass_g=None if self.added_mass is None else 1e3 * self.added_mass,
+            measure=self.measure,
+            undecided=self.undecided,
+        )
 
     def to_xarray(self) -> Any:
         """Return d² of each waveform, and where an input is advised that and its readings, as an `xarray.Dataset`; SI.

@@ -13,37 +13,12 @@ from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
 from deatwin.ident.mismatch.gate.noise import NoiseFloor
 from deatwin.ident.mismatch.gate.repeats import Repeatability
+from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.datasets import columns, dataset, squared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-@dataclass(frozen=True, kw_only=True)
-class Statistic:
-    """One group of statistics of the residual.
-
-    Parameters
-    ----------
-    name : str
-        What is asked.
-    value : float
-        The largest of the group: mean square over the floor, distance between the cumulated periodogram and its mean,
-        correlation coefficient.
-    where : str
-        The part of the data, the frequency, or the regressor at which it is found.
-    score : float
-        Standardised by what chance gives.
-    p_value : float
-        Of this group alone.
-    """
-
-    name: str
-    value: float
-    where: str
-    score: float
-    p_value: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,33 +140,31 @@ class Detection:
         """Whether there is a mismatch, and it is certainly not the plant's."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
-    def to_dict(self) -> dict[str, Any]:
-        """The field ``detect`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+    @property
+    def summary(self) -> DetectionSummary:
+        """What a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
         found = self.repeatability
-        return {
-            "p_value": self.p_value,
-            "excess": self.size / size,
-            "practical": self.practical / size,
-            "taken_up": self.taken_up is not None,
-            "moved": self.moved / size,
-            "smallest_detectable": {k: None if v is None else v / size for k, v in self.smallest.items()},
-            "statistics": [
-                {"name": s.name, "value": s.value, "where": s.where, "score": s.score, "p_value": s.p_value}
-                for s in self.statistics
-            ],
-            "noise_source": self.sensor.source.name.lower(),
-            "repeatability": None
+        return DetectionSummary(
+            p_value=self.p_value,
+            excess=self.size / size,
+            practical=self.practical / size,
+            taken_up=self.taken_up is not None,
+            moved=self.moved / size,
+            smallest_detectable={k: None if v is None else v / size for k, v in self.smallest.items()},
+            statistics=self.statistics,
+            noise_source=self.sensor.source.name.lower(),
+            repeatability=None
             if found is None
-            else {
-                "correlation": found.correlation,
-                "share": found.share,
-                "low": found.low,
-                "high": found.high,
-                "explainable": found.explainable,
-            },
-            "origin": self.evidence.to_dict(size),
-        }
+            else RepeatabilitySummary(
+                correlation=found.correlation,
+                share=found.share,
+                low=found.low,
+                high=found.high,
+                explainable=found.explainable,
+            ),
+            origin=self.evidence.summary(size),
+        )
 
     def to_xarray(self) -> Any:
         """Return statistics, spectra and correlations of the residual as an `xarray.Dataset`."""

@@ -12,12 +12,14 @@ from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.discover.dictionary import RATE
+from deatwin.ident.mismatch.result import FreeFormSummary, ShapeSummary, TermSummary
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.datasets import Variables, dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Primitive
 from deatwin.plant.model import Plant
+from deatwin.plant.records import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,16 +81,16 @@ class FoundTerm:
         order = getattr(self.term, "order", 1)
         return WORDS[self.term.kind].format(x=self.variable if order == 1 else f"{self.variable}^{order}")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, SI."""
-        shape = None if self.shape is None else dict(zip(("name", "value", "unit"), self.shape, strict=True))
-        return {
-            "term": self.text,
-            "coefficient": self.coefficient,
-            "unit": self.unit,
-            "shape": shape,
-            "inclusion": self.inclusion,
-        }
+    @property
+    def summary(self) -> TermSummary:
+        """What a diagnosis says of it; SI."""
+        shape = None
+        if self.shape is not None:
+            name, value, unit = self.shape
+            shape = ShapeSummary(name=name, value=value, unit=unit)
+        return TermSummary(
+            term=self.text, coefficient=self.coefficient, unit=self.unit, shape=shape, inclusion=self.inclusion
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,17 +138,18 @@ class Discovery:
         """The free form, as it was before the fit."""
         return next(effect for effect in self.model.effects if isinstance(effect, FreeForm))
 
-    def to_dict(self) -> dict[str, Any]:
-        """What a diagnosis writes under ``free_form``: errors in its unit of amplitudes, terms in SI."""
+    @property
+    def summary(self) -> FreeFormSummary:
+        """What a diagnosis says of it: errors in its unit of amplitudes, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
-        return {
-            "place": self.free_form.enters.value,
-            "signal": self.free_form.node,
-            "terms": [term.to_dict() for term in self.terms],
-            "before": self.before / size,
-            "after": self.after / size,
-            "gain_low": self.gain_low / size,
-        }
+        return FreeFormSummary(
+            place=self.free_form.enters.value,
+            signal=self.free_form.node,
+            terms=tuple(term.summary for term in self.terms),
+            before=self.before / size,
+            after=self.after / size,
+            gain_low=self.gain_low / size,
+        )
 
     def to_xarray(self) -> Any:
         """Return terms, what enters along the fitted part, and what is left of the unseen one as an `xarray.Dataset`.
@@ -212,7 +215,7 @@ class Discovery:
 
 def _row(term: FoundTerm) -> dict[str, Any]:
     """A term in a table: flat."""
-    told = term.to_dict()
+    told = plain(term.summary)
     shape = told.pop("shape") or {}
     return {
         "text": told.pop("term"),

@@ -12,6 +12,7 @@ from scipy.special import chdtrc
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.result import Band
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -22,23 +23,6 @@ if TYPE_CHECKING:
 SEGMENT_SECONDS = 20.0
 LOUD = 2.0
 """A line of the spectrum counts when it has this many times the power of the sensor's noise."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Band:
-    """A band of frequencies whose spectrum lies above the floor.
-
-    Parameters
-    ----------
-    from_Hz, to_Hz : float
-        Ends of the band.
-    excess_dB : float
-        Mean power over that of the sensor's noise.
-    """
-
-    from_Hz: float
-    to_Hz: float
-    excess_dB: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,16 +49,12 @@ class Bands:
     def __len__(self) -> int:
         return len(self.bands)
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The bands as a diagnosis file has them."""
-        return [asdict(band) for band in self.bands]
-
     def to_xarray(self) -> Any:
         """Return the bands, and the residual's spectrum over that of the noise, as an `xarray.Dataset`."""
         told = {"from_Hz": ("Hz",), "to_Hz": ("Hz",), "excess_dB": ("dB", "mean power over that of the sensor's noise")}
         return dataset(
             {
-                **table("band", self.to_dict(), told),
+                **table("band", map(asdict, self.bands), told),
                 "ratio": ("frequency", self.ratio, "", "power over that of the sensor's noise"),
             },
             {"frequency": ("frequency", self.frequency, "Hz")},

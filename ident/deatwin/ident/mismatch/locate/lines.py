@@ -22,6 +22,7 @@ from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.ident.mismatch.result import LineGroup
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -41,29 +42,6 @@ SETTLING = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineGroup:
-    """A group of lines of the residual's spectrum.
-
-    Parameters
-    ----------
-    kind : str
-        ``"excited"``, ``"odd"``, ``"even"`` (neither of them excited), or ``"varying"``: what changes from period to
-        period, on all lines.
-    rms : float
-        What the residual holds there, without what varies (of the last group: all of it), SI.
-    p_value : float
-        Of nothing there; of the last group, of no more than the sensor's white noise.
-    lines : int
-        How many.
-    """
-
-    kind: str
-    rms: float
-    p_value: float
-    lines: int
-
-
-@dataclass(frozen=True, kw_only=True)
 class Lines:
     """The residual under a periodic input, by groups of lines.
 
@@ -80,10 +58,6 @@ class Lines:
     period_s: float
     periods: int
     groups: tuple[LineGroup, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The groups as a diagnosis file has them; rms in SI."""
-        return asdict(self)
 
     def to_xarray(self) -> Any:
         """Return the groups of lines as a table in an `xarray.Dataset`; SI."""

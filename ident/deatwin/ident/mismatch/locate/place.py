@@ -16,6 +16,7 @@ from deatwin.ident.greybox.filter_linear import Linear, linearise, without_repea
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
+from deatwin.ident.mismatch.result import PlaceSummary
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Place
@@ -64,17 +65,18 @@ class OpenedPlace:
     score: float
     among_best: bool
 
-    def to_dict(self) -> dict[str, Any]:
-        """The place as a diagnosis file has it."""
-        return {
-            "place": self.place,
-            "score": self.score,
-            "signal": self.signal,
-            "log_likelihood_gain": self.gain,
-            "p_value": self.p_value,
-            "explained": self.explained,
-            "among_best": self.among_best,
-        }
+    @property
+    def summary(self) -> PlaceSummary:
+        """The place as a diagnosis has it."""
+        return PlaceSummary(
+            place=self.place,
+            score=self.score,
+            signal=self.signal,
+            log_likelihood_gain=self.gain,
+            p_value=self.p_value,
+            explained=self.explained,
+            among_best=self.among_best,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,12 +104,13 @@ class Places:
         """The places that the recordings do not tell apart, the best first; empty where nothing is repeatable."""
         return tuple(dict.fromkeys(o.place for o in self.opened if o.among_best)) if self.repeatable else ()
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The places as a diagnosis file has them: each with its best signal, the best first."""
-        best: dict[str, dict[str, Any]] = {}
+    @property
+    def summary(self) -> tuple[PlaceSummary, ...]:
+        """The places as a diagnosis has them: each with its best signal, the best first."""
+        best: dict[str, PlaceSummary] = {}
         for one in self.opened:
-            best.setdefault(one.place, one.to_dict())
-        return list(best.values())
+            best.setdefault(one.place, one.summary)
+        return tuple(best.values())
 
     def to_xarray(self) -> Any:
         """Return all that was opened as a table in an `xarray.Dataset`, the best first."""

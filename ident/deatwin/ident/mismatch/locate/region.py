@@ -12,6 +12,7 @@ from scipy.special import ndtr
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.result import Region
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -26,30 +27,6 @@ command last stood still, s."""
 STILL_SECONDS = 1.0
 """A command that has not moved for so long rests."""
 RATE = "_rate"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Region:
-    """A range of an operating signal in which the residual has a mean.
-
-    Parameters
-    ----------
-    signal : str
-        Name of the signal.
-    low, high : float
-        Ends of the range, in the signal's unit.
-    mean_residual : float
-        In the report's unit.
-    """
-
-    signal: str
-    low: float
-    high: float
-    mean_residual: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The region as a diagnosis file has it."""
-        return {"signal": self.signal, "from": self.low, "to": self.high, "mean_residual": self.mean_residual}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,10 +82,6 @@ class Regions:
 
     def __len__(self) -> int:
         return len(self.regions)
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The regions as a diagnosis file has them."""
-        return [region.to_dict() for region in self.regions]
 
     def to_xarray(self) -> Any:
         """Return the regions, and all bins that were tested, as tables in an `xarray.Dataset`, in the report's unit."""

@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
+from deatwin.ident.mismatch.result import Window
 from deatwin.plant.datasets import dataset
 from deatwin.plant.drawing import axes_or_new
 
@@ -27,26 +28,6 @@ FEWEST_SECONDS = 5
 COMES_BACK = 0.5
 """Autocorrelation at which a mismatch is called periodic."""
 NEARLY = 0.9
-
-
-@dataclass(frozen=True, kw_only=True)
-class Window:
-    """A stretch of the clock.
-
-    Parameters
-    ----------
-    from_s, to_s : float
-        Clock times, s.
-    score : float
-        Its share of the mismatch's energy.
-    slope : float
-        At which the residual grows there, SI per s; 0 where the growth is not significant.
-    """
-
-    from_s: float
-    to_s: float
-    score: float
-    slope: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,10 +54,6 @@ class Times:
     def __len__(self) -> int:
         return len(self.windows)
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The windows as a diagnosis file has them; slopes in SI."""
-        return [asdict(window) for window in self.windows]
-
     def to_xarray(self) -> Any:
         """Return the windows, and the residuals of all tracks one after another, as an `xarray.Dataset`; SI."""
         counts = [track.residual.size for track in self.tracks]
@@ -89,7 +66,7 @@ class Times:
         }
         return dataset(
             {
-                **table("window", self.to_dict(), told),
+                **table("window", map(asdict, self.windows), told),
                 "residual": (
                     "sample",
                     np.concatenate([none, *(track.residual for track in self.tracks)]),

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import table
+from deatwin.ident.mismatch.result import (
+    Ablation,
+    ConstancySummary,
+    ShamSummary,
+    TransferSummary,
+    VerificationSummary,
+)
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham
 from deatwin.ident.mismatch.verify.transfer import Transfer
@@ -19,40 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.greybox.fit import Calibration
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ablation:
-    """What happens when one effect is taken out and the rest is fitted anew.
-
-    Parameters
-    ----------
-    effect : str
-        Canonical name.
-    fitted, unseen : float
-        Rms residuals without it, SI.
-    gain_low : float
-        Lower 95 % bound of how much the effect lowers the rms on the unseen part, SI.
-    share : float
-        Share of the mismatch's energy that returns, from 0 to 1.
-    counts : bool
-        Whether the error grows for certain over both parts, and on the unseen one by more than the plant's own error.
-    """
-
-    effect: str
-    fitted: float
-    unseen: float
-    gain_low: float
-    share: float
-    counts: bool = False
-
-    @property
-    def returns(self) -> bool:
-        """Whether the error comes back for certain, on unseen data too.
-
-        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
-        """
-        return self.gain_low > 0.0 or self.counts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,49 +107,43 @@ class Verification:
         spared = tuple(a.effect for a in self.ablations if not a.returns)
         return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The field ``verification`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+    @property
+    def summary(self) -> VerificationSummary:
+        """What a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
-        return {
-            "holds": self.holds,
-            "failures": list(self.failures),
-            "gain_low": self.gain_low / size,
-            "counts": self.counts,
-            "ablation": [
-                {
-                    "effect": a.effect,
-                    "fitted": a.fitted / size,
-                    "unseen": a.unseen / size,
-                    "gain_low": a.gain_low / size,
-                    "share": a.share,
-                    "counts": a.counts,
-                }
+        return VerificationSummary(
+            holds=self.holds,
+            failures=self.failures,
+            gain_low=self.gain_low / size,
+            counts=self.counts,
+            ablation=tuple(
+                replace(a, fitted=a.fitted / size, unseen=a.unseen / size, gain_low=a.gain_low / size)
                 for a in self.ablations
-            ],
-            "shams": [
-                {
-                    "effect": s.effect,
-                    "sham": s.kind.value,
-                    "share": s.share,
-                    "expected": s.expected,
-                    "rejected": s.rejected if s.share is not None else None,
-                    "skipped": s.skipped,
-                }
+            ),
+            shams=tuple(
+                ShamSummary(
+                    effect=s.effect,
+                    kind=s.kind.value,
+                    share=s.share,
+                    expected=s.expected,
+                    rejected=s.rejected if s.share is not None else None,
+                    skipped=s.skipped,
+                )
                 for s in self.shams
-            ],
-            "transfer": [
-                {
-                    "part": t.part,
-                    "before": t.before / size,
-                    "after": t.after / size,
-                    "gain_low": t.gain_low / size,
-                    "gain_high": t.gain_high / size,
-                    "worse": t.worse,
-                }
+            ),
+            transfer=tuple(
+                TransferSummary(
+                    part=t.part,
+                    before=t.before / size,
+                    after=t.after / size,
+                    gain_low=t.gain_low / size,
+                    gain_high=t.gain_high / size,
+                    worse=t.worse,
+                )
                 for t in self.transfers
-            ],
-            "constancy": [{**asdict(c), "holds": c.holds} for c in self.constancies],
-        }
+            ),
+            constancy=tuple(ConstancySummary(**asdict(c), holds=c.holds) for c in self.constancies),
+        )
 
     def to_xarray(self) -> Any:
         """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
