@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from deatwin.ident.mismatch.result import (
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, FittedParameter, Verdict
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.datasets import Variables, columns, dataset
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -42,8 +43,48 @@ NOWHERE: Mapping[str, Sequence[object]] = {"time": (), "frequency": (), "region"
 """How the file writes that nothing is missing anywhere."""
 
 
+def _tables(diagnosis: Diagnosis) -> Variables:
+    causes = [
+        {"effect": c.effect, "family": c.family, "probability": c.probability, "share_explained": c.share_explained}
+        for c in diagnosis.causes
+    ]
+    added = [{"name": f"{c.effect}.{name}", **plain(p)} for c in diagnosis.causes for name, p in c.parameters.items()]
+    fitted = [{"name": name, **plain(p)} for name, p in diagnosis.parameters.items()]
+    smallest = [{"effect": name, "size": size} for name, size in diagnosis.detection.smallest_detectable.items()]
+    return {
+        **columns("cause", causes),
+        **columns("cause_parameter", added),
+        **columns("parameter", fitted),
+        **columns("detectable", smallest),
+        **places(diagnosis.location, diagnosis.output.unit),
+    }
+
+
+def _readings(diagnosis: Diagnosis) -> Variables:
+    """Recorded and simulated readings along the clock, where they are known."""
+    given, amplitude = diagnosis.readings, diagnosis.output.unit
+    if given is None:
+        return {}
+    records = [record for one in given.experiments for record in one.recordings]
+    first = records[0]
+    size = amplitude_unit(first.output_units[0])[1]
+
+    def joined(readings: tuple[tuple[np.ndarray, ...], ...]) -> np.ndarray:
+        return np.concatenate([values.ravel() for one in readings for values in one])
+
+    found: dict[str, Any] = {
+        "command": ("sample", np.concatenate([r.inputs[0] for r in records]), first.input_units[0]),
+        "measured": ("sample", np.concatenate([r.outputs[0] for r in records]) / size, amplitude),
+        "base": ("sample", joined(given.base) / size, amplitude),
+        "unseen": ("sample", joined(given.unseen)),
+    }
+    if given.amended is not None:
+        found["amended"] = ("sample", joined(given.amended) / size, amplitude)
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
-class Diagnosis:
+class Diagnosis(Described):
     """A verdict and what it rests on. Amplitudes are in the unit that `output` names.
 
     A diagnosis that was read from its file has no models, readings and findings.
@@ -101,8 +142,8 @@ class Diagnosis:
 
     output: Output
     verdict: Verdict
-    noise: float
-    model_error: float
+    noise: float = field(metadata=attribute())
+    model_error: float = field(metadata=attribute())
     detection: DetectionSummary = field(metadata=key("detect"))
     location: LocationSummary | None = field(metadata=key("locate"))
     causes: tuple[Cause, ...] = ()
@@ -111,7 +152,7 @@ class Diagnosis:
     indistinguishable: tuple[IndistinguishablePair, ...] = ()
     advice: AdviceSummary | None = field(default=None, metadata=key("next_experiment"))
     free_form: FreeFormSummary | None = None
-    sentence: str
+    sentence: str = field(metadata=attribute())
     fit: FitSummary
     verification: VerificationSummary | None = None
     faults: tuple[Fault, ...] = ()
@@ -124,6 +165,26 @@ class Diagnosis:
     candidates: tuple[CandidateSummary, ...] = field(default=(), metadata=INTERNAL)
     readings: Readings | None = field(default=None, metadata=INTERNAL)
     findings: Findings | None = field(default=None, metadata=INTERNAL)
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "verdict": attribute(),
+        "advice_of_the_verdict": attribute(name="advice", of=attrgetter("verdict.advice")),
+        "output_name": attribute(of=attrgetter("output.name")),
+        "output_unit": attribute(of=attrgetter("output.unit")),
+        "set": attribute(of=lambda diagnosis: list(diagnosis.names)),
+        "warnings": attribute(of=lambda diagnosis: list(diagnosis.warnings)),
+        "p_value": attribute(of=attrgetter("detection.p_value")),
+        "excess": attribute(of=attrgetter("detection.excess")),
+        "practical": attribute(of=attrgetter("detection.practical")),
+        "taken_up": attribute(of=attrgetter("detection.taken_up")),
+        "moved": attribute(of=attrgetter("detection.moved")),
+        "tables": several(_tables),
+        "readings": several(_readings),
+        "samples": several(
+            lambda diagnosis: {} if diagnosis.readings is None else samples(diagnosis.readings.experiments), "coords"
+        ),
+        "document": document(lambda diagnosis: diagnosis.to_dict()),
+    }
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``diagnosis.json``."""
@@ -158,35 +219,6 @@ class Diagnosis:
         names = " and ".join(cause.effect.replace("_", " ") for cause in self.causes)
         axes.set_title(f"{self.verdict.value.replace('_', ' ')}{': ' if names else ''}{names}")
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return tables, and where they are known the readings along the clock, as an `xarray.Dataset`.
-
-        Parameters are in SI, amplitudes in the unit that the attribute ``output_unit`` names. ``document`` is
-        ``diagnosis.json``.
-        """
-        found, given, amplitude = self.detection, self.readings, self.output.unit
-        return dataset(
-            {**_tables(self), **({} if given is None else _readings(given, amplitude))},
-            {} if given is None else samples(given.experiments),
-            {
-                "verdict": self.verdict.value,
-                "advice": self.verdict.advice,
-                "sentence": self.sentence,
-                "output_name": self.output.name,
-                "output_unit": amplitude,
-                "noise": self.noise,
-                "model_error": self.model_error,
-                "set": list(self.names),
-                "warnings": list(self.warnings),
-                "p_value": found.p_value,
-                "excess": found.excess,
-                "practical": found.practical,
-                "taken_up": found.taken_up,
-                "moved": found.moved,
-            },
-            self.to_dict(),
-        )
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -241,39 +273,3 @@ class Diagnosis:
             If it is no such file.
         """
         return read_document(path, SCHEMA, cls.from_dict)
-
-
-def _tables(diagnosis: Diagnosis) -> Variables:
-    causes = [
-        {"effect": c.effect, "family": c.family, "probability": c.probability, "share_explained": c.share_explained}
-        for c in diagnosis.causes
-    ]
-    added = [{"name": f"{c.effect}.{name}", **plain(p)} for c in diagnosis.causes for name, p in c.parameters.items()]
-    fitted = [{"name": name, **plain(p)} for name, p in diagnosis.parameters.items()]
-    smallest = [{"effect": name, "size": size} for name, size in diagnosis.detection.smallest_detectable.items()]
-    return {
-        **columns("cause", causes),
-        **columns("cause_parameter", added),
-        **columns("parameter", fitted),
-        **columns("detectable", smallest),
-        **places(diagnosis.location, diagnosis.output.unit),
-    }
-
-
-def _readings(given: Readings, amplitude: str) -> Variables:
-    records = [record for one in given.experiments for record in one.recordings]
-    first = records[0]
-    size = amplitude_unit(first.output_units[0])[1]
-
-    def joined(readings: tuple[tuple[np.ndarray, ...], ...]) -> np.ndarray:
-        return np.concatenate([values.ravel() for one in readings for values in one])
-
-    found: dict[str, Any] = {
-        "command": ("sample", np.concatenate([r.inputs[0] for r in records]), first.input_units[0]),
-        "measured": ("sample", np.concatenate([r.outputs[0] for r in records]) / size, amplitude),
-        "base": ("sample", joined(given.base) / size, amplitude),
-        "unseen": ("sample", joined(given.unseen)),
-    }
-    if given.amended is not None:
-        found["amended"] = ("sample", joined(given.amended) / size, amplitude)
-    return found

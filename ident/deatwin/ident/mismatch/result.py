@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 
+from deatwin.plant.datasets import variable
 from deatwin.plant.records import OPTIONAL, Json, key
 
 
@@ -100,19 +102,25 @@ class DetectionSummary:
 class Window:
     """A stretch of the clock."""
 
-    from_s: float
-    to_s: float
-    score: float  # Its share of the mismatch's energy
-    slope: float = 0.0  # At which the residual grows there, per s; 0 where the growth is not significant
+    from_s: float = field(metadata=variable(unit="s"))
+    to_s: float = field(metadata=variable(unit="s"))
+    score: float = field(
+        metadata=variable(about="share of the mismatch's energy")
+    )  # Its share of the mismatch's energy
+    slope: float = field(
+        default=0.0, metadata=variable(about="growth of the residual, SI per s")
+    )  # At which the residual grows there, per s; 0 where the growth is not significant
 
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
     """A band of frequencies whose spectrum lies above the floor."""
 
-    from_Hz: float
-    to_Hz: float
-    excess_dB: float  # Mean power over that of the sensor's noise
+    from_Hz: float = field(metadata=variable(unit="Hz"))
+    to_Hz: float = field(metadata=variable(unit="Hz"))
+    excess_dB: float = field(
+        metadata=variable(unit="dB", about="mean power over that of the sensor's noise")
+    )  # Mean power over that of the sensor's noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,9 +128,11 @@ class LineGroup:
     """A group of lines of the residual's spectrum."""
 
     kind: str  # excited, odd or even (not excited), or varying: what changes from period to period, on all lines
-    rms: float  # What the residual holds there, without what varies (of the last group: all of it)
+    rms: float = field(
+        metadata=variable(about="what the residual holds there, SI")
+    )  # What the residual holds there, without what varies (of the last group: all of it)
     p_value: float  # Of nothing there; of the last group, of no more than the sensor's white noise
-    lines: int  # How many
+    lines: int = field(metadata=variable(about="how many"))  # How many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +151,7 @@ class Region:
     signal: str
     low: float = field(metadata=key("from"))  # In the signal's unit
     high: float = field(metadata=key("to"))
-    mean_residual: float
+    mean_residual: float = field(metadata=variable(unit=attrgetter("unit")))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,10 +221,16 @@ class Ablation:
     """What happens when one effect is taken out and the rest is fitted anew."""
 
     effect: str
-    fitted: float  # Rms residuals without it
-    unseen: float
-    gain_low: float  # Lower 95 % bound of how much the effect lowers the rms on the unseen part
-    share: float  # Of the mismatch's energy that returns, from 0 to 1
+    fitted: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect")
+    )  # Rms residuals without it
+    unseen: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
+    gain_low: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of what the effect takes away")
+    )  # Lower 95 % bound of how much the effect lowers the rms on the unseen part
+    share: float = field(
+        metadata=variable(about="share of the mismatch's energy that returns")
+    )  # Of the mismatch's energy that returns, from 0 to 1
     counts: bool = False  # Whether the error grows for certain over both parts, on the unseen one beyond model error
 
     @property

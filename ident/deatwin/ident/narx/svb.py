@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression
 from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
@@ -32,7 +32,7 @@ _PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PruningStep:
+class PruningStep(Described):
     """One step of the pruning loop.
 
     Parameters
@@ -50,27 +50,23 @@ class PruningStep:
     """
 
     terms: tuple[Term, ...]
-    indices: NDArray[np.intp]
-    relevance: Array
-    threshold: float
-    bounds: tuple[float, ...]
+    indices: NDArray[np.intp] = field(metadata=variable("term", name="index", about="position among the candidates"))
+    relevance: Array = field(
+        metadata=variable("term", about="1 / E[alpha], for regressors of root mean square about 1")
+    )
+    threshold: float = field(metadata=attribute())
+    bounds: tuple[float, ...] = field(
+        metadata=variable("update", name="bound", unit="nat", about="lower bound of the log evidence")
+    )
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "term": coordinate("term", of=lambda step: np.array([str(term) for term in step.terms], dtype=str)),
+    }
 
     @property
     def lower_bound(self) -> float:
         """Converged lower bound in nats."""
         return self.bounds[-1]
-
-    def to_xarray(self) -> Any:
-        """Return the relevance of each term and the bound after each update as an `xarray.Dataset`."""
-        return dataset(
-            {
-                "relevance": ("term", self.relevance, "", "1 / E[alpha], for regressors of root mean square about 1"),
-                "index": ("term", self.indices, "", "position among the candidates"),
-                "bound": ("update", list(self.bounds), "nat", "lower bound of the log evidence"),
-            },
-            {"term": ("term", np.array([str(term) for term in self.terms], dtype=str))},
-            {"threshold": self.threshold},
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the relevance of each term, with the threshold and those that it prunes.

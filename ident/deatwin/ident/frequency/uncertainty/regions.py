@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -14,6 +15,7 @@ from deatwin.ident.frequency.checks import whole_number
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertain(Frozen, ABC):
+class Uncertain(Described, Frozen, ABC):
     """A frequency response and its uncertainty.
 
     Parameters
@@ -38,11 +40,16 @@ class Uncertain(Frozen, ABC):
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
 
-    response: FrequencyResponse
-    level: float
-    dof: float
+    response: FrequencyResponse = field(metadata=nested())
+    level: float = field(metadata=attribute())
+    dof: float = field(metadata=attribute())
 
     linearised: ClassVar[bool]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "covariance": variable("point", "part", "other_part"),
+        "bands": several(lambda found: _bands(found)),
+    }
 
     @property
     @abstractmethod
@@ -243,14 +250,11 @@ class Uncertain(Frozen, ABC):
 
         return plot_phase(self, ax)
 
-    def to_xarray(self) -> Any:
-        """Return values, covariance and bands as an `xarray.Dataset`."""
-        dataset = self.response.to_xarray()
-        dataset["covariance"] = (("point", "part", "other_part"), self.covariance)
-        bands = (("gain", self.gain_band(), self.unit), ("phase", self.phase_band(), "deg"))
-        for name, band, unit in bands:
-            dataset[f"{name}_low"] = (("point",), band.low, {"units": unit})
-            dataset[f"{name}_high"] = (("point",), band.high, {"units": unit})
-            dataset[f"{name}_linear_law"] = (("point",), band.linear_law)
-        dataset.attrs |= {"level": self.level, "dof": self.dof}
-        return dataset
+
+def _bands(found: Uncertain) -> Variables:
+    variables: dict[str, Any] = {}
+    for name, band, unit in (("gain", found.gain_band(), found.unit), ("phase", found.phase_band(), "deg")):
+        variables[f"{name}_low"] = ("point", band.low, unit)
+        variables[f"{name}_high"] = ("point", band.high, unit)
+        variables[f"{name}_linear_law"] = ("point", band.linear_law)
+    return variables

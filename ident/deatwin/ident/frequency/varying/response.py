@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,8 @@ from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +48,7 @@ class VaryingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VaryingResponse(Frozen):
+class VaryingResponse(Described, Frozen):
     """H_n, G_n or Y_n along time: at each time that of a model whose parameters and operating input stay as they are.
 
     Parameters
@@ -64,11 +65,31 @@ class VaryingResponse(Frozen):
         Returns ``frozen_correction``.
     """
 
-    timepts: Array
-    operating_inputs: Array
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    operating_inputs: Array = field(
+        metadata=variable("time", name="operating_input", unit=lambda found: found._model.input_units[0])
+    )
     models: tuple[NarxModel | None, ...]
     responses: tuple[FrequencyResponse | None, ...]
     correct: Callable[[], Complex]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "values": variable("time", "point", name="", unit=attrgetter("unit")),
+        "covariance": variable("time", "point", "part", "other_part", unit=lambda found: squared(found.unit)),
+        "frozen_error": variable("time", "point", unit=attrgetter("unit")),
+        "omega": variable("point", "tone", unit="rad/s"),
+        "frequency_Hz": coordinate("point", "tone", unit="Hz"),
+        "equilibria": variable("time", name="equilibrium", unit=lambda found: found._model.output_units[0]),
+        "equilibrium_std": variable("time", unit=lambda found: found._model.output_units[0]),
+        "status": variable("time", of=lambda found: [each.name for each in found.statuses]),
+        "symbol": attribute(),
+        "order": attribute(),
+        **PART_COORDINATES,
+    }
+
+    @property
+    def _model(self) -> NarxModel:
+        return next(model for model in self.models if model is not None)
 
     @property
     def _first(self) -> FrequencyResponse:
@@ -250,35 +271,6 @@ class VaryingResponse(Frozen):
         from deatwin.ident.frequency.varying.plots import plot_equilibria
 
         return plot_equilibria(self, ax)
-
-    def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` over time and point: values, covariance, error, equilibria and statuses."""
-        xarray = require("xarray", "a dataset")
-
-        model = next(model for model in self.models if model is not None)
-        dims, output = ("time", "point"), {"units": model.output_units[0]}
-        units, squared = {"units": self.unit}, {"units": f"({self.unit})^2" if self.unit else ""}
-        parts, points = ["real", "imaginary"], ("point",) if self.omega.ndim == 1 else ("point", "tone")
-        return xarray.Dataset(
-            {
-                "real": (dims, self.values.real, units),
-                "imaginary": (dims, self.values.imag, units),
-                "covariance": ((*dims, "part", "other_part"), self.covariance, squared),
-                "frozen_error": (dims, self.frozen_error, units),
-                "omega": (points, self.omega, {"units": "rad/s"}),
-                "equilibrium": (("time",), self.equilibria, output),
-                "equilibrium_std": (("time",), self.equilibrium_std, output),
-                "operating_input": (("time",), self.operating_inputs, {"units": model.input_units[0]}),
-                "status": (("time",), [status.name for status in self.statuses]),
-            },
-            coords={
-                "time": ("time", self.timepts, {"units": "s"}),
-                "frequency_Hz": (points, self.frequency_Hz, {"units": "Hz"}),
-                "part": parts,
-                "other_part": parts,
-            },
-            attrs={"symbol": self.symbol, "order": self.order},
-        )
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
         """Stack what the responses have; NaN where there is none."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -15,7 +16,18 @@ from deatwin.ident.mismatch.gate.noise import NoiseFloor
 from deatwin.ident.mismatch.gate.repeats import Repeatability
 from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
 from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.datasets import columns, dataset, squared
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    columns,
+    coordinate,
+    several,
+    squared,
+    table_along,
+    variable,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -55,8 +67,17 @@ class Curves:
     bound: float
 
 
+def _detectable(found: Detection) -> Variables:
+    listed = [{"size": size, "effect": name} for name, size in found.smallest.items()]
+    return columns("detectable", listed, {"size": found.output_unit})
+
+
+def _density(found: Detection) -> str:
+    return f"{squared(found.output_unit)}/Hz" if found.output_unit else ""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Detection:
+class Detection(Described):
     """Whether a calibrated plant lacks anything, and what could have been seen.
 
     Parameters
@@ -95,22 +116,34 @@ class Detection:
         To be drawn.
     """
 
-    p_value: float
-    statistics: tuple[Statistic, ...]
-    size: float
-    practical: float
-    noise: float
-    model_error: float
+    p_value: float = field(metadata=attribute())
+    statistics: tuple[Statistic, ...] = field(metadata=table_along("statistic"))
+    size: float = field(metadata=attribute())
+    practical: float = field(metadata=attribute())
+    noise: float = field(metadata=attribute())
+    model_error: float = field(metadata=attribute())
     certain: bool
     sensor: NoiseFloor
     repeatability: Repeatability | None
     evidence: OriginEvidence
-    moved: float
+    moved: float = field(metadata=attribute())
     visible: bool
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
     taken_up: Calibration | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "detectable": several(_detectable),
+        "spectrum": variable("frequency", of=attrgetter("curves.spectrum"), unit=_density),
+        "cumulated": variable("line", of=attrgetter("curves.cumulated")),
+        "expected": variable("line", of=attrgetter("curves.expected")),
+        "correlation": variable("regressor", of=attrgetter("curves.correlations")),
+        "frequency": coordinate("frequency", of=attrgetter("curves.frequency"), unit="Hz"),
+        "line": coordinate("line", of=attrgetter("curves.lines"), unit="Hz"),
+        "regressor": coordinate("regressor", of=lambda found: np.array(found.curves.regressors, dtype=str)),
+        "units": attribute(of=attrgetter("output_unit")),
+    }
 
     @property
     def mismatch(self) -> bool:
@@ -164,35 +197,6 @@ class Detection:
                 explainable=found.explainable,
             ),
             origin=self.evidence.summary(size),
-        )
-
-    def to_xarray(self) -> Any:
-        """Return statistics, spectra and correlations of the residual as an `xarray.Dataset`."""
-        curves, density = self.curves, f"{squared(self.output_unit)}/Hz" if self.output_unit else ""
-        rows = [{"size": size, "effect": name} for name, size in self.smallest.items()]
-        return dataset(
-            {
-                **columns("statistic", map(asdict, self.statistics)),
-                **columns("detectable", rows, {"size": self.output_unit}),
-                "spectrum": ("frequency", curves.spectrum, density),
-                "cumulated": ("line", curves.cumulated),
-                "expected": ("line", curves.expected),
-                "correlation": ("regressor", curves.correlations),
-            },
-            {
-                "frequency": ("frequency", curves.frequency, "Hz"),
-                "line": ("line", curves.lines, "Hz"),
-                "regressor": ("regressor", np.array(curves.regressors, dtype=str)),
-            },
-            {
-                "p_value": self.p_value,
-                "size": self.size,
-                "practical": self.practical,
-                "noise": self.noise,
-                "model_error": self.model_error,
-                "moved": self.moved,
-                "units": self.output_unit,
-            },
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:

@@ -13,17 +13,16 @@ distortions and their impact on the best linear approximation", IEEE Control Sys
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.result import LineGroup
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ SETTLING = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lines:
+class Lines(Described):
     """The residual under a periodic input, by groups of lines.
 
     Parameters
@@ -55,22 +54,9 @@ class Lines:
         Those that have lines.
     """
 
-    period_s: float
-    periods: int
-    groups: tuple[LineGroup, ...]
-
-    def to_xarray(self) -> Any:
-        """Return the groups of lines as a table in an `xarray.Dataset`; SI."""
-        told = {"rms": ("", "what the residual holds there, SI"), "lines": ("", "how many")}
-        return dataset(
-            {
-                **table("group", map(asdict, self.groups), told),
-                "period": ((), self.period_s, "s", "period of the input"),
-                "periods": ((), self.periods, "", "periods that were compared"),
-            },
-            {},
-            {},
-        )
+    period_s: float = field(metadata=variable(name="period", unit="s", about="period of the input"))
+    periods: int = field(metadata=variable(about="periods that were compared"))
+    groups: tuple[LineGroup, ...] = field(metadata=table_along("group"))
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the rms of each group.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.ident.mismatch.result import LinesSummary, LocationSummary, ResponseDifference
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Location:
+class Location(Described):
     """Where the mismatch is.
 
     Parameters
@@ -59,6 +60,11 @@ class Location:
     response: tuple[ResponseDifference, ...] | None
     unit: Unit
 
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "tables": several(lambda found: places(found.summary, found.unit[0])),
+        "period_s": attribute(of=attrgetter("time.period_s")),
+    }
+
     @property
     def summary(self) -> LocationSummary:
         """What a diagnosis says of it; amplitudes in the unit reported."""
@@ -78,10 +84,6 @@ class Location:
             place=self.place.summary,
             response=self.response,
         )
-
-    def to_xarray(self) -> Any:
-        """Return times, bands, regions and places as tables in an `xarray.Dataset`, amplitudes in the unit reported."""
-        return dataset(places(self.summary, self.unit[0]), {}, {"period_s": self.time.period_s})
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
         """Draw time, frequency, operating region and place, then lines and response where there is something of them.

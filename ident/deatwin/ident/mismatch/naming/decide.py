@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, several
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,7 +45,7 @@ class Distance:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Naming:
+class Naming(Described):
     """All explanations that were tried.
 
     Parameters
@@ -74,6 +75,11 @@ class Naming:
     noise: float
     distances: tuple[Distance, ...] = ()
     failed: tuple[str, ...] = ()
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "told": several(lambda naming: _tables(naming)),
+        "failed": attribute(of=lambda naming: list(naming.failed)),
+    }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
         """The same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
@@ -178,12 +184,6 @@ class Naming:
     def base(self) -> Candidate:
         """The calibrated plant without further effects."""
         return self.candidates[0]
-
-    def to_xarray(self) -> Any:
-        """Return all candidates as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.naming_dataset`."""
-        from deatwin.ident.mismatch.naming.datasets import naming_dataset
-
-        return naming_dataset(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each candidate leaves of the fitted and of the unseen part, the base plant first.
@@ -411,3 +411,9 @@ def is_as_likely(rival: Candidate, best: Candidate) -> bool:
     bool
     """
     return advantage(best, rival) < STRONG
+
+
+def _tables(naming: Naming) -> Variables:
+    from deatwin.ident.mismatch.naming.datasets import naming_tables
+
+    return naming_tables(naming)

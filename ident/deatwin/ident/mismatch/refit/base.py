@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, at_its_time, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.datasets import Described, Metadata, Variables, several
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import Rig
@@ -30,7 +31,7 @@ MORE_STARTS, SPREAD = 2, 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Base:
+class Base(Described):
     """The calibrated base plant, and the rival forms that fit no better.
 
     Parameters
@@ -46,6 +47,10 @@ class Base:
     chosen: Candidate
     rivals: tuple[Candidate, ...]
     noise: float
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "told": several(lambda base: _tables(base)),
+    }
 
     def in_form_of(self, chosen: Candidate) -> Base:
         """The same forms, another of them chosen.
@@ -77,12 +82,6 @@ class Base:
         """
         filed = [form for form in self.rivals if _is_read_alike(form.calibration.plant.rig, rig)]
         return self.in_form_of(filed[0]) if filed else self
-
-    def to_xarray(self) -> Any:
-        """Return all forms as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.base_dataset`."""
-        from deatwin.ident.mismatch.naming.datasets import base_dataset
-
-        return base_dataset(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each form leaves of the fitted and of the unseen part, the chosen one first.
@@ -246,3 +245,9 @@ def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:
         except SimulationError as error:
             return SimulationError(f"the plant as described cannot follow these recordings: {error}")
     return SimulationError("the plant as described cannot follow these recordings")
+
+
+def _tables(base: Base) -> Variables:
+    from deatwin.ident.mismatch.naming.datasets import base_tables
+
+    return base_tables(base)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.result import (
     Ablation,
     ConstancySummary,
@@ -19,7 +20,7 @@ from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verification:
+class Verification(Described):
     """An explanation on unseen data; SI.
 
     Parameters
@@ -63,15 +64,37 @@ class Verification:
     fitted_after: float
     unseen_before: float
     unseen_after: float
-    gain_low: float
+    gain_low: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall on the unseen part")
+    )
     counts: bool = False
-    ablations: tuple[Ablation, ...] = ()
-    shams: tuple[Sham, ...] = ()
-    transfers: tuple[Transfer, ...] = ()
-    constancies: tuple[Constancy, ...] = ()
-    noise: float = 0.0
+    ablations: tuple[Ablation, ...] = field(default=(), metadata=table_along("ablation"))
+    shams: tuple[Sham, ...] = field(default=(), metadata=table_along("sham"))
+    transfers: tuple[Transfer, ...] = field(default=(), metadata=table_along("transfer"))
+    constancies: tuple[Constancy, ...] = field(default=(), metadata=table_along("constancy"))
+    noise: float = field(
+        default=0.0, metadata=variable(unit=attrgetter("output_unit"), about="rms of the sensor's noise")
+    )
     output_unit: str = ""
     whole: Calibration | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "stage": coordinate("stage", of=lambda _: ["before", "after"]),
+        "fitted": variable(
+            "stage",
+            of=lambda found: [found.fitted_before, found.fitted_after],
+            unit=attrgetter("output_unit"),
+            about="rms residual on the fitted part",
+        ),
+        "unseen": variable(
+            "stage",
+            of=lambda found: [found.unseen_before, found.unseen_after],
+            unit=attrgetter("output_unit"),
+            about="rms residual on the unseen part",
+        ),
+        "holds": attribute(),
+        "failures": attribute(of=lambda found: list(found.failures)),
+    }
 
     @property
     def holds(self) -> bool:
@@ -143,63 +166,6 @@ class Verification:
                 for t in self.transfers
             ),
             constancy=tuple(ConstancySummary(**asdict(c), holds=c.holds) for c in self.constancies),
-        )
-
-    def to_xarray(self) -> Any:
-        """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
-
-        All is in SI.
-        """
-        unit, stages = self.output_unit, ("stage", ["before", "after"])
-        shams = [{**asdict(s), "kind": s.kind.value, "rejected": s.rejected} for s in self.shams]
-        return dataset(
-            {
-                "fitted": (stages[0], [self.fitted_before, self.fitted_after], unit, "rms residual on the fitted part"),
-                "unseen": (stages[0], [self.unseen_before, self.unseen_after], unit, "rms residual on the unseen part"),
-                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall on the unseen part"),
-                "noise": ((), self.noise, unit, "rms of the sensor's noise"),
-                **table(
-                    "ablation",
-                    map(asdict, self.ablations),
-                    {
-                        "fitted": (unit, "rms residual without the effect"),
-                        "unseen": (unit, "rms residual without the effect"),
-                        "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
-                        "share": ("", "share of the mismatch's energy that returns"),
-                    },
-                ),
-                **table(
-                    "sham",
-                    shams,
-                    {
-                        "share": ("", "gain relative to that of the effect"),
-                        "expected": ("", "the same were the effect the truth"),
-                    },
-                ),
-                **table(
-                    "transfer",
-                    [{**asdict(t), "worse": t.worse} for t in self.transfers],
-                    {
-                        "before": (unit, "rms residual"),
-                        "after": (unit, "rms residual"),
-                        "gain_low": (unit, "lower 95 % bound of the fall"),
-                        "gain_high": (unit, "upper 95 % bound of the fall"),
-                        "floor": (unit, "rms of noise and model error"),
-                        "model_error": (unit, "rms of the plant's own error"),
-                    },
-                ),
-                **table(
-                    "constancy",
-                    [{**asdict(c), "holds": c.holds} for c in self.constancies],
-                    {
-                        "change": ("", "relative change of the strength over the recordings"),
-                        "deviation": ("", "its standard deviation"),
-                        "own": ("", "share of its power that nothing else can make"),
-                    },
-                ),
-            },
-            {"stage": stages},
-            {"holds": self.holds, "failures": list(self.failures)},
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
