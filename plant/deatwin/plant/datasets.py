@@ -116,8 +116,8 @@ class _Made:
 
     variables: dict[str, tuple[Any, ...]] = field(default_factory=dict)
     coords: dict[str, tuple[Any, ...]] = field(default_factory=dict)
-    attributes: dict[str, Any] = field(default_factory=dict)
-    document: Mapping[str, Any] | None = None
+    attributes: dict[str, object] = field(default_factory=dict)
+    document: Mapping[str, object] | None = None
 
     def take(self, result: Any) -> None:
         """Add what a result tells of itself."""

@@ -13,7 +13,7 @@ from deatwin.control.arguments import each, generator, instance, number, numbers
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
-from deatwin.ident.greybox.fit import Problem
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError

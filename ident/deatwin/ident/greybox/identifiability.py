@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from deatwin.ident.greybox.fit import Calibration, Problem, calibrate
+from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest

@@ -12,7 +12,7 @@ from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import linearised_rms
 
 if TYPE_CHECKING:
-    from deatwin.ident.greybox.fit import Problem
+    from deatwin.ident.greybox.problem import Problem
 
 
 EVALUATIONS = 30

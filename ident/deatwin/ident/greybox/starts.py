@@ -17,7 +17,7 @@ from deatwin.ident.greybox.minimum import Minimum, minimise
 from deatwin.ident.greybox.status import FitStatus
 
 if TYPE_CHECKING:
-    from deatwin.ident.greybox.fit import Problem
+    from deatwin.ident.greybox.problem import Problem
 
 
 STARTS = 8

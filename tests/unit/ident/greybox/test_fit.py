@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import Problem, _covariance
+from deatwin.ident.greybox.fit import _covariance
 from deatwin.ident.greybox.parts import reading_times, simulated
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.simulate import Simulator

@@ -24,7 +24,7 @@ from deatwin.ident.frequency.uncertainty.parameters import (
     require_memory,
     response_of,
 )
-from deatwin.ident.frequency.uncertainty.regions import Uncertain
+from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.errors import ModelError
@@ -99,8 +99,6 @@ class Sampled(Uncertain):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty.drawing import plot_draws
-
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)
         return axes

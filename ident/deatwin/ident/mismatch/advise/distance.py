@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import ndtr
 
-from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import minimise
 from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant

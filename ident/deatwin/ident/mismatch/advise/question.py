@@ -9,8 +9,9 @@ from typing import Self
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, Response, difference, directions
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform

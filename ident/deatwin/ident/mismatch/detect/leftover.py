@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Problem
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 

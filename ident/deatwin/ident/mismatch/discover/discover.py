@@ -19,8 +19,9 @@ from deatwin.ident.greybox.filter import Latent, open_place, smoothed
 from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening
-from deatwin.ident.greybox.fit import Calibration, Problem, calibrate
+from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, reading_times
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Footprint, Lead, footprint, started

@@ -15,8 +15,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, Problem
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.linear.document import SCHEMA, by_power, fields_of, length, to_document
 from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
@@ -26,7 +26,6 @@ from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import (
     Described,
     Metadata,
-    Variables,
     attribute,
     coordinate,
     document,
@@ -44,23 +43,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls with its square root
-
-
-def _length(model: LinearModel) -> int:
-    """Coefficients of the longest polynomial."""
-    return max(p.size for p in (model.a, model.c, model.d, *model.b, *model.f))
-
-
-def _by_power(model: LinearModel) -> Variables:
-    """All polynomials over the same powers."""
-
-    def whole(polynomial: Array) -> Array:
-        return np.pad(polynomial, (0, _length(model) - polynomial.size))
-
-    return {
-        **{name: ("power", whole(getattr(model, name))) for name in ("a", "c", "d")},
-        **{name: (("input", "power"), np.array([whole(p) for p in getattr(model, name)])) for name in ("b", "f")},
-    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,11 +108,11 @@ class LinearModel(Described):
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "polynomials_by_power": several(_by_power),
+        "polynomials_by_power": several(by_power),
         "theta": variable("coefficient"),
         "output_name": attribute(of=lambda model: model.output_names[0]),
         "output_unit": attribute(of=lambda model: model.output_units[0]),
-        "power": coordinate("power", of=lambda model: np.arange(_length(model))),
+        "power": coordinate("power", of=lambda model: np.arange(length(model))),
         "document": document(to_document),
     }
 

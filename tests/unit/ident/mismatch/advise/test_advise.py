@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom, norm
 
-from deatwin.ident.greybox.fit import Problem, calibrate
+from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch import Verdict, diagnose
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _guessed, _labels, _needed, advise

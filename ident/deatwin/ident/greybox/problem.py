@@ -1,0 +1,70 @@
+"""What a calibration minimises: the residuals of a plant over its fitted coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.ident.greybox.parts import Part
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """Residuals of a plant on the counted samples, as a function of the fitted coordinates."""
+
+    plant: Plant  # Where the fit starts
+    parts: tuple[Part, ...]  # What counts
+    names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
+
+    def start(self) -> np.ndarray:
+        """Coordinates of the plant's present values, shape (n,)."""
+        return np.array([p.scale.to_coordinate(p.value) for p in self._fitted])
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper coordinates of the physical range, shape (n,) each."""
+        lower, upper = np.array([p.ends for p in self._fitted]).reshape(-1, 2).T
+        return lower, upper
+
+    def smooth(self) -> np.ndarray:
+        """Which of the coordinates the readings follow smoothly, bool, shape (n,): all but the times of events."""
+        return np.array([name not in self.plant.event_times for name in self.names], dtype=bool)
+
+    def values(self, coordinates: np.ndarray) -> dict[str, float]:
+        """SI values of coordinates, held inside the physical range against rounding."""
+        pairs = zip(self._fitted, coordinates, strict=True)
+        return {p.name: min(max(p.scale.to_value(float(x)), p.lower), p.upper) for p, x in pairs}
+
+    @property
+    def _fitted(self) -> list[Parameter]:
+        return [self.plant.parameters[name] for name in self.names]
+
+    def evaluate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
+        Shapes: `coordinates` (n,).
+        """
+        plant = self.plant.with_values(self.values(coordinates))
+        free = plant.parameters.free
+        columns = [free.index(n) for n in self.names]
+        slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[n] for n in self.names)])
+        residuals, jacobians = [], []
+        for part in self.parts:
+            timeline = plant.timeline(part.experiment)
+            counted = part.counted(timeline)
+            run = plant.simulator.run_with_sensitivities(
+                timeline.commands[: counted.max() + 1],
+                start=timeline.start,
+                sample_time=timeline.sample_time,
+                rest_command=plant.rig.start.rest_command,
+                values=plant.free_values,
+                channels=timeline.channels,
+            )
+            if not run.status.ok or run.sensitivities is None:
+                return None
+            residuals.append(part.measured - run.outputs[counted + 1])
+            jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)
+            if not np.isfinite(jacobians[-1]).all():
+                return None
+        return np.concatenate(residuals), np.vstack(jacobians)
