@@ -9,14 +9,13 @@ import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
-from deatwin.ident.mismatch.refit.base import differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import (

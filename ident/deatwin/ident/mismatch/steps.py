@@ -11,11 +11,11 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.refit.base import Base, differences
+from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.result import (
     AdviceSummary,

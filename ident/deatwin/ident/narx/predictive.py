@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.posterior import ThetaPosterior, quantile
+from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -230,13 +230,6 @@ def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_dr
         if failed is None:
             runs.append(run + model.output_origin[:, None])
     return runs
-
-
-def regressors(model: NarxModel, recording: Recording) -> Array:
-    """Return the terms of a model over a recording. Shapes: returns (n_terms, n - max_lag)."""
-    noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
-    signals = model.about_origin(recording.inputs, recording.outputs)
-    return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
 
 
 def _band(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,9 @@ from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
+from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Recordings, Regression
-from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
-from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
@@ -29,58 +28,6 @@ Array = NDArray[np.float64]
 
 _CLEAN_UPS = ("none", "evidence")
 _PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PruningStep(Described):
-    """One step of the pruning loop.
-
-    Parameters
-    ----------
-    terms : tuple of Term
-        The terms fitted in this step.
-    indices : ndarray of int, shape (n_terms,)
-        Their positions among the candidates.
-    relevance : ndarray, shape (n_terms,)
-        1 / E[alpha] of each, for regressors of root mean square about 1.
-    threshold : float
-        Terms whose relevance does not exceed it are pruned next.
-    bounds : tuple of float
-        Lower bound after each update.
-    """
-
-    terms: tuple[Term, ...]
-    indices: NDArray[np.intp] = field(metadata=variable("term", name="index", about="position among the candidates"))
-    relevance: Array = field(
-        metadata=variable("term", about="1 / E[alpha], for regressors of root mean square about 1")
-    )
-    threshold: float = field(metadata=attribute())
-    bounds: tuple[float, ...] = field(
-        metadata=variable("update", name="bound", unit="nat", about="lower bound of the log evidence")
-    )
-
-    DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "term": coordinate("term", of=lambda step: np.array([str(term) for term in step.terms], dtype=str)),
-    }
-
-    @property
-    def lower_bound(self) -> float:
-        """Converged lower bound in nats."""
-        return self.bounds[-1]
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the relevance of each term, with the threshold and those that it prunes.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        return draw_relevance(self, ax)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,7 +280,7 @@ class SvbNarx(NarxIdentifier):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the lower bound over the pruning steps, with the largest marked.
 
-        The other pictures are in `deatwin.ident.narx.svb_plots`.
+        The other pictures are in `deatwin.ident.narx.pruning`.
 
         Parameters
         ----------

@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import table
-from deatwin.ident.mismatch.naming.rows import Row, form_rows, row_of
+from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, form_rows, row_of
 from deatwin.plant.datasets import Variables
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch.naming.decide import Naming
-    from deatwin.ident.mismatch.refit.base import Base
-
 
 NOISE = "standard deviation of the sensor's noise"
 
 
-def base_tables(base: Base) -> Variables:
+def base_tables(base: Forms) -> Variables:
     """The forms of the base plant, the chosen one first, with their residuals; SI."""
     unit = base.chosen.calibration.plant.rig.output_unit
     return {**_rows("form", form_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}
 
 
-def naming_tables(naming: Naming) -> Variables:
+def naming_tables(naming: Explanations) -> Variables:
     """All explanations that were tried, the base plant first, with their residuals; SI.
 
     Each has its probability where it competed with the best one; distances d² are those from the best one.

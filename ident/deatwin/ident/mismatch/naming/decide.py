@@ -10,10 +10,12 @@ import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import STEPS, TOLD_APART, separation
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.ident.mismatch.naming.datasets import naming_tables
+from deatwin.ident.mismatch.naming.drawing import draw_naming
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant.datasets import Described, Metadata, Variables, attribute, several
+from deatwin.plant.datasets import Described, Metadata, attribute, several
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,23 +27,6 @@ CREDIBLE = 0.95
 """Together with its rivals it holds at least so much of the probability: many weak rivals make one strong doubt."""
 RIVAL_SHARE = 0.5
 """A rival whose distance is not known is also kept while its error differs by less than this share of the model's."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Distance:
-    """How far apart two explanations are on the recordings' inputs.
-
-    Parameters
-    ----------
-    effects : tuple of str
-        Names of the two, those of a set joined by ``+``.
-    d2 : float
-        Squared distance after a refit of the one to the other; to first order where the recordings have told the two
-        apart.
-    """
-
-    effects: tuple[str, str]
-    d2: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +62,7 @@ class Naming(Described):
     failed: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "told": several(lambda naming: _tables(naming)),
+        "told": several(naming_tables),
         "failed": attribute(of=lambda naming: list(naming.failed)),
     }
 
@@ -199,8 +184,6 @@ class Naming(Described):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.mismatch.naming.drawing import draw_naming
-
         return draw_naming(self, ax)
 
 
@@ -411,9 +394,3 @@ def is_as_likely(rival: Candidate, best: Candidate) -> bool:
     bool
     """
     return advantage(best, rival) < STRONG
-
-
-def _tables(naming: Naming) -> Variables:
-    from deatwin.ident.mismatch.naming.datasets import naming_tables
-
-    return naming_tables(naming)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
+from deatwin.ident.mismatch.naming.datasets import base_tables
+from deatwin.ident.mismatch.naming.drawing import draw_base
 from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, at_its_time, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant.datasets import Described, Metadata, Variables, several
+from deatwin.plant.datasets import Described, Metadata, several
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import Rig
@@ -49,7 +51,7 @@ class Base(Described):
     noise: float
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "told": several(lambda base: _tables(base)),
+        "told": several(base_tables),
     }
 
     def in_form_of(self, chosen: Candidate) -> Base:
@@ -95,8 +97,6 @@ class Base(Described):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.mismatch.naming.drawing import draw_base
-
         return draw_base(self, ax)
 
 
@@ -152,24 +152,6 @@ def beside_rivals(bench: Bench, base: Base) -> Base:
     others = [form for form in _other_forms(bench, base.chosen) if not _same_form(form, base.chosen)]
     rivals = [replace(form, noise=base.noise) for form in others]
     return replace(base, rivals=_ranked(rivals)) if rivals else base
-
-
-def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
-    """What rigs state differently, their model errors aside: those are found, not stated.
-
-    Parameters
-    ----------
-    rigs : sequence of Rig
-        Forms of one rig.
-
-    Returns
-    -------
-    tuple of dict
-        For each rig the fields in which they are not all equal, as `Rig.to_dict` has them.
-    """
-    stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
-    names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
-    return tuple({name: each[name] for name in names} for each in stated)
 
 
 def _other_forms(bench: Bench, first: Candidate | None) -> list[Candidate]:
@@ -245,9 +227,3 @@ def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:
         except SimulationError as error:
             return SimulationError(f"the plant as described cannot follow these recordings: {error}")
     return SimulationError("the plant as described cannot follow these recordings")
-
-
-def _tables(base: Base) -> Variables:
-    from deatwin.ident.mismatch.naming.datasets import base_tables
-
-    return base_tables(base)
