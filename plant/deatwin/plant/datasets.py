@@ -225,9 +225,10 @@ def one_unit(result: Any) -> str:
     return str(result.units[0]) if len(set(result.units)) == 1 else ""
 
 
-def gain_unit(output_unit: str, input_unit: str) -> str:
-    """The unit of a gain."""
-    return f"{output_unit}/{input_unit}" if output_unit and input_unit else output_unit
+def gain_unit(result: Any) -> str:
+    """The unit of a gain, output by input."""
+    divided = result.output_unit and result.input_unit
+    return str(f"{result.output_unit}/{result.input_unit}" if divided else result.output_unit)
 
 
 def squared(unit: str) -> str:

@@ -27,16 +27,15 @@ from deatwin.ident.mismatch import (
     Verdict,
 )
 from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.located import PlaceSummary, Window
 from deatwin.ident.mismatch.result import (
     Errors,
     FormSummary,
     IndistinguishablePair,
     Output,
-    PlaceSummary,
     Statistic,
     TermSummary,
     UnseenErrors,
-    Window,
 )
 from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy

@@ -70,7 +70,7 @@ class StaticCurve(Described):
         "slope": variable(
             "input",
             of=lambda curve: curve.slope(curve.inputs),
-            unit=lambda curve: gain_unit(curve.output_unit, curve.input_unit),
+            unit=gain_unit,
             about="static gain",
         ),
     }

@@ -257,7 +257,7 @@ def _quantities(bands: FamilyBands) -> Variables:
     each = (along, "mode")
     quantities = (
         ("operating_output", along, bands.operating_output, family.output_unit, "output at rest"),
-        ("static_gain", along, bands.static_gain, gain_unit(family.output_unit, family.input_unit), "G(1)"),
+        ("static_gain", along, bands.static_gain, gain_unit(family), "G(1)"),
         ("slowest", along, bands.slowest, "s", "time constant of the slowest mode"),
         ("time_constant", each, modes.time_constant, "s", "in which a mode decays to 1/e"),
         ("frequency", each, modes.frequency, "Hz", "natural frequency of a mode"),

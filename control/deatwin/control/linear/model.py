@@ -104,7 +104,7 @@ class LinearModel(Described):
     numerator: Array = field(
         metadata=variable(
             "b",
-            unit=lambda model: gain_unit(model.output_unit, model.input_unit),
+            unit=gain_unit,
             about="coefficients of z^0, z^-1, ...",
         )
     )
@@ -122,8 +122,7 @@ class LinearModel(Described):
     realisation: Realisation | None = None
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "coefficient": coordinate("coefficient", of=_coefficients),
-        "other_coefficient": coordinate("other_coefficient", of=_coefficients),
+        **{name: coordinate(name, of=_coefficients) for name in ("coefficient", "other_coefficient")},
     }
 
     def __post_init__(self) -> None:

@@ -7,7 +7,7 @@ which is the least over all crossings, rather than by its deviation, which is th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
@@ -25,7 +25,7 @@ from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, interval_radius
-from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, variable
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -56,17 +56,12 @@ class UncertainMargin:
         for the others).
     """
 
-    value: float
-    deviation: float
-    low: float
+    value: float = field(metadata=variable(about="margin of the model itself"))
+    deviation: float = field(metadata=variable(about="standard deviation; of the logarithm for gain and disk"))
+    low: float = field(metadata=variable(about="lower limit"))
 
 
 _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
-
-
-def _each(name: str) -> Callable[[MarginBand], list[float]]:
-    """A property of each margin."""
-    return lambda band: [getattr(getattr(band, margin), name) for margin in _MARGINS]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,11 +95,7 @@ class MarginBand(Described):
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "margin": coordinate("margin", of=lambda _: list(_MARGINS)),
         "unit": coordinate("margin", of=lambda _: list(_MARGINS.values())),
-        "value": variable("margin", of=_each("value"), about="margin of the model itself"),
-        "deviation": variable(
-            "margin", of=_each("deviation"), about="standard deviation; of the logarithm for gain and disk"
-        ),
-        "low": variable("margin", of=_each("low"), about="lower limit"),
+        "margins": table_along("margin", name="", of=lambda band: [getattr(band, name) for name in _MARGINS]),
         "loop": variable("omega", of=attrgetter("response.values"), about="open loop L"),
         "covariance": variable(
             "omega", "part", "other_part", of=attrgetter("response.covariance"), about="of the parts of L"

@@ -13,20 +13,13 @@ from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.track import readings
+from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
-from deatwin.ident.mismatch.result import (
-    Errors,
-    FitSummary,
-    IndistinguishablePair,
-    LocationSummary,
-    Output,
-    PlaceSummary,
-    UnseenErrors,
-)
+from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import forms_tried
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict

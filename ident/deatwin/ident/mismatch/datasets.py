@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.mismatch.result import LocationSummary
+from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.plant.datasets import Variables, clock, columns
 from deatwin.plant.records import plain
 

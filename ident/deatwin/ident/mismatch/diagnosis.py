@@ -13,6 +13,7 @@ import numpy as np
 from deatwin.ident.mismatch.datasets import places, samples
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.layout import Readings, draw_residuals
+from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.ident.mismatch.result import (
     AdviceSummary,
     DetectionSummary,
@@ -21,7 +22,6 @@ from deatwin.ident.mismatch.result import (
     FormSummary,
     FreeFormSummary,
     IndistinguishablePair,
-    LocationSummary,
     Output,
     VerificationSummary,
 )

@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
@@ -23,7 +24,6 @@ from deatwin.ident.mismatch.result import (
     Fault,
     FormSummary,
     FreeFormSummary,
-    LocationSummary,
     VerificationSummary,
 )
 from deatwin.ident.mismatch.verdict import FittedParameter

@@ -23,7 +23,8 @@ from deatwin.ident.mismatch import (
     VerificationSummary,
     diagnose,
 )
-from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors, Window
+from deatwin.ident.mismatch.located import Window
+from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
 from deatwin.ident.mismatch.say import number, risk, say
 from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording

@@ -8,7 +8,7 @@ from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Track, readings, tracks
-from deatwin.ident.mismatch.result import Band, LineGroup, Region, ResponseDifference, Window
+from deatwin.ident.mismatch.located import Band, LineGroup, Region, ResponseDifference, Window
 
 __all__ = [
     "Band",

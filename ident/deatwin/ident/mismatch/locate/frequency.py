@@ -11,7 +11,7 @@ from scipy.special import chdtrc
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
-from deatwin.ident.mismatch.result import Band
+from deatwin.ident.mismatch.located import Band
 from deatwin.plant.datasets import Described, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
-from deatwin.ident.mismatch.result import LineGroup
+from deatwin.ident.mismatch.located import LineGroup
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 

@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import draw_response, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
-from deatwin.ident.mismatch.result import LinesSummary, LocationSummary, ResponseDifference
+from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ResponseDifference
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording

@@ -15,7 +15,7 @@ from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise, without_repeats
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
-from deatwin.ident.mismatch.result import PlaceSummary
+from deatwin.ident.mismatch.located import PlaceSummary
 from deatwin.plant.datasets import Described, Metadata, attribute, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Place

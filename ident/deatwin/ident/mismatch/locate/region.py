@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
-from deatwin.ident.mismatch.result import Region
+from deatwin.ident.mismatch.located import Region
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
 from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
-from deatwin.ident.mismatch.result import ResponseDifference
+from deatwin.ident.mismatch.located import ResponseDifference
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression

@@ -12,7 +12,7 @@ from scipy.special import ndtr
 
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
-from deatwin.ident.mismatch.result import Window
+from deatwin.ident.mismatch.located import Window
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
