@@ -207,8 +207,8 @@ class AdviceSummary:
         Name of the input's file; None where no input can tell the rivals apart.
     seconds : float or None
         Length of the input, s.
-    confusion_before, confusion_after : float
-        Probability of taking the wrong explanation, before the input and after it; the latter None without an input.
+    confusion_before, confusion_after : float or None
+        Probability of taking the wrong explanation, before the input and after it.
     waveform : str or None
         What it looks like, in words.
     added_mass_g : float or None
@@ -221,7 +221,7 @@ class AdviceSummary:
 
     file: str | None
     seconds: float | None
-    confusion_before: float
+    confusion_before: float | None = field(default=None, metadata=OPTIONAL)
     confusion_after: float | None = None
     waveform: str | None = None
     added_mass_g: float | None = None

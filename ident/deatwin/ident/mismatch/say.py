@@ -246,15 +246,16 @@ def _next(diagnosis: Diagnosis) -> str:
     advised = diagnosis.advice
     if advised is None:
         return ""
-    if advised.seconds is None or advised.confusion_after is None:
+    seconds, shares = advised.seconds, (advised.confusion_before, advised.confusion_after)
+    before, after = ("" if share is None else risk(share) for share in shares)
+    if seconds is None:
         measure = advised.measure
         return "" if measure is None else f"; no input that the rig bears tells them apart, so measure {measure}"
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"
-    before, after = (risk(share) for share in (advised.confusion_before, advised.confusion_after))
     rest = f"; what it leaves open takes a measurement of {advised.measure}" if advised.undecided else ""
     return (
-        f"; {number(advised.seconds)} s of the input in {advised.file}{load} would lower the risk of confusing "
+        f"; {number(seconds)} s of the input in {advised.file}{load} would lower the risk of confusing "
         f"them from {before} to {after} %{rest}"
     )
 
