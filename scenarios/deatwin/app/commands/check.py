@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.app.designs import DesignName
 from deatwin.app.options import (
     AllowGaps,
     InputColumn,
@@ -28,6 +28,18 @@ from deatwin.studies.voice import Voice, complain
 if TYPE_CHECKING:
     from deatwin.app.given import GivenPlant
     from deatwin.plant.recording import Recording
+
+
+class DesignName(StrEnum):
+    """Names of `deatwin.control.design.named`, listed here so that help loads no numbers."""
+
+    PI = "pi"
+    PID = "pid"
+    INVERSE = "inverse"
+    LQG = "lqg"
+    HINF = "hinf"
+    SHAPED = "shaped"
+    SCHEDULED = "scheduled"
 
 
 def _positive(value: float | None) -> float | None:

@@ -24,12 +24,19 @@ REST = 300_000
 """Bytes of a page beside its figures and their data, at most."""
 
 
-def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing], origin: Origin, **shown: Any) -> None:
-    """Write ``report.html``."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def write_page(
+    folder: ResultFolder,
+    template: str,
+    drawings: Iterable[Drawing],
+    origin: Origin,
+    package: str = "deatwin.studies.report",
+    **shown: Any,
+) -> None:
+    """Write ``report.html`` from a template of a package, which may extend those of this one."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("deatwin.studies.report"),
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("deatwin.studies.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
