@@ -18,7 +18,7 @@ from deatwin.plant.amplitudes import amount
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.svg import COLOURS, draw, inline, standalone
 
 Array = NDArray[np.float64]
@@ -183,52 +183,53 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     )
 
 
-def _reliance(known: Reliance) -> Row:
+def _reliance(known: Reliance) -> Measure:
     """What held-out data said of the model itself."""
-    return Row(
-        measure="failed residual tests and bias of the model on held-out data",
-        demanded="none",
-        reached="; ".join(known.caveats) or "none",
-        passed=not known.caveats,
+    return Measure(
+        "failed residual tests and bias of the model on held-out data",
+        "none",
+        "; ".join(known.caveats) or "none",
+        not known.caveats,
     )
 
 
-def _rows(found: Responses) -> list[Row]:
+def _rows(found: Responses) -> list[Measure]:
     """What a reader has to know before relying on a response."""
     poles = "stable" if found.first.status.ok else "unstable"
-    rows = [Row(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
+    rows = [Measure(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
     if (known := Reliance.of_provenance(found.model.provenance)) is not None:
         rows.append(_reliance(known))
     for response in found.gfrfs:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
-            Row(
-                measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
-                demanded="all",
-                reached=f"{100 * share:.0f} %",
-                passed=share == 1.0,
+            Measure(
+                f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+                "all",
+                f"{100 * share:.0f} %",
+                share == 1.0,
             )
         )
     if found.missing:
-        rows.append(Row(measure="NOFRFs", demanded="there are some", reached=found.missing, passed=False))
+        rows.append(Measure("NOFRFs", "there are some", found.missing, False))
     if found.nofrfs is not None:
         fitted = found.nofrfs
         grown = max(u.largest_amplification for u in fitted.inputs[: fitted.order])
         left = float(fitted.residual[:, -1].max())
         rows += [
-            Row(
-                measure="test signal: by what an error of an order grows in its NOFRF",
-                demanded=f"at most {AMPLIFICATION:g}",
-                reached=f"{grown:.3g}",
-                passed=grown <= AMPLIFICATION,
+            Measure(
+                "test signal: by what an error of an order grows in its NOFRF",
+                f"at most {AMPLIFICATION:g}",
+                f"{grown:.3g}",
+                grown <= AMPLIFICATION,
             ),
-            Row(
-                measure=f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they "
-                "leave",
-                demanded="below 1 %",
-                reached=f"{100 * left:.2g} %",
-                passed=left < 0.01,
+            Measure(
+                f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they leave",
+                "below 1 %",
+                f"{100 * left:.2g} %",
+                left < 0.01,
             ),
-            Row(measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok),
+            Measure(
+                measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok
+            ),
         ]
     return rows
