@@ -23,7 +23,8 @@ from deatwin.app.options import (
     Seed,
     TimeColumn,
 )
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 if TYPE_CHECKING:
     from deatwin.app.given import GivenPlant
@@ -141,7 +142,6 @@ def check(
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
     from deatwin.app.given import GivenPlant, clock_notes
     from deatwin.ident.narx import NarxModel
-    from deatwin.studies.folder import ResultFolder
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
@@ -166,13 +166,8 @@ def check(
         jobs=jobs,
         seed=seed,
     )
-    folder = ResultFolder(out)
-    try:
-        with folder, voice.progress("closing the loop") as progress:
-            found = task.run(folder, progress)
-    except KeyboardInterrupt:
-        complain(f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out, voice, "closing the loop") as (folder, progress):
+        found = task.run(folder, progress)
     voice.say(found.sentence)
     if gains := written_gains(found):
         voice.say(", ".join(f"{name} {value}" for name, value in gains))
