@@ -37,11 +37,11 @@ class Sealed(ABC):
     @classmethod
     @abstractmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from what `described` gave; KeyError, TypeError or ValueError if it is none."""
+        """Read the seal from the data that `described` gave; KeyError, TypeError or ValueError if they are none."""
 
     @abstractmethod
     def changes(self, other: Self) -> str:
-        """Say how this seal differs from another; empty if cases of both may stand together."""
+        """Say how this seal differs from another, `other`; empty if cases of both may stand together."""
 
     @cached_property
     def hash(self) -> str:
