@@ -54,7 +54,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoryPage:
-    """All that the page shows."""
+    """Content of the page."""
 
     title: str  # Name of the story, and of its result file
     sentence: str

@@ -23,12 +23,12 @@ class Sealed(ABC):
     @property
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """What must not change, as plain data."""
+        """Everything that must not change, as plain data."""
 
     @property
     @abstractmethod
     def case_schema(self) -> str:
-        """Of the files of the cases, such as ``deatwin/study-case/1``."""
+        """Schema of the files of the cases, such as ``deatwin/study-case/1``."""
 
     @abstractmethod
     def described(self) -> dict[str, Any]:
