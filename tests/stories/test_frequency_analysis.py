@@ -12,14 +12,16 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
-from deatwin.scenarios import fleet_frequency, frequency_analysis
-from deatwin.scenarios.fleet_frequency import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
-from deatwin.scenarios.fleet_models.preparation import DEGREES, HELD_OUT, LAGS, Orders, Plan, Prepared
-from deatwin.scenarios.fleet_models.variants import VARIANTS
+from deatwin.ident.narx.fleet import alike
+from deatwin.scenarios import frequency_analysis
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
+from deatwin.ident.narx.fleet.records import HELD_OUT, Prepared
+from deatwin.ident.narx.fleet.records import VARIANTS
 from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, left_by
 from deatwin.scenarios.frequency_analysis.anchor import anchor
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, benchmarks, in_ranges, settled
-from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
+from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
 from deatwin.scenarios.frequency_analysis.removal import remove
 from deatwin.scenarios.frequency_analysis.verdicts import judge, spread
 from deatwin.studies.folder import ResultFolder
@@ -146,10 +148,10 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
     least, noise = np.array([0.1, 0.2, 0.3]), 0.01 * np.array([-1.0, 0.0, 1.0])
     errors = {("a", "b", "c"): least, ("a", "b"): least + noise + 0.003, ("a",): least + 0.1, ("a", "d"): least + 0.05}
     calls = iter(passed)
-    monkeypatch.setattr(fleet_frequency, "_passed", lambda *_: next(calls))
+    monkeypatch.setattr(alike, "_passed", lambda *_: next(calls))
     rows = iter(range(3))
     monkeypatch.setattr(
-        fleet_frequency,
+        alike,
         "_free_run_errors",
         lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
     )

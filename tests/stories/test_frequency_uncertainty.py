@@ -22,7 +22,7 @@ from deatwin.scenarios.frequency_uncertainty import actuators, benchmarks, consi
 from deatwin.scenarios.frequency_uncertainty.actuators import BEGIN, FACTOR, SHARED, STRUCTURE, recorded, tasks
 from deatwin.scenarios.frequency_uncertainty.benchmarks import spectra
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, contrast, shares_of
-from deatwin.scenarios.frequency_uncertainty.spread import Spread, departure, spread_of, whitened
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, departure, spread_of, whitened
 from deatwin.scenarios.frequency_uncertainty.study import Plan
 from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR
 from deatwin.studies.folder import ResultFolder

@@ -12,7 +12,7 @@ from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import thesis_data
 from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
-from deatwin.scenarios.thesis_data.drifts import (
+from deatwin.ident.drifts import (
     at_same_input,
     fast_part,
     gain_change,
@@ -20,7 +20,7 @@ from deatwin.scenarios.thesis_data.drifts import (
     moving_mean,
     roughness,
 )
-from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, loop_area, mean_curve, straight_line
+from deatwin.ident.curves import linear_share, local_gain, loop_area, mean_curve, straight_line
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
 from deatwin.scenarios.thesis_data.verdicts import judge
 from deatwin.studies.folder import ResultFolder

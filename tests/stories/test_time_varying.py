@@ -12,7 +12,7 @@ from deatwin.plant.recording import Recording
 from deatwin.scenarios import time_varying
 from deatwin.scenarios.time_varying import benchmark, study
 from deatwin.scenarios.time_varying.benchmark import covered, follow, frozen_run
-from deatwin.scenarios.time_varying.following import (
+from deatwin.ident.narx.wander import (
     BLOCK,
     CHOOSING,
     CONSTANT,
@@ -28,9 +28,9 @@ from deatwin.scenarios.time_varying.following import (
     stretches,
     walked,
 )
-from deatwin.scenarios.time_varying.spectra import BANDS, compare_windows, series_error, short_time, windows_of
+from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
 from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
-from deatwin.scenarios.time_varying.systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
+from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
 from deatwin.scenarios.time_varying.verdicts import judge
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting

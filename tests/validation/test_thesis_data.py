@@ -10,7 +10,7 @@ import pytest
 
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
-from deatwin.scenarios.thesis_data.drifts import gain_change, mean_shift
+from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting, story
 

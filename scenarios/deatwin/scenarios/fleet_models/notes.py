@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from statistics import median
 
-from deatwin.scenarios.fleet_models.preparation import Plan
+from deatwin.ident.narx.fleet.orders import Plan
 from deatwin.scenarios.fleet_models.study import FREE, FRO, SEMP, SVB, Study
-from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY
+from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Note
 

@@ -15,8 +15,8 @@ from deatwin.ident.narx.validate import Validation, validate
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models.preparation import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
-from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
+from deatwin.ident.narx.fleet.orders import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
+from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
 from deatwin.studies.voice import Progress
 
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"

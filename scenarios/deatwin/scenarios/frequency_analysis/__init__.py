@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.fleet_frequency import identify_fleet
+from deatwin.ident.narx.fleet.alike import identify_fleet
 from deatwin.scenarios.frequency_analysis.actuators import SHOWN, Actuators, actuators
 from deatwin.scenarios.frequency_analysis.anchor import anchor
 from deatwin.scenarios.frequency_analysis.benchmark_figures import benchmark_drawings

@@ -15,7 +15,7 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal, desi
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.narx import NarxModel, SvbNarx
-from deatwin.scenarios.fleet_frequency import (
+from deatwin.ident.narx.fleet.alike import (
     BAND,
     OPERATING_INPUT,
     Alike,
@@ -24,7 +24,7 @@ from deatwin.scenarios.fleet_frequency import (
     fit,
     linear_in_output,
 )
-from deatwin.scenarios.fleet_models.preparation import RULE
+from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.scenarios.frequency_analysis.benchmarks import settled
 from deatwin.scenarios.frequency_analysis.removal import Removal, remove
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, Evaluated, Identified, Ranges
-from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, QUADRATIC
+from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 

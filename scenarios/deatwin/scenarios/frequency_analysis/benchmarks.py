@@ -17,7 +17,7 @@ from deatwin.ident.frequency.spectrum import spectrum_of
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
+from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

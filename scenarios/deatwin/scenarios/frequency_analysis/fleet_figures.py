@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import Term
-from deatwin.scenarios.fleet_frequency import BAND, OPERATING_INPUT
+from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
     GRID,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.scenarios.fleet_frequency import OPERATING_INPUT
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import ORDERS, Actuators
 from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
 from deatwin.scenarios.frequency_analysis.verdicts import HALF, HIGH, LOW, spread

@@ -8,7 +8,7 @@ import numpy as np
 
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, TABLED, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
-from deatwin.scenarios.frequency_analysis.closed_forms import SYSTEMS
+from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.studies.report.story import Table
 
 UNITS = "SI: m, V"

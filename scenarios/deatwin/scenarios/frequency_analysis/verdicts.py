@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
-from deatwin.scenarios.fleet_frequency import BAND
+from deatwin.ident.narx.fleet.alike import BAND
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.anchor import Anchor
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks

@@ -12,8 +12,8 @@ from deatwin.ident.narx.terms import Term
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES, Actuator, fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models.preparation import thinned
-from deatwin.scenarios.fleet_models.variants import STEADY, as_variant
+from deatwin.ident.narx.fleet.records import thinned
+from deatwin.ident.narx.fleet.records import STEADY, as_variant
 
 FACTOR = 6
 """Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""

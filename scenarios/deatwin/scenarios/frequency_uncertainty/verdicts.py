@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
-from deatwin.scenarios.frequency_uncertainty.spread import Spread
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread
 from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.studies.report.story import Row
 

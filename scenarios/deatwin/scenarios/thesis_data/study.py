@@ -14,7 +14,7 @@ from deatwin.plant.excitation import triangles
 from deatwin.plant.fleet import DURATION, Actuator, fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.scenarios.thesis_data.measures import loop_area
+from deatwin.ident.curves import loop_area
 
 LOOP_RATE = 0.01
 """Of the actuators' loops, Hz."""

@@ -13,8 +13,8 @@ from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import Structure
-from deatwin.scenarios.time_varying.maps import Map, root_mean_square
-from deatwin.scenarios.time_varying.systems import (
+from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.narx.varying_systems import (
     DURATION,
     MOVING_DC,
     NOISE,

@@ -24,7 +24,7 @@ from deatwin.scenarios.time_varying.figure_parts import (
     map_columns,
     share_bar,
 )
-from deatwin.scenarios.time_varying.maps import Map
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw, legend_above
 

@@ -15,7 +15,7 @@ from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_m
 from deatwin.ident.narx import NarxModel, Recording, Term, ThetaTrajectory, generate_terms
 from deatwin.ident.parallel import run_jobs, spawn_generators
 from deatwin.plant.fleet import Actuator, fleet
-from deatwin.scenarios.fleet_models.preparation import thinned
+from deatwin.ident.narx.fleet.records import thinned
 from deatwin.scenarios.time_varying.benchmark import (
     LINES,
     SPEEDS,
@@ -28,10 +28,10 @@ from deatwin.scenarios.time_varying.benchmark import (
     frozen_run,
     lines,
 )
-from deatwin.scenarios.time_varying.following import CONSTANT, VARYING, Track, follow_actuator
-from deatwin.scenarios.time_varying.maps import Map, root_mean_square
-from deatwin.scenarios.time_varying.spectra import ShortTime, compare_windows, series_error, windows_of
-from deatwin.scenarios.time_varying.systems import SYSTEMS
+from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
+from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
+from deatwin.ident.narx.varying_systems import SYSTEMS
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 
 from deatwin.scenarios.thesis_data.verdicts import MOVES
 from deatwin.scenarios.time_varying.benchmark import Benchmark, FrozenRun
-from deatwin.scenarios.time_varying.following import CONSTANT, LIKELIEST, REFINED, VARYING
-from deatwin.scenarios.time_varying.spectra import BANDS
+from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
+from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.scenarios.time_varying.study import Driven, Study
 from deatwin.studies.report.story import Row
 

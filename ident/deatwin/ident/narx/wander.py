@@ -16,7 +16,7 @@ from deatwin.ident.narx import Fixed, NarxModel, Recording, Term, TermTable, The
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import regressor_sizes
 from deatwin.ident.narx.regression import Regression
-from deatwin.scenarios.time_varying.maps import root_mean_square
+from deatwin.ident.frequency.varying.maps import root_mean_square
 
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
