@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -101,7 +100,7 @@ class CheckTask:
         folder.save("check.json", check.save)
         write_check_report(folder, view, Origin.of(record))
         folder.remove_former(r"figures/\w+\.csv")
-        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        record.save(folder)
         return check
 
     def _band_Hz(self) -> float | None:

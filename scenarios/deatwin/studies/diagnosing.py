@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +53,7 @@ class DiagnosisTask:
             folder.save(INPUT_FILE, advice.save_input)
         write_report(folder, diagnosis, Origin.of(record))
         folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
-        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        record.save(folder)
         return diagnosis
 
     def _diagnosed(self, folder: ResultFolder, record: RunRecord, progress: Progress) -> Diagnosis:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 import time
 from collections.abc import Iterable, Sequence
@@ -10,7 +11,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from deatwin.studies.folder import ResultFolder
 
 SCHEMA = "deatwin/run/1"
 PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "control", "joblib", "matplotlib")
@@ -61,3 +65,7 @@ class RunRecord:
             "inputs": list(self.inputs),
             "outputs": list(outputs),
         }
+
+    def save(self, folder: ResultFolder) -> None:
+        """Write ``run.json`` into a folder, with the names of all that it holds."""
+        folder.text("run.json", json.dumps(self.finished([*folder.written, "run.json"]), indent=1) + "\n")

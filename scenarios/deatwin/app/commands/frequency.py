@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from pathlib import Path
@@ -80,7 +79,7 @@ def frequency(
         found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
         write_responses(found, folder, record)
     folder.remove_former(FORMER.pattern)
-    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    record.save(folder)
     for line in found.lines:
         voice.say(line)
     voice.say(folder.summary)

@@ -211,7 +211,6 @@ def _write_report(
     identifier: NarxIdentifier,
     clocks: list[str],
 ) -> None:
-    import json
 
     from deatwin.app.identify_report import Identified, write_identified
     from deatwin.ident.narx import validate
@@ -234,7 +233,7 @@ def _write_report(
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
-    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    record.save(folder)
 
 
 def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
