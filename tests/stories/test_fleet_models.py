@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 
 from deatwin.ident.narx import Fixed, NarxModel
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan, as_good, make_plan, order_errors
+from deatwin.ident.narx.fleet.records import FILM, HELD_OUT, RECORDED, STEADY, VARIANTS, Prepared, as_variant, thinned
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet, telling
 from deatwin.scenarios.fleet_models.choice import Choice
 from deatwin.scenarios.fleet_models.estimators import estimate_all
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan, as_good, make_plan, order_errors
-from deatwin.ident.narx.fleet.records import HELD_OUT, Prepared, thinned
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
 from deatwin.scenarios.fleet_models.svb_figures import shares
-from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS, as_variant
 from deatwin.scenarios.fleet_models.verdicts import deviations, judge_semp, judge_svb
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting, story

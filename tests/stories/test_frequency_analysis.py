@@ -8,20 +8,19 @@ import pytest
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.fleet import alike
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
+from deatwin.ident.narx.fleet.records import HELD_OUT, VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
-from deatwin.ident.narx.fleet import alike
 from deatwin.scenarios import frequency_analysis
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
-from deatwin.ident.narx.fleet.records import HELD_OUT, Prepared
-from deatwin.ident.narx.fleet.records import VARIANTS
 from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, left_by
 from deatwin.scenarios.frequency_analysis.anchor import anchor
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, benchmarks, in_ranges, settled
-from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
 from deatwin.scenarios.frequency_analysis.removal import remove
 from deatwin.scenarios.frequency_analysis.verdicts import judge, spread
 from deatwin.studies.folder import ResultFolder

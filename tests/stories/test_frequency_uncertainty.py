@@ -13,6 +13,7 @@ from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.comparison.bands import BandMean
 from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, departure, spread_of, whitened
 from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
@@ -22,7 +23,6 @@ from deatwin.scenarios.frequency_uncertainty import actuators, benchmarks, consi
 from deatwin.scenarios.frequency_uncertainty.actuators import BEGIN, FACTOR, SHARED, STRUCTURE, recorded, tasks
 from deatwin.scenarios.frequency_uncertainty.benchmarks import spectra
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, contrast, shares_of
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread, departure, spread_of, whitened
 from deatwin.scenarios.frequency_uncertainty.study import Plan
 from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR
 from deatwin.studies.folder import ResultFolder

@@ -6,12 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.plant.errors import DataError
-from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import fleet
-from deatwin.plant.recording import Recording
-from deatwin.scenarios import thesis_data
-from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
+from deatwin.ident.curves import linear_share, local_gain, loop_area, mean_curve, straight_line
 from deatwin.ident.drifts import (
     at_same_input,
     fast_part,
@@ -20,7 +15,12 @@ from deatwin.ident.drifts import (
     moving_mean,
     roughness,
 )
-from deatwin.ident.curves import linear_share, local_gain, loop_area, mean_curve, straight_line
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import fleet
+from deatwin.plant.recording import Recording
+from deatwin.scenarios import thesis_data
+from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
 from deatwin.scenarios.thesis_data.verdicts import judge
 from deatwin.studies.folder import ResultFolder

@@ -6,12 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
 from deatwin.ident.narx import Fixed, NarxModel, Term, ThetaTrajectory, generate_terms
-from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.recording import Recording
-from deatwin.scenarios import time_varying
-from deatwin.scenarios.time_varying import benchmark, study
-from deatwin.scenarios.time_varying.benchmark import covered, follow, frozen_run
+from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
 from deatwin.ident.narx.wander import (
     BLOCK,
     CHOOSING,
@@ -28,9 +25,12 @@ from deatwin.ident.narx.wander import (
     stretches,
     walked,
 )
-from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.recording import Recording
+from deatwin.scenarios import time_varying
+from deatwin.scenarios.time_varying import benchmark, study
+from deatwin.scenarios.time_varying.benchmark import covered, follow, frozen_run
 from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
-from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
 from deatwin.scenarios.time_varying.verdicts import judge
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting

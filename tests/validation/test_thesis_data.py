@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
-from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting, story
 

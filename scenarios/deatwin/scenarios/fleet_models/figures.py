@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import moving_mean
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
+from deatwin.ident.narx.fleet.records import RECORDED, STEADY, thinned
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.scenarios.fleet_models.choice import THRESHOLDS
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
-from deatwin.ident.narx.fleet.records import thinned
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
-from deatwin.ident.narx.fleet.records import RECORDED, STEADY
-from deatwin.ident.drifts import moving_mean
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from statistics import median
 
 from deatwin.ident.narx.fleet.orders import Plan
-from deatwin.scenarios.fleet_models.study import FREE, FRO, SEMP, SVB, Study
 from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY
+from deatwin.scenarios.fleet_models.study import FREE, FRO, SEMP, SVB, Study
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Note
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.ident.narx import Fixed, Frols, NarxModel, SvbNarx
+from deatwin.ident.narx.fleet.orders import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
+from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
 from deatwin.ident.narx.identifier import NarxIdentifier
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.terms import Lags, Rule
@@ -15,8 +17,6 @@ from deatwin.ident.narx.validate import Validation, validate
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.ident.narx.fleet.orders import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
-from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
 from deatwin.studies.voice import Progress
 
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"

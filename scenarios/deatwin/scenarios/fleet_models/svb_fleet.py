@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.narx import Frols
+from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.scenarios.fleet_models.choice import Choice, compare
 from deatwin.scenarios.fleet_models.notes import svb_notes
-from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study
 from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
 from deatwin.scenarios.fleet_models.tables import SHOWN, svb_tables

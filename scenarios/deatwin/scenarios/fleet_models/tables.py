@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from deatwin.ident.narx import NarxModel, Term
+from deatwin.ident.narx.fleet.orders import Plan
+from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
 from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.scenarios.fleet_models.estimators import Estimated
-from deatwin.ident.narx.fleet.orders import Plan
-from deatwin.ident.narx.fleet.records import Prepared
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
-from deatwin.ident.narx.fleet.records import VARIANTS
 from deatwin.scenarios.fleet_models.verdicts import deviations
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table

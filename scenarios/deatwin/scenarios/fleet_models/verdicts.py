@@ -9,10 +9,10 @@ import numpy as np
 
 from deatwin.ident.frequency import equilibrium, remove_dc
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.fleet.records import FILM, STEADY
 from deatwin.ident.narx.predictive import one_step_band
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Study
-from deatwin.ident.narx.fleet.records import FILM, STEADY
 from deatwin.studies.report.story import Row
 
 HALF = 0.5

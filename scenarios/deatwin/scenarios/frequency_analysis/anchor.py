@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Alike, Fleet, fit
+from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
 from deatwin.ident.narx.refine import refine
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Alike, Fleet, fit
-from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

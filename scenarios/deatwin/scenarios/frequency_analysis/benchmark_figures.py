@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import frequency_grid, gfrf
-from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, Evaluated, Identified, Ranges
 from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC
+from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, Evaluated, Identified, Ranges
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 

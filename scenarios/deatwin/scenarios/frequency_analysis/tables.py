@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, TABLED, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks
-from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.studies.report.story import Table
 
 UNITS = "SI: m, V"

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from deatwin.ident.narx import generate_terms
+from deatwin.ident.narx.fleet.records import STEADY, as_variant, thinned
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES, Actuator, fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
-from deatwin.ident.narx.fleet.records import thinned
-from deatwin.ident.narx.fleet.records import STEADY, as_variant
 
 FACTOR = 6
 """Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""

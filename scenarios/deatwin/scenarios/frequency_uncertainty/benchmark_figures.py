@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks, Sweep
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread
+from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks, Sweep
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
 from deatwin.ident.frequency.many import Evaluated
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, spread_of
 from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.frequency_uncertainty.speed import Speed
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread, spread_of
 from deatwin.scenarios.frequency_uncertainty.systems import AT, BILINEAR, LINEAR, NOTCH, Case
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from time import process_time
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.uncertainty.beside_draws import DRAWS, departure, symbol_of
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import sample
-from deatwin.ident.frequency.uncertainty.beside_draws import DRAWS, departure, symbol_of
 from deatwin.scenarios.frequency_uncertainty.systems import Case
 
 Array = NDArray[np.float64]

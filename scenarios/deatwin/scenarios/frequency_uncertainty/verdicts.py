@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread
 from deatwin.scenarios.frequency_uncertainty.benchmarks import Benchmarks
 from deatwin.scenarios.frequency_uncertainty.consistency import Consistency
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread
 from deatwin.scenarios.frequency_uncertainty.study import Study
 from deatwin.studies.report.story import Row
 

@@ -14,11 +14,11 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from deatwin.ident.curves import mean_curve, straight_line
 from deatwin.plant.files import write_recording
 from deatwin.plant.fleet import TOLERANCES, specification
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages, side_bands, small_voltages
 from deatwin.scenarios.thesis_data.figures import ELASTIC, SPECIFIED, drawings
-from deatwin.ident.curves import mean_curve, straight_line
 from deatwin.scenarios.thesis_data.study import Bench, Study, carry_out
 from deatwin.scenarios.thesis_data.verdicts import judge
 from deatwin.studies.provenance import RunRecord

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
-from deatwin.ident.drifts import at_same_input, fast_part, moving_mean
 from deatwin.ident.curves import linear_share, local_gain, mean_curve, straight_line
+from deatwin.ident.drifts import at_same_input, fast_part, moving_mean
+from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
 from deatwin.scenarios.thesis_data.verdicts import RIDGE
 from deatwin.studies.report.drawing import Drawing

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.curves import loop_area
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.excitation import triangles
 from deatwin.plant.fleet import DURATION, Actuator, fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.ident.curves import loop_area
 
 LOOP_RATE = 0.01
 """Of the actuators' loops, Hz."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from deatwin.plant.recording import Recording
-from deatwin.ident.drifts import gain_change, mean_shift, roughness
 from deatwin.ident.curves import linear_share, local_gain, mean_curve, straight_line
+from deatwin.ident.drifts import gain_change, mean_shift, roughness
+from deatwin.plant.recording import Recording
 from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.story import Row
 

@@ -14,10 +14,10 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from deatwin.ident.narx.wander import CONSTANT, VARYING
 from deatwin.scenarios.time_varying.benchmark_figures import benchmark_drawings
 from deatwin.scenarios.time_varying.fleet_figures import fleet_drawings, key_of
 from deatwin.scenarios.time_varying.fleet_maps import map_drawings
-from deatwin.ident.narx.wander import CONSTANT, VARYING
 from deatwin.scenarios.time_varying.notes import notes
 from deatwin.scenarios.time_varying.study import Study, carry_out
 from deatwin.scenarios.time_varying.verdicts import judge

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency.varying.maps import Map, root_mean_square
 from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import Structure
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
 from deatwin.ident.narx.varying_systems import (
     DURATION,
     MOVING_DC,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.narx import Term
 from deatwin.scenarios.time_varying.benchmark import LINES, ORDERS, Benchmark, Followed
 from deatwin.scenarios.time_varying.figure_parts import (
@@ -24,7 +25,6 @@ from deatwin.scenarios.time_varying.figure_parts import (
     map_columns,
     share_bar,
 )
-from deatwin.ident.frequency.varying.maps import Map
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw, legend_above
 

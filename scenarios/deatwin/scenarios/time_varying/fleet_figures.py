@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import remove_dc
-from deatwin.ident.narx import Term
 from deatwin.ident.drifts import moving_mean
+from deatwin.ident.frequency import remove_dc
+from deatwin.ident.frequency.varying.short_time import BANDS
+from deatwin.ident.narx import Term
+from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.benchmark_figures import QUANTILE
 from deatwin.scenarios.time_varying.figure_parts import AFTER, BEFORE, INK, MARK, MEASURED, Columns, draw_band, filled
-from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
-from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.scenarios.time_varying.study import OPERATING_INPUT, Driven, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw, legend_above

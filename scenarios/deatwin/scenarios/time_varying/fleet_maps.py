@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.wander import VARYING
 from deatwin.scenarios.time_varying.benchmark import LINES, ORDERS
 from deatwin.scenarios.time_varying.benchmark_figures import plain_name, symbol_of
 from deatwin.scenarios.time_varying.figure_parts import Columns, draw_map, filled, map_columns, share_bar
 from deatwin.scenarios.time_varying.fleet_figures import key_of
-from deatwin.ident.narx.wander import VARYING
 from deatwin.scenarios.time_varying.study import LEVEL, Driven
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import draw

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from deatwin.scenarios.time_varying.benchmark import Benchmark
 from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
+from deatwin.scenarios.time_varying.benchmark import Benchmark
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study
 from deatwin.scenarios.time_varying.verdicts import CHANCE, DRIFTING, HELD
 from deatwin.studies.report.story import Note

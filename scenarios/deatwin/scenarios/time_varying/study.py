@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
 from deatwin.ident.narx import NarxModel, Recording, Term, ThetaTrajectory, generate_terms
+from deatwin.ident.narx.fleet.records import thinned
+from deatwin.ident.narx.varying_systems import SYSTEMS
+from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
 from deatwin.ident.parallel import run_jobs, spawn_generators
 from deatwin.plant.fleet import Actuator, fleet
-from deatwin.ident.narx.fleet.records import thinned
 from deatwin.scenarios.time_varying.benchmark import (
     LINES,
     SPEEDS,
@@ -28,10 +32,6 @@ from deatwin.scenarios.time_varying.benchmark import (
     frozen_run,
     lines,
 )
-from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
-from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
-from deatwin.ident.narx.varying_systems import SYSTEMS
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]

@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from deatwin.ident.frequency.varying.short_time import BANDS
+from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
 from deatwin.scenarios.thesis_data.verdicts import MOVES
 from deatwin.scenarios.time_varying.benchmark import Benchmark, FrozenRun
-from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
-from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.scenarios.time_varying.study import Driven, Study
 from deatwin.studies.report.story import Row
 

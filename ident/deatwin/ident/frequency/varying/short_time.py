@@ -19,8 +19,8 @@ from deatwin.ident.frequency import output_spectrum, remove_dc
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
-from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 from deatwin.ident.frequency.varying.maps import root_mean_square
+from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

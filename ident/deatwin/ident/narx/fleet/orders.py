@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.fleet.records import RECORDED, Prepared, prepare
+from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.preprocess import choose_orders
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import generate_terms
