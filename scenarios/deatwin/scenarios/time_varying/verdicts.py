@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from deatwin.ident.frequency.varying.short_time import BANDS
+from deatwin.ident.narx.fleet.records import MOVES
 from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
-from deatwin.scenarios.thesis_data.verdicts import MOVES
 from deatwin.scenarios.time_varying.benchmark import Benchmark, FrozenRun
 from deatwin.scenarios.time_varying.study import Driven, Study
 from deatwin.studies.report.story import Row

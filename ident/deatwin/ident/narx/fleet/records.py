@@ -33,6 +33,31 @@ SAMPLING_LAGS = 500
 """Lags over which the correlation of a reading is examined."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Move:
+    """A drift of an actuator's mean from one window of time to another."""
+
+    number: int  # Number of the actuator
+    early: tuple[float, float]  # Begin and end of each window, s
+    late: tuple[float, float]
+    sign: int  # 1 if the mean rises, -1 if it falls
+
+
+MOVES = (
+    Move(number=1, early=(0, 100), late=(1000, 1100), sign=-1),
+    Move(number=2, early=(0, 100), late=(1000, 1100), sign=1),
+    Move(number=3, early=(0, 100), late=(1000, 1100), sign=1),
+    Move(number=4, early=(90, 190), late=(360, 460), sign=-1),
+    Move(number=4, early=(360, 460), late=(640, 740), sign=1),
+    Move(number=5, early=(0, 60), late=(200, 300), sign=-1),
+    Move(number=5, early=(200, 300), late=(1000, 1100), sign=1),
+    Move(number=6, early=(0, 45), late=(46, 146), sign=-1),
+)
+"""Drifts that the thesis tells of 1, 2, 3 and 6, and that the histories of 4 and 5 have."""
+DRIFTING = ("DEA 1", "DEA 2", "DEA 3", "DEA 4", "DEA 5")
+"""Actuators that drift throughout; the sixth shifts once, at 45 s, and then stands still."""
+
+
 def as_variant(actuator: Actuator, variant: str) -> Actuator:
     """Leave physics out of an actuator; fabrication, commands and the sensor's noise stay."""
     plant = actuator.plant
