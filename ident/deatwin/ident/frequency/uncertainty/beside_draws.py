@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 DRAWS = 20_000
-"""Of the parameters."""
+"""Draws of the parameters."""
 SIMULTANEOUS = 0.99
 """Probability that all elements at all frequencies lie in the Monte Carlo band."""
 STRICT = 0.1
@@ -35,12 +35,18 @@ class Spread:
     case: str
     propagated: Propagated
     sampled: Sampled
-    curve: Complex
+    curve: Complex  # shape (n_curve,): the response at more frequencies, to be drawn as a line
 
     @property
     def symbol(self) -> str:
-        """Of the response, as plain text."""
+        """Symbol and order of the response, as plain text."""
         return symbol_of(self.propagated.response)
+
+    @property
+    def relative(self) -> Array:
+        """Largest standard deviation in any direction of the complex plane, over the gain, shape (n,)."""
+        longest: Array = np.sqrt(np.linalg.eigvalsh(self.propagated.covariance)[:, -1])
+        return longest / self.propagated.gain
 
     @property
     def whitened(self) -> Array:
@@ -61,7 +67,7 @@ class Spread:
 
     @property
     def allowed(self) -> float:
-        """What `largest` stays below with probability `SIMULTANEOUS`, were the propagated covariance exact."""
+        """Bound of `largest` with probability `SIMULTANEOUS`, were the propagated covariance exact."""
         return NormalDist().inv_cdf(1 - (1 - SIMULTANEOUS) / (2 * 3 * max(1, int(self.strict.sum()))))
 
     @property
