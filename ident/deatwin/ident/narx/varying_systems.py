@@ -93,17 +93,6 @@ def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
     )
 
 
-def standing_at(trajectory: ThetaTrajectory, output: float) -> ThetaTrajectory:
-    """The trajectory with a constant that keeps a given output its equilibrium at zero input."""
-    terms = trajectory.terms
-    levels = np.array([output if v.kind == "y" else 0.0 for v in trajectory.model.table.variables])
-    constant = terms.index(Term(()))
-    products = trajectory.model.table.at(levels)
-    theta = trajectory.theta.copy()
-    theta[constant] += output - products @ theta
-    return replace(trajectory, theta=theta, model=replace(trajectory.model, theta=theta[:, -1]))
-
-
 def drawn_walk(
     start: Mapping[str, float], wander: Sequence[float], n: int, rng: np.random.Generator
 ) -> ThetaTrajectory:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,6 +43,27 @@ def draw_between(
 ) -> None:
     """Draw a band. Shapes: `x, low, high` (n,)."""
     axes.fill_between(x, low, high, color=colour, alpha=alpha, linewidth=0, label=label or None)
+
+
+def draw_map(axes: Axes, x: Array, y: Array, values: Array, **how: Any) -> Any:
+    """Draw values over two axes as coloured cells. Shapes: `x` (n,); `y` (m,); `values` (n, m)."""
+    axes.grid(False)
+    return axes.pcolormesh(x, y, values.T, shading="nearest", rasterized=True, **how)
+
+
+def share_bar(figure: Figure, mesh: Any, panels: Sequence[Axes], label: str) -> None:
+    """Put one colour bar beside several panels."""
+    bar = figure.colorbar(mesh, ax=list(panels), pad=0.01, aspect=12 * len(panels))
+    bar.set_label(label, fontsize="small")
+    if bar.solids is not None:
+        bar.solids.set_rasterized(True)
+
+
+def ink_on(mesh: Any, value: float) -> str:
+    """Colour of words on a cell of a map: the one of black and white that stands out more."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in mesh.to_rgba(value)[:3]]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # WCAG 2
+    return "#000001" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fffffe"
 
 
 def plain_numbers(axis: Axis, *steps: float) -> None:

@@ -1,4 +1,4 @@
-"""What the smoother and the frozen-time responses make of systems whose parameters are known at every instant."""
+"""Smoother and frozen-time responses on systems whose parameters are known at every instant."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency import hold_equilibrium
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.maps import Map, root_mean_square
@@ -22,7 +23,6 @@ from deatwin.ident.narx.varying_systems import (
     KnownSystem,
     drawn_walk,
     recorded,
-    standing_at,
 )
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ LINES: Mapping[str, tuple[float, ...]] = {H1: (1.0,), H2_SUM: (1.0, 1.0), H2_DIF
 """Lines along which responses are drawn: each tone's frequency over the first's."""
 ORDERS = (1, 2, 3)
 TIMES = 100
-"""Of a map."""
+"""Times of a map."""
 SPEEDS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """How often the parameters go there and back in `DURATION`, where the frozen-time error is measured."""
 PROBE = 3e-3
@@ -66,8 +66,7 @@ class Followed:
         """Share of the instants at which the 95 % band of each parameter holds the truth, shape (n_terms,)."""
         places = self.truth.timepts.size - self.trajectory.timepts.size
         error = np.abs(self.trajectory.theta - self.truth.theta[:, places:])
-        share: Array = np.mean(error <= 1.96 * self.trajectory.std, axis=1)
-        return share
+        return np.asarray(np.mean(error <= 1.96 * self.trajectory.std, axis=1))
 
     def error(self, name: str) -> float:
         """Root mean square error of a response over its map, over the root mean square of the true one."""
@@ -79,23 +78,23 @@ class Followed:
 class FrozenRun:
     """How far the frozen-time response is from the true one, at one rate of variation."""
 
-    system: str  # Which
-    response: str
+    system: str
+    response: str  # One of `LINES`
     speed: float  # One of `SPEEDS`
-    error: float
-    estimate: float
-    corrected: float
+    error: float  # Over the response, rms
+    estimate: float  # Its estimate from the rate of variation
+    corrected: float  # Error that is left after the correction to first order
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Benchmark:
-    """All of it."""
+class Known:
+    """All known systems."""
 
     followed: tuple[Followed, ...]
-    solved: Mapping[int, Map]
-    held: Mapping[int, Map]
+    solved: Mapping[int, Map]  # H_n of the moving DC by order, its equilibrium solved for at each time
+    held: Mapping[int, Map]  # The same with the equilibrium held
     frozen: tuple[FrozenRun, ...]  # Both systems, all speeds
-    coverage: Mapping[int, NDArray[np.bool_]]
+    coverage: Mapping[int, NDArray[np.bool_]]  # By order, shape (n_realisations, n_times, n)
     coverage_times: Array
     coverage_Hz: Array
 
@@ -132,13 +131,7 @@ def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
 def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Map]:
     timepts = np.linspace(1.0, DURATION - 1.0, TIMES)
     frequencies = np.linspace(0.05, 0.8 * system.band, 60)
-    wanted = [H1] if system.is_linear else list(LINES)
-    found = {
-        name: Map.of(
-            tv_gfrf(trajectory, len(LINES[name]), lines(frequencies, name), timepts=timepts, operating_input=0.0)
-        )
-        for name in wanted
-    }
+    found = {name: _along(trajectory, name, frequencies, timepts) for name in ([H1] if system.is_linear else LINES)}
     if not system.is_linear:
         signal = design_excitation((0.1, system.band / 3), STEP, amplitude=2 * system.amplitude, period=20.0)
         for order in ORDERS:
@@ -147,11 +140,17 @@ def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Ma
     return found
 
 
+def _along(trajectory: ThetaTrajectory, name: str, frequencies: Array, timepts: Array) -> Map:
+    """TV-GFRF along one of `LINES`."""
+    omega = lines(frequencies, name)
+    return Map.of(tv_gfrf(trajectory, len(LINES[name]), omega, timepts=timepts, operating_input=0.0))
+
+
 def _dc_effect() -> tuple[dict[int, Map], dict[int, Map]]:
     """H_n of the moving DC by order, with the equilibrium solved for at each time, and held where it was at first."""
     truth, timepts = MOVING_DC.truth(), np.linspace(0.0, DURATION - STEP, TIMES)
     sides = []
-    for trajectory in (truth, standing_at(truth, 0.0)):
+    for trajectory in (truth, hold_equilibrium(truth, 0.0, 0.0)):
         tones = {n: np.full((1, n) if n > 1 else 1, 2 * np.pi * 0.1) for n in ORDERS}
         sides.append(
             {n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS}
@@ -223,16 +222,16 @@ def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dic
     return held
 
 
-def carry_out_benchmark(
+def known_systems(
     followed: tuple[Followed, ...],
     frozen: tuple[FrozenRun, ...],
     held: list[dict[int, NDArray[np.bool_]]],
     timepts: Array,
     frequencies: Array,
-) -> Benchmark:
+) -> Known:
     """Put the parts together."""
     solved, standing = _dc_effect()
-    return Benchmark(
+    return Known(
         followed=followed,
         solved=solved,
         held=standing,
