@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.app.stories import stories
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.stability.margins import Margins
@@ -28,7 +29,7 @@ from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, try_one
 from deatwin.scenarios.control_check.verdicts import judge
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import STORIES, Setting
+from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.casefile import decode, encode
 
 H = 0.02
@@ -100,11 +101,10 @@ def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         Trials(tmp_path, seed=0)
 
 
-@pytest.mark.parametrize("file", ["000.nc", "000.json"])
-def test_trials_without_a_seal_are_refused(tmp_path: Path, file: str) -> None:
+def test_trials_without_a_seal_are_refused(tmp_path: Path) -> None:
     (tmp_path / "trials").mkdir()
-    (tmp_path / "trials" / file).write_bytes(b"{}")
-    with pytest.raises(DataError, match=r"holds cases (but no seal|as JSON files, as former versions wrote them)"):
+    (tmp_path / "trials" / "000.nc").write_bytes(b"{}")
+    with pytest.raises(DataError, match=r"holds cases but no seal"):
         Trials(tmp_path, seed=0)
 
 
@@ -406,7 +406,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_story_is_listed_with_its_sizes() -> None:
-    story = STORIES["control-check"]
+    story = stories()["control-check"]
     assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
     assert story.told.endswith(" (short 3 min, standard 15 min, full 55 min; resumes)")
     with pytest.raises(DataError, match="no size 'shrt'; did you mean"):

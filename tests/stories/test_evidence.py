@@ -4,15 +4,16 @@ import json
 import shutil
 from pathlib import Path
 
+import evidence
 import pytest
+from measured import measured_blocks, measured_data
 
+from deatwin.app.stories import stories
 from deatwin.plant.errors import DataError
-from deatwin.scenarios import evidence
 from deatwin.scenarios.control_check.record import Trials
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.real_data.methods import LINEAR
-from deatwin.studies.report.measured import measured_blocks, measured_data
-from deatwin.studies.stories import STORIES
+from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.sweep.casefile import write_case
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -54,7 +55,7 @@ def results(tmp_path: Path) -> Path:
 
 def put(folder: Path, one: Outcome, **changed: object) -> None:
     content = {"schema": "deatwin/control-trial/1", "seed": 9, "code": "c" * 64, **one.to_dict(), **changed}
-    (folder / "trials" / f"{one.number:03d}.json").write_text(json.dumps(content), encoding="utf-8")
+    write_case(folder / "trials" / f"{one.number:03d}.nc", content)
 
 
 @pytest.fixture
@@ -69,7 +70,7 @@ def docs(tmp_path: Path) -> Path:
 def test_the_committed_pages_are_what_their_data_give() -> None:
     for name, text in evidence.pages(DOCS).items():
         assert (DOCS / name).read_text(encoding="utf-8") == text, (
-            f"docs/{name} is not what docs/data gives: python -m deatwin.scenarios.evidence docs"
+            f"docs/{name} is not what docs/data gives: python tests/tools/evidence.py docs"
         )
 
 
@@ -259,7 +260,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert [row for row in rows if row["story"] not in ("silverbox", "semp-fleet")] == others
     assert [row["passed"] for row in rows if row["story"] == "silverbox"] == [True, False]
     names = [row["story"] for row in kept(docs, "stories")]
-    assert names == sorted(names, key=list(STORIES).index) and len(set(names)) == len(names)
+    assert names == sorted(names, key=list(stories()).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
     assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
@@ -315,8 +316,8 @@ def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda folder: (folder / "trials/002.json").write_text("{}"), r"002\.json: it is no trial"),
-        (lambda folder: (folder / "trials/002.json").write_text("[1]"), r"002\.json: it must hold a trial"),
+        (lambda folder: write_case(folder / "trials/002.nc", {}), r"002\.nc: it is no trial"),
+        (lambda folder: (folder / "trials/002.nc").write_text("[1]"), r"002\.nc: no file of a case"),
         (lambda folder: shutil.rmtree(folder / "trials"), "it holds no trials"),
     ],
 )

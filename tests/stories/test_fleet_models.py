@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan, as_good, make_plan, order_errors
@@ -22,7 +23,7 @@ from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
 from deatwin.scenarios.fleet_models.svb_figures import shares
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 NOISE = 1e-6
 BOTH = Programme(methods=(SEMP, SVB), beside=(FRO, FREE))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.ident.curves import linear_share, local_gain, loop_area, mean_curve, straight_line
 from deatwin.ident.drifts import (
     at_same_input,
@@ -24,7 +25,7 @@ from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_ba
 from deatwin.scenarios.thesis_data.measures import judge
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 STEP = 0.02
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.app.check_report import View, write_check_report
-from deatwin.app.designs import DesignName, Wanted, design_named
 from deatwin.control import Check, ControlError, Specification, excited_band
 from deatwin.control import check as check_design
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel
@@ -41,7 +41,7 @@ class CheckTask:
     plant: CalibratedPlant  # The physics
     files: Sequence[str | Path]  # What model, plants and recording were read from
     command: Sequence[str]
-    design: DesignName  # How the controller is designed
+    design: str  # Name of the controller's design
     closed_loop_time: float | None  # s; by default as lambda tuning chooses it
     operating_input: float | None
     operating_range: tuple[float, float] | None  # Over which margins are judged, in the input's unit

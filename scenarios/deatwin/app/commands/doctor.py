@@ -19,21 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A package that deatwin can do without.
-
-    Parameters
-    ----------
-    package : str
-        As an installer knows it.
-    use : str
-        What it is for.
-    versions : str
-        Those that do, as pyproject.toml states them; empty where any does.
-    """
+    """A package that deatwin can do without."""
 
     package: str
     use: str
-    versions: str = ""
+    versions: str = ""  # Those that do, as pyproject.toml states them; empty where any does
 
     @property
     def command(self) -> str:

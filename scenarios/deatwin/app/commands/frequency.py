@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,8 +11,8 @@ import typer
 from deatwin.app.options import Json, OutFolder, Quiet
 from deatwin.studies.voice import Voice
 
-FORMER = re.compile(r"(figures/)?(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)")
-"""Files that a run writes or not, as its model and order have it; releases before wrote them beside the report."""
+FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
+"""Files that a run writes or not, as its model and order have it."""
 
 
 def _positive(value: float | None) -> float | None:
@@ -78,7 +77,7 @@ def frequency(
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
         found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
         write_responses(found, folder, record)
-    folder.remove_former(FORMER.pattern)
+    folder.remove_former(FORMER)
     record.save(folder)
     for line in found.lines:
         voice.say(line)

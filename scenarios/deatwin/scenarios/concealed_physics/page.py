@@ -15,7 +15,7 @@ from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.store import Store
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
-from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.seal import digest
 
 DATA = "deatwin/concealed-physics/1"

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
-from deatwin.studies.interrupts import heard
+from deatwin.studies.interrupts import forward_signals
 from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.timeleft import TimeLeft
 
@@ -73,7 +73,7 @@ def run_sweep(
     Exception
         What `work` raises; the cases that are through keep their results.
     """
-    with store.alone():
+    with store.exclusive_lock():
         progress = _Progress(cases, store.missing(list(cases)), tell, noun, efforts or {})
         try:
             _run_all(work, cases, store, jobs, progress)
@@ -140,7 +140,7 @@ def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name:
 
     _end_with_master()
     if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
-        with store.running(name), threadpool_limits(1), heard():
+        with store.running(name), threadpool_limits(1), forward_signals():
             result = work(case)
             obey()
             store.put(name, result)

@@ -1,11 +1,11 @@
 """The tables in the documents that say what the last studies reached, made from the data files beside them.
 
-``python -m deatwin.scenarios.evidence docs`` writes them anew. After a study its folder is given too::
+``python tests/tools/evidence.py docs`` writes them anew. After a study its folder is given too::
 
-    python -m deatwin.scenarios.evidence docs --control-check FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --control-story FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --scenarios FOLDER --remark "commit 0123abc"
+    python tests/tools/evidence.py docs --control-check FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --control-story FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --scenarios FOLDER --remark "commit 0123abc"
 
 reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
 ``--control-story`` all else, from the same folder or from that of another run. ``--concealed-physics`` draws that study
@@ -24,19 +24,21 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from measured import MEASURED, measured_blocks, measured_data
+
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_study, page_data, page_of
+from deatwin.scenarios.concealed_physics.page import TITLES, opened_study, page_data, page_of
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
 from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
-from deatwin.scenarios.control_check.rates import caught, inside, least_percent, sound
+from deatwin.scenarios.control_check.rates import caught, inside, sound
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.svb_benchmark.trials import Rate
-from deatwin.studies.report.measured import MEASURED, measured_blocks, measured_data
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
-from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.json_files import read_object
 
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
@@ -54,13 +56,13 @@ Data = Mapping[str, Mapping[str, Any]]
 
 def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     """Read the trials of a control check."""
-    found = sorted(path for ending in _READERS for path in Path(folder).glob(f"trials/**/*{ending}"))
+    found = sorted(Path(folder).glob(f"trials/**/*{CASE_ENDING}"))
     if not found:
         raise DataError(f"{folder}: it holds no trials (trials/000.nc and so on)")
     rows, sealed = [], set()
     for path in found:
         try:
-            row = _READERS[path.suffix](path)
+            row = read_case(path)
             sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
             rows.append({**Outcome.from_dict(row).to_dict(), "number": int(row["number"])})
         except DataError:
@@ -72,13 +74,6 @@ def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     _, seed, code = sealed.pop()
     rows.sort(key=lambda row: row["number"])
     return {"schema": TRIALS, "seed": seed, "code": code, "remark": remark, "trials": rows}
-
-
-_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    CASE_ENDING: read_case,
-    ".json": lambda path: read_object(path, "a trial"),
-}
-"""Of the file of a trial, by its ending; former versions wrote JSON."""
 
 
 def blocks(data: Data) -> dict[str, list[str]]:
@@ -171,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from deatwin.plant.files import write_text_atomic
 
     parser = argparse.ArgumentParser(
-        prog="python -m deatwin.scenarios.evidence",
+        prog="python tests/tools/evidence.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -282,7 +277,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (bound {least_percent(rate)} %)" if bound else ""
+    least_of = f" (bound {Rate(hits=rate.hits, count=rate.count).least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

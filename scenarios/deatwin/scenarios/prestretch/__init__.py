@@ -8,7 +8,6 @@ centre (`Diaphragm`).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -26,9 +25,9 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
-from deatwin.scenarios.prestretch_claims import RELAXING, Sweep, Verdict, judged_claims
-from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.prestretch import write_sweep
+from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
+from deatwin.scenarios.prestretch.page import write_sweep
+from deatwin.studies.report.story import end_run
 from deatwin.studies.stories import Setting
 
 Array = np.ndarray
@@ -41,7 +40,7 @@ STRAIN = 0.05
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Sweep the prestretch, judge the claims, and write page, figure and table."""
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")
     ratios = unequal(RATIOS)
@@ -57,11 +56,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
             f"{judged[0].finding}"
         ),
     }
-    setting.folder.text("prestretch.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     write_sweep(setting.folder, result, columns, ratios, record)
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    return end_run(setting.folder, record, "prestretch", result)
 
 
 def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
