@@ -240,7 +240,7 @@ def _analysed(alike: Alike, signal: TestSignal) -> Analysed:
         removal=remove(model, alike.sections[1]),
         first=_first(model, FREQUENCIES),
         second=gfrf(model, 2, 2 * np.pi * frequency_grid(GRID, GRID), operating_input=OPERATING_INPUT),
-        nofrfs=evaluate(model, signal, _nofrf(model, signal.values), OPERATING_INPUT),
+        nofrfs=evaluate(model, signal, _nofrf(model, signal.values), ORDERS, OPERATING_INPUT),
         outputs=_orders(model, signal),
         left=left_by_orders(model, _piece(alike, signal), MOST_ORDERS, OPERATING_INPUT),
     )
