@@ -16,7 +16,8 @@ from readers import SEEDS, Kind
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios import evidence, vhb4910
-from deatwin.scenarios.concealed_physics.page import opened_study, page_data
+from deatwin.scenarios.concealed_physics.page import page_data
+from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
