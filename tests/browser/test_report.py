@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deatwin.app.stories import stories
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.studies.stories import STORIES
 
 COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
 MODULE = """
@@ -83,7 +83,7 @@ def commands(folder: Path) -> None:
         assert main([*line, "--quiet"]) == 0
 
 
-def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
+def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Run three stories, with less work where they can be had with less."""
     from deatwin.scenarios import prestretch, svb_benchmark
     from deatwin.scenarios.regression_lessons import occam, shrinkage, variance
@@ -128,7 +128,7 @@ def reports(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(params=[*REPORTS, *(pytest.param(f"scenario {name}", marks=pytest.mark.study) for name in STORIES)])
+@pytest.fixture(params=[*REPORTS, *(pytest.param(f"scenario {name}", marks=pytest.mark.study) for name in stories())])
 def report(request: pytest.FixtureRequest) -> Path:
     """One of the reports; in a study those of all scenarios too."""
     kind = str(request.param)

@@ -15,19 +15,18 @@ from readers import SEEDS, Kind
 
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios import evidence, vhb4910
+from deatwin.scenarios import vhb4910
 from deatwin.scenarios.concealed_physics.page import page_data
 from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
-from deatwin.scenarios.control_check.page import story_data
-from deatwin.scenarios.real_data.tables import csv_columns, hdf5_vectors, matlab_vectors
+from control_story import story_data
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
-DOCS = Path(__file__).parents[2] / "docs"
 SWEEP = SweepSeal(schema="deatwin/study-case/1", parts={"code": "c" * 64, "seed": 3, "levels": [0.1, 0.2]})
 KEY = key_of(())
 
@@ -105,28 +104,6 @@ def read_key(path: Path) -> dict[str, Any]:
     with beside(path, "key.json", {"seal.json": as_bytes(study_seal().to_dict())[0]}) as folder:
         study, seal = opened_study(folder)
         return page_data(study, score(study), seal)
-
-
-def page_kind(name: str) -> Kind:
-    """A data file of the documents, from which their tables are made."""
-
-    def read(path: Path) -> dict[str, str]:
-        others = {f"data/{file.name}": file.read_bytes() for file in (DOCS / "data").glob("*.json")}
-        others |= {page: (DOCS / page).read_bytes() for page in ("control-check.md", "validation.md")}
-        with beside(path, f"data/{name}.json", others) as folder:
-            return evidence.pages(folder)
-
-    def require_pages(found: dict[str, str]) -> None:
-        assert len(found) == 4 and all(found.values())
-
-    return Kind(stem=name, ending=".json", read=read, require_sound=require_pages, seeds=lambda: shortened(name))
-
-
-@cache
-def shortened(name: str) -> tuple[bytes, ...]:
-    """A data file of the documents with two rows of each list."""
-    whole = json.loads((DOCS / "data" / f"{name}.json").read_text(encoding="utf-8"))
-    return as_bytes({key: value[:2] if isinstance(value, list) else value for key, value in whole.items()})
 
 
 STORY = {
@@ -241,7 +218,6 @@ STUDIES: Mapping[str, Kind] = {
         require_sound=lambda found: json.dumps(found, allow_nan=False),
     ),
     "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
-    **{name: page_kind(name) for name in evidence.DATA},
     "story": story_kind("control-check", STORY),
     "story run": story_kind("run", STORY_RUN),
     "shown run": Kind(

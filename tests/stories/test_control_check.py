@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.app.stories import stories
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.stability.margins import Margins
@@ -28,7 +29,7 @@ from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, try_one
 from deatwin.scenarios.control_check.verdicts import judge
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import STORIES, Setting
+from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.casefile import decode, encode
 
 H = 0.02
@@ -406,7 +407,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_story_is_listed_with_its_sizes() -> None:
-    story = STORIES["control-check"]
+    story = stories()["control-check"]
     assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
     assert story.told.endswith(" (short 3 min, standard 15 min, full 55 min; resumes)")
     with pytest.raises(DataError, match="no size 'shrt'; did you mean"):

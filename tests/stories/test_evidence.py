@@ -4,15 +4,15 @@ import json
 import shutil
 from pathlib import Path
 
+import evidence
 import pytest
+from measured import measured_blocks, measured_data
 
+from deatwin.app.stories import stories
 from deatwin.plant.errors import DataError
-from deatwin.scenarios import evidence
 from deatwin.scenarios.control_check.record import Trials
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.real_data.methods import LINEAR
-from deatwin.studies.report.measured import measured_blocks, measured_data
-from deatwin.studies.stories import STORIES
+from deatwin.studies.public.black_boxes import LINEAR
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -69,7 +69,7 @@ def docs(tmp_path: Path) -> Path:
 def test_the_committed_pages_are_what_their_data_give() -> None:
     for name, text in evidence.pages(DOCS).items():
         assert (DOCS / name).read_text(encoding="utf-8") == text, (
-            f"docs/{name} is not what docs/data gives: python -m deatwin.scenarios.evidence docs"
+            f"docs/{name} is not what docs/data gives: python tests/tools/evidence.py docs"
         )
 
 
@@ -259,7 +259,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert [row for row in rows if row["story"] not in ("silverbox", "semp-fleet")] == others
     assert [row["passed"] for row in rows if row["story"] == "silverbox"] == [True, False]
     names = [row["story"] for row in kept(docs, "stories")]
-    assert names == sorted(names, key=list(STORIES).index) and len(set(names)) == len(names)
+    assert names == sorted(names, key=list(stories()).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
     assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page

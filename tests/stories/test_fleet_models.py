@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
@@ -32,7 +33,7 @@ from deatwin.scenarios.fleet_models.svb_figures import shares
 from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY, VARIANTS, as_variant
 from deatwin.scenarios.fleet_models.verdicts import deviations, judge_semp, judge_svb
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 NOISE = 1e-6
 BOTH = Programme(methods=(SEMP, SVB), beside=(FRO, FREE))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from deatwin.app import stories
 from deatwin.app.cli import main
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.real_data.records import cascaded_tanks, emps, silverbox_table
-from deatwin.scenarios.real_data.sources import SOURCES, origins
-from deatwin.studies import stories
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, Story, data_folder
+from deatwin.studies.public.records import cascaded_tanks, emps, silverbox_table
+from deatwin.studies.public.sources import SOURCES, data_folder, origins
+from deatwin.studies.stories import Setting, Story
 
 RNG = np.random.default_rng(0)
 BOX = RNG.standard_normal((2, 300))
@@ -162,7 +162,7 @@ def test_an_interrupted_story_leaves_no_empty_folder(tmp_path: Path, monkeypatch
 
     monkeypatch.setitem(sys.modules, "stopped_story", SimpleNamespace(run=stopped))  # type: ignore[arg-type]
     own = Story(name="stopped", line="", minutes=1, module="stopped_story")
-    monkeypatch.setattr(stories, "STORIES", {"stopped": own})
+    monkeypatch.setattr(stories, "entry_points", lambda group: [SimpleNamespace(load=lambda: (own,))])
     assert main(["scenario", "stopped", "--out", str(tmp_path / "new"), "--quiet"]) == 130
     assert not (tmp_path / "new").exists()
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fleet
@@ -24,7 +25,7 @@ from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, loo
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
 from deatwin.scenarios.thesis_data.verdicts import judge
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 STEP = 0.02
 

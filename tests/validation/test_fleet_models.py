@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.ident.narx import NarxModel
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 
 @pytest.mark.study

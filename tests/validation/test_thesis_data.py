@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
 from deatwin.scenarios.thesis_data.drifts import gain_change, mean_shift
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2)]
 

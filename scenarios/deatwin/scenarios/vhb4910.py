@@ -26,9 +26,10 @@ from deatwin.plant.files import read_csv
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.coupon import Coupon
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 LENGTH = 80e-3
 """Between the clamps, m."""
@@ -158,15 +159,6 @@ def far_files(folder: Path) -> list[Path]:
 def pull(file: Path) -> Experiment:
     """One pull: stretch in, force out."""
     measured = read_csv(file, input_column="#2", output_column="#3")[0]
-    record = Recording.from_arrays(
-        1 + measured.inputs / LENGTH,
-        measured.outputs,
-        measured.sample_time,
-        start=measured.start,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-        provenance=measured.provenance,
-    )
-    return Experiment(recordings=(record,))
+    stretch, force = 1 + measured.inputs[0] / LENGTH, measured.outputs[0]
+    more = {"start": measured.start, "provenance": measured.provenance}
+    return experiment_of(Coupon(length=LENGTH), stretch, force, measured.sample_time, **more)

@@ -17,13 +17,13 @@ from typing import Any
 
 from deatwin.ident.parallel import run_jobs
 from deatwin.scenarios.real_data import figures
-from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.scenarios.real_data.published import QUOTED, documented_errors
-from deatwin.scenarios.real_data.records import DataSet, buck, cascaded_tanks, emps, silverbox
-from deatwin.scenarios.real_data.sources import origins
 from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
+from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, silverbox
+from deatwin.studies.public.sources import data_folder, origins
 from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.stories import Setting
 
 __all__ = ["LARGEST_ERROR", "MOST_TERMS", "SETS", "judge", "run"]
 

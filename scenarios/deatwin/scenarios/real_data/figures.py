@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
-from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.scenarios.real_data.published import DOCUMENTED
-from deatwin.scenarios.real_data.records import DataSet
+from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, Outcome
+from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 

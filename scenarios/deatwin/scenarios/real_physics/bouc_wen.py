@@ -21,13 +21,14 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_data.tables import hdf5_vectors, require_samples
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.columns import hdf5_vectors, require_samples
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 Array = NDArray[np.float64]
 RATE = 750.0
@@ -173,16 +174,7 @@ def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
 
 
 def _experiment(force: Array, motion: Array) -> Experiment:
-    record = Recording.from_arrays(
-        force,
-        motion,
-        1 / RATE,
-        input_names=("force",),
-        output_names=("displacement",),
-        input_units=("N",),
-        output_units=("m",),
-    )
-    return Experiment(recordings=(record,))
+    return experiment_of(LinearOscillator(), force, motion)
 
 
 def _law(amended: Plant, motion: Array, force: Array) -> Law:

@@ -22,11 +22,12 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.effects.smooth import soft_excess
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import cascaded_tanks as black_box_data
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import cascaded_tanks as black_box_data
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 
 class TankPlace(Enum):
@@ -138,7 +139,10 @@ def run(setting: Setting) -> Mapping[str, Any]:
 def case(folder: Path) -> Case:
     """The recordings and the plant."""
     data = black_box_data(folder)
-    fitted, judged = (Experiment(recordings=(_named(record),)) for record in (data.train, data.test))
+    fitted, judged = (
+        experiment_of(Tanks(), record.inputs[0], record.outputs[0], provenance=record.provenance)
+        for record in (data.train, data.test)
+    )
     return Case(
         name="cascaded-tanks",
         title="Cascaded tanks",
@@ -160,19 +164,6 @@ def case(folder: Path) -> Case:
             "Each time the level falls through some 5.5 V the reading drops by 0.4 V within one sample, in both "
             "records, and never when it rises: no effect here has that, and it stays in what is left.",
         ),
-    )
-
-
-def _named(record: Recording) -> Recording:
-    return Recording.from_arrays(
-        record.inputs[0],
-        record.outputs[0],
-        record.sample_time,
-        input_names=("pump",),
-        output_names=("level",),
-        input_units=("V",),
-        output_units=("V",),
-        provenance=record.provenance,
     )
 
 

@@ -22,10 +22,11 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_data.tables import matlab_vectors, require_samples
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.columns import matlab_vectors, require_samples
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 Array = NDArray[np.float64]
 FITTED = 13_000
@@ -146,17 +147,9 @@ def _recording(file: Path) -> Recording:
     reference, position = data["qg"], data["qm"]
     require_samples(file, position.size, FITTED + 1)
     extras = {"pulse_V": data["pulses_N"]} if "pulses_N" in data else {}
-    return Recording.from_arrays(
-        np.append((reference[1:] + reference[:-1]) / 2, reference[-1]),
-        position,
-        1e-3,
-        input_names=("reference",),
-        output_names=("position",),
-        input_units=("m",),
-        output_units=("m",),
-        extras=extras,
-        provenance={"file": file.name},
-    )
+    middle = np.append((reference[1:] + reference[:-1]) / 2, reference[-1])
+    rig = ControlledCarriage()
+    return experiment_of(rig, middle, position, extras=extras, provenance={"file": file.name}).recordings[0]
 
 
 def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first: int) -> DataSet:

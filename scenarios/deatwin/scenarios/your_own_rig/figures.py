@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +12,7 @@ Array = NDArray[np.float64]
 INK, MEASURED, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "after"))
 
 
-def agreement(
-    timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float
-) -> tuple[Drawing, Mapping[str, Array]]:
+def agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float) -> Drawing:
     """Draw the bumps, the travel as both compute it, and their difference. Shapes: `timepts, road, here, elsewhere`
     (n,).
     """
@@ -31,18 +27,17 @@ def agreement(
         bottom.plot(timepts, difference, color=AFTER)
         bottom.set(ylabel="difference (µm)", xlabel="time (s)")
         figure.legend(*middle.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "agreement",
             "One car, computed twice",
             "Bumps and a pothole, without the sensor's noise. Both know the drag here; it is what the diagnosis is not "
             f"told. The sensor's noise, {1e6 * noise:.0f} µm rms, is far above the difference.",
+            {
+                "time_s": timepts,
+                "road_mm": 1e3 * road,
+                "deatwin_mm": 1e3 * here,
+                "scipy_mm": 1e3 * elsewhere,
+                "difference_um": difference,
+            },
         )
-    columns = {
-        "time_s": timepts,
-        "road_mm": 1e3 * road,
-        "deatwin_mm": 1e3 * here,
-        "scipy_mm": 1e3 * elsewhere,
-        "difference_um": difference,
-    }
-    return drawing, columns

@@ -16,6 +16,7 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.missing_physics.case import experiment_of
 
 Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0
@@ -76,15 +77,7 @@ def unread(road: Array) -> Recording:
 
 
 def _named(road: Array, travel: Array) -> Recording:
-    return Recording.from_arrays(
-        road,
-        travel,
-        plant().rig.sample_time,
-        input_names=("road",),
-        output_names=("travel",),
-        input_units=("m",),
-        output_units=("m",),
-    )
+    return experiment_of(plant().rig, road, travel).recordings[0]
 
 
 def _here(road: Array, rng: np.random.Generator) -> Recording:

@@ -23,7 +23,7 @@ def listed(texts: list[str]) -> str:
     return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
 
 
-def notes(package: str, name: str = "notes.md.j2", **numbers: Any) -> list[Note]:
+def notes(package: str, name: str = "notes.md.j2", /, **numbers: Any) -> list[Note]:
     """Read the notes of a page from a template in a package: ``## `` begins a note, blank lines part paragraphs, a
     fence of backticks holds code, ``{{ x|form(".2f") }}`` shows a number.
     """
@@ -32,7 +32,7 @@ def notes(package: str, name: str = "notes.md.j2", **numbers: Any) -> list[Note]
     return [_note(title, text) for title, text in zip(parts[::2], parts[1::2], strict=True)]
 
 
-def rendered(source: str, **numbers: Any) -> str:
+def rendered(source: str, /, **numbers: Any) -> str:
     """Fill the numbers into a template."""
     from jinja2 import Environment, StrictUndefined
 

@@ -1,11 +1,11 @@
 """The tables in the documents that say what the last studies reached, made from the data files beside them.
 
-``python -m deatwin.scenarios.evidence docs`` writes them anew. After a study its folder is given too::
+``python tests/tools/evidence.py docs`` writes them anew. After a study its folder is given too::
 
-    python -m deatwin.scenarios.evidence docs --control-check FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --control-story FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
-    python -m deatwin.scenarios.evidence docs --scenarios FOLDER --remark "commit 0123abc"
+    python tests/tools/evidence.py docs --control-check FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --control-story FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --scenarios FOLDER --remark "commit 0123abc"
 
 reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
 ``--control-story`` all else, from the same folder or from that of another run. ``--concealed-physics`` draws that study
@@ -24,17 +24,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from control_story import STORY, story_blocks, story_data
+from measured import MEASURED, measured_blocks, measured_data
+
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_study, page_data, page_of
+from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of
+from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
-from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
-from deatwin.scenarios.control_check.rates import caught, inside, least_percent, sound
+from deatwin.scenarios.control_check.rates import caught, inside, sound
 from deatwin.scenarios.control_check.trials import Outcome
-from deatwin.scenarios.svb_benchmark.trials import Rate
-from deatwin.studies.report.measured import MEASURED, measured_blocks, measured_data
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
 from deatwin.studies.sweep.kept import read_object
 
@@ -171,7 +174,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from deatwin.plant.files import write_text_atomic
 
     parser = argparse.ArgumentParser(
-        prog="python -m deatwin.scenarios.evidence",
+        prog="python tests/tools/evidence.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -282,7 +285,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (bound {least_percent(rate)} %)" if bound else ""
+    least_of = f" (bound {Rate(hits=rate.hits, count=rate.count).least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

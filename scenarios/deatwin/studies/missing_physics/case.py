@@ -1,10 +1,9 @@
-"""What the stories share: a plant without the documented physics, diagnosed, then judged on recordings held out."""
+"""A plant without some documented physics, diagnosed, then judged on recordings that were held out."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +15,17 @@ from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
-from deatwin.scenarios.real_data.methods import GROWN, LINEAR, REFINED, Outcome, attempt
-from deatwin.scenarios.real_data.records import DataSet
-from deatwin.scenarios.real_data.sources import origins
-from deatwin.scenarios.real_physics import figures
-from deatwin.scenarios.real_physics.accounts import error_table, measures, tried_table
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.studies.missing_physics.figures import drawings
+from deatwin.studies.parallel import between
+from deatwin.studies.provenance import hashes
+from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED, Outcome, attempt
+from deatwin.studies.public.records import DataSet
+from deatwin.studies.public.sources import origins
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
 """Of the recordings, where the story is called otherwise."""
 RIVALS = (LINEAR, REFINED, GROWN)
-"""Methods of the story ``real-data`` that stand beside the plant; NARX are the last two."""
+"""Black boxes that stand beside the plant; NARX models are the last two."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,8 +43,8 @@ class HeldOut:
     name: str
     experiment: Experiment  # From rest, or through what goes before
     first: int = 0  # Sample of its last record from which on it counts; those before lead in
-    rival: DataSet | None = None
-    follows: bool = False
+    rival: DataSet | None = None  # What black boxes learn from, and this recording as they are judged on it
+    follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
         """A plant's free run where it counts. Shapes: returns (n,)."""
@@ -73,9 +73,9 @@ class Law:
 
     state: str  # Labels with units
     force: str
-    measured: tuple[Array, Array]
-    modelled: tuple[Array, Array]  # shape (m,): The same of the amended plant
-    caption: str  # How the measured one was made
+    measured: tuple[Array, Array]  # State and force, shapes (n,)
+    modelled: tuple[Array, Array]  # Those of the amended plant, shapes (m,)
+    caption: str  # How the measured force was made
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,8 +88,8 @@ class Case:
     plant: Plant  # Without them
     fitted: tuple[Experiment, ...]
     held_out: tuple[HeldOut, ...]  # The official test recording first, where there is one
-    unit: str
-    scale: float
+    unit: str  # In which errors are shown
+    scale: float  # Of that unit, SI
     files: tuple[Path, ...]  # Read from
     notes: tuple[str, ...]  # What was done with the recordings, and what of the plant needs saying
     law: Callable[[Plant], Law]  # Takes the amended plant, returns the `Law`
@@ -100,9 +100,9 @@ class Case:
 class Trial:
     """Free runs over a held-out recording."""
 
-    held_out: HeldOut  # The recording
-    base: Array  # shape (n,): Readings of the calibrated base plant and of the amended one, SI
-    amended: Array
+    held_out: HeldOut
+    base: Array  # shape (n,): readings of the calibrated base plant, SI
+    amended: Array  # shape (n,): readings of the amended plant, SI
     rivals: tuple[Outcome, ...]  # Of black boxes that learned from the same samples
 
     @property
@@ -122,14 +122,54 @@ class Trial:
         return min(sound, key=lambda o: o.free_run) if sound else None
 
 
-def tell(setting: Setting, case: Case) -> Mapping[str, Any]:
+def experiment_of(rig: Rig, inputs: Array, outputs: Array, sample_time: float | None = None, **more: Any) -> Experiment:
+    """One recording, named as the rig names its signals. Shapes: `inputs, outputs` (n,)."""
+    record = Recording.from_arrays(
+        inputs,
+        outputs,
+        sample_time or rig.sample_time,
+        input_names=(rig.input_name,),
+        output_names=(rig.output_name,),
+        input_units=(rig.input_unit,),
+        output_units=(rig.output_unit,),
+        **more,
+    )
+    return Experiment(recordings=(record,))
+
+
+def tell(setting: Setting, case: Case) -> dict[str, Any]:
     """Diagnose, judge on the held-out recordings, and write the page."""
-    record = RunRecord(command=setting.command, inputs=hashes(case.files), seed=setting.seed, jobs=setting.jobs)
-    diagnosis = diagnosed(setting, case, "diagnosis", lambda share, text: setting.progress(0.7 * share, text))
+    record = setting.record(hashes(case.files))
+    diagnosis = diagnosed(setting, case, "diagnosis", between(setting.progress, 0.0, 0.7))
     setting.progress(0.7, "the held-out recordings")
     trials = judged(case, diagnosis, setting.jobs)
     setting.progress(0.95, "drawing")
-    return _written(setting, case, diagnosis, trials, record)
+    rows = measures(case, diagnosis, trials)
+    page = StoryPage(
+        title=case.name,
+        sentence=f"{diagnosis.sentence} {_said(case, trials[0])}",
+        rows=rows,
+        figures=drawings(case, trials[0], amended_plant(diagnosis)),
+        notes=[
+            Note(title="The recordings and the plant", paragraphs=case.notes),
+            Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
+        ],
+        tables=[
+            error_table(case, trials),
+            tried_table(case, diagnosis),
+            origins(setting.data, {FOLDERS.get(case.name, case.name): case.files}),
+        ],
+    )
+    return finish(
+        setting.folder,
+        record,
+        page,
+        verdict=diagnosis.verdict.value,
+        causes=[cause.effect for cause in diagnosis.causes],
+        set=list(diagnosis.names),
+        right=rows[0].passed,
+        held_out={t.held_out.name: _plain(t) for t in trials},
+    )
 
 
 def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
@@ -148,58 +188,80 @@ def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Di
     return diagnosis
 
 
+def amended_plant(diagnosis: Diagnosis) -> Plant | None:
+    """The plant with what was found built in; None if nothing was."""
+    return diagnosis.model.plant if diagnosis.causes and diagnosis.model is not None else None
+
+
 def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
     """Run the plants, and black boxes that learned from the same samples, over the held-out recordings."""
     seen, model = diagnosis.evidence, diagnosis.model
     if seen is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
     base = calibrate(seen.base_model.plant, case.fitted, starts=1).plant
-    amended = model.plant
     tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
     outcomes = run_jobs(attempt, tasks, workers=jobs)
     trials = []
     for held in case.held_out:
         own = tuple(o for o, (_, data) in zip(outcomes, tasks, strict=True) if data is held.rival)
-        trials.append(Trial(held_out=held, base=held.readings(base), amended=held.readings(amended), rivals=own[::-1]))
+        readings = held.readings(base), held.readings(model.plant)
+        trials.append(Trial(held_out=held, base=readings[0], amended=readings[1], rivals=own[::-1]))
     return tuple(trials)
 
 
-def _written(
-    setting: Setting, case: Case, diagnosis: Diagnosis, trials: Sequence[Trial], record: RunRecord
-) -> Mapping[str, Any]:
-    rows = measures(case, diagnosis, trials)
-    sentence = f"{diagnosis.sentence} {_said(case, trials[0])}"
-    made = [figures.held_out(case, trials[0]), figures.residuals(case, trials[0])]
-    if diagnosis.causes and diagnosis.model is not None:
-        made.append(figures.law(case, case.law(diagnosis.model.plant)))
-    for drawing, columns in made:
-        setting.folder.csv(drawing.data, columns)
-    source = FOLDERS.get(case.name, case.name)
-    page = StoryPage(
-        title=case.name,
-        sentence=sentence,
+def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Measure]:
+    """Hold a diagnosis and its free runs against their goals."""
+    causes = [cause.effect for cause in diagnosis.causes]
+    rows = [
+        Measure(
+            "The physics that is documented is named, and no other",
+            f"named: {' or '.join(case.documented)}",
+            f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
+            bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named",
+        )
+    ]
+    for trial in trials:
+        base, after = trial.base_error / case.scale, trial.amended_error / case.scale
+        name = f"{trial.held_out.name}: free run, rms error, against the base plant's"
+        rows.append(Measure(name, f"below {base:.4g} {case.unit}", f"{after:.4g} {case.unit}", after < base))
+    return rows
+
+
+def error_table(case: Case, trials: Sequence[Trial]) -> Table:
+    """Errors of all free runs over the held-out recordings."""
+    rows = []
+    for trial in trials:
+        errors = {
+            "calibrated base plant": f"{trial.base_error / case.scale:.4g}",
+            "amended plant": f"{trial.amended_error / case.scale:.4g}",
+            **{
+                f"{o.method}, {o.terms} parameters": o.failure or f"{o.free_run / case.scale:.4g}" for o in trial.rivals
+            },
+        }
+        rows += [[trial.held_out.name, *row] for row in errors.items()]
+    return Table(
+        title=f"Free runs in {case.loop} over held-out recordings: root mean square errors",
+        columns=["recording", "model", f"error ({case.unit})"],
         rows=rows,
-        figures=[drawing for drawing, _ in made],
-        notes=[
-            Note(title="The recordings and the plant", paragraphs=case.notes),
-            Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
-        ],
-        tables=[error_table(case, trials), tried_table(case, diagnosis), origins(setting.data, {source: case.files})],
     )
-    write_story(setting.folder, page, record)
-    result = {
-        "sentence": sentence,
-        "verdict": diagnosis.verdict.value,
-        "causes": [cause.effect for cause in diagnosis.causes],
-        "set": list(diagnosis.names),
-        "right": page.rows[0].passed,
-        "measures": [asdict(row) for row in rows],
-        "held_out": {t.held_out.name: _plain(t) for t in trials},
-    }
-    setting.folder.text(f"{case.name}.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+
+
+def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
+    """Effects that the diagnosis built in, with what each left."""
+    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
+    rows = [
+        [
+            " and ".join(c.effects).replace("_", " ") or "none",
+            f"{c.fitted / case.scale:.4g}",
+            f"{c.unseen / case.scale:.4g}",
+        ]
+        for c in sorted(tried, key=lambda c: c.fitted)
+    ]
+    return Table(
+        title="Effects that were built in",
+        rows=rows,
+        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
+    )
 
 
 def _plain(trial: Trial) -> dict[str, Any]:

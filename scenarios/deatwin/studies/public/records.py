@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.real_data.tables import csv_columns, matlab_vectors, require_samples
+from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_samples
 
 Array = NDArray[np.float64]
 

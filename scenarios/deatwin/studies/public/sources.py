@@ -61,6 +61,17 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
 """By the name of the set's folder."""
 
 
+def data_folder(given: Path | None, name: str) -> Path:
+    """The folder of a set of public recordings: below the one given or named by the variable, or downloaded."""
+    root = given or os.environ.get(DATA_VARIABLE)
+    if not root:
+        return downloaded(name)
+    folder = Path(root) / name
+    if not folder.is_dir():
+        raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")
+    return folder
+
+
 def downloaded(name: str) -> Path:
     """The folder to which nonlinear_benchmarks downloads a set; it does so once."""
     wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"

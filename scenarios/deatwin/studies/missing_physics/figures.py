@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +9,14 @@ from numpy.typing import NDArray
 
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
-    from deatwin.scenarios.real_physics.case import Case, Law, Trial
+    from deatwin.plant.model import Plant
+    from deatwin.studies.missing_physics.case import Case, Law, Trial
 
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 ZOOM = 300
 """Samples that are drawn one by one."""
@@ -24,7 +24,7 @@ DRAWN = 4000
 """Points of a long line: the extremes of each piece of it."""
 
 
-def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
+def held_out(case: Case, trial: Trial) -> Drawing:
     """The recording beside both plants: the whole, and where the base plant fails most."""
     held, rig = trial.held_out, case.plant.rig
     time, scale = held.timepts, case.scale
@@ -35,7 +35,7 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
     label = f"{rig.output_name}{f' − {rig.input_name}' if held.follows else ''} ({case.unit})"
     with draw((9.6, 5.6)) as figure:
         top, bottom = figure.subplots(2, 1, height_ratios=(2, 3))
-        top.plot(*_envelope(time, measured), color=MEASURED, linewidth=0.5)
+        top.plot(*envelope(time, measured, DRAWN // 2), color=MEASURED, linewidth=0.5)
         top.axvspan(time[near][0], time[near][-1], color=MARK, alpha=0.3, linewidth=0)
         top.set(ylabel=label)
         bottom.plot(time[near], base[near], color=BEFORE, label="calibrated base plant")
@@ -43,18 +43,18 @@ def held_out(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
         bottom.plot(time[near], measured[near], ".", color=INK, markersize=3.0, label="recording")
         bottom.set(ylabel=label, xlabel="time (s)")
         legend_above(figure, bottom, 3)
-        drawing = Drawing.of(
+        columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
+        return Drawing.of(
             figure,
             "held_out",
             f"{case.title}: {trial.held_out.name}",
             "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre "
             "part, around the largest error of the base plant.",
+            {name: values[near] for name, values in columns.items()},
         )
-    columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
-    return drawing, {name: values[near] for name, values in columns.items()}
 
 
-def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
+def residuals(case: Case, trial: Trial) -> Drawing:
     """What both plants leave of the recording, over time and over frequency."""
     from scipy.signal import welch
 
@@ -68,21 +68,21 @@ def residuals(case: Case, trial: Trial) -> tuple[Drawing, Columns]:
             frequencies, density = welch(left, rate, nperseg=min(2048, left.size // 4))
             columns |= {"frequency_Hz": frequencies[1:], name: np.sqrt(density)[1:]}
             label = f"{'calibrated base' if name == 'base' else name} plant: {np.sqrt(np.mean(left**2)):.3g} rms"
-            top.plot(*_envelope(time, left), color=colour, linewidth=0.8, label=label)
+            top.plot(*envelope(time, left, DRAWN // 2), color=colour, linewidth=0.8, label=label)
             bottom.loglog(frequencies[1:], np.sqrt(density)[1:], color=colour)
         top.set(ylabel=f"measured − simulated ({case.unit})", xlabel="time (s)")
         bottom.set(ylabel=f"density ({case.unit}/√Hz)", xlabel="frequency (Hz)")
         legend_above(figure, top, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "residuals",
             f"{case.title}: what is left of {trial.held_out.name}",
             "Measured minus simulated, in free run, without and with the physics that was found.",
+            columns,
         )
-    return drawing, columns
 
 
-def law(case: Case, found: Law) -> tuple[Drawing, Columns]:
+def law(case: Case, found: Law) -> Drawing:
     """The missing force over what it depends on."""
     with draw((6.4, 4.2)) as figure:
         axes = figure.add_subplot()
@@ -93,15 +93,12 @@ def law(case: Case, found: Law) -> tuple[Drawing, Columns]:
         axes.plot(*(v[::step] for v in found.modelled), ".", color=AFTER, markersize=2.0, label="amended plant")
         axes.set(xlabel=found.state, ylabel=found.force)
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(figure, "law", f"{case.title}: the missing physics over its state", found.caption)
-    return drawing, {"state": found.modelled[0], "missing": found.modelled[1]}
+        columns = {"state": found.modelled[0], "missing": found.modelled[1]}
+        title = f"{case.title}: the missing physics over its state"
+        return Drawing.of(figure, "law", title, found.caption, columns)
 
 
-def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
-    """Least and largest value of each piece, so that a long line can be drawn with few points."""
-    size = -(-values.size // (DRAWN // 2))
-    if size <= 2:
-        return time, values
-    count = values.size // size
-    pieces = values[: count * size].reshape(count, size)
-    return np.repeat(time[: count * size : size], 2), np.stack([pieces.min(1), pieces.max(1)], axis=1).ravel()
+def drawings(case: Case, trial: Trial, amended: Plant | None) -> list[Drawing]:
+    """Draw all figures; the law only if an effect was built in."""
+    made = [held_out(case, trial), residuals(case, trial)]
+    return made if amended is None else [*made, law(case, case.law(amended))]

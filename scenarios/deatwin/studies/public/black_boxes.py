@@ -22,7 +22,7 @@ from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.narx.terms import generate_terms
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.real_data.records import DataSet
+from deatwin.studies.public.records import DataSet
 
 Array = NDArray[np.float64]
 Model = NarxModel | LinearModel

@@ -9,16 +9,16 @@ from types import MappingProxyType
 from typing import Any
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.concealed_physics.page import markdown_table
-from deatwin.scenarios.real_data.methods import LINEAR
-from deatwin.studies.stories import STORIES
+from deatwin.scenarios.catalogue import STORIES
+from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.kept import read_object
 
 MEASURED = "deatwin/story-measures/1"
 """Schema of what the tables are made of."""
 OTHERWISE = ("concealed-physics", "control-check", "prestretch-sweep")
 """Scenarios that are not read here: two have pages and data of their own, the third judges claims."""
-READ = tuple(name for name in STORIES if name not in OTHERWISE)
+READ = tuple(story.name for story in STORIES if story.name not in OTHERWISE)
 NARX = ("real-data", "semp-fleet", "svb-fleet", "svb-benchmark")
 FREQUENCY = ("frequency-analysis", "time-varying", "frequency-uncertainty")
 UNKNOWN = "–"

@@ -26,9 +26,9 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
-from deatwin.scenarios.prestretch_claims import RELAXING, Sweep, Verdict, judged_claims
+from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
+from deatwin.scenarios.prestretch.page import write_sweep
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.prestretch import write_sweep
 from deatwin.studies.stories import Setting
 
 Array = np.ndarray
