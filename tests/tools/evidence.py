@@ -34,8 +34,7 @@ from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of
 from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
-from deatwin.scenarios.control_check.rates import caught, inside, sound
-from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
