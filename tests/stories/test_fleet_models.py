@@ -9,29 +9,19 @@ import numpy as np
 import pytest
 
 from deatwin.app.stories import story
+from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.narx import Fixed, NarxModel
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan, as_good, make_plan, order_errors
+from deatwin.ident.narx.fleet.records import FILM, HELD_OUT, RECORDED, STEADY, VARIANTS, Prepared, as_variant, thinned
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet, telling
+from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
 from deatwin.scenarios.fleet_models.choice import Choice
 from deatwin.scenarios.fleet_models.estimators import estimate_all
-from deatwin.scenarios.fleet_models.preparation import (
-    DEGREES,
-    HELD_OUT,
-    LAGS,
-    Orders,
-    Plan,
-    Prepared,
-    as_good,
-    make_plan,
-    order_errors,
-    thinned,
-)
+from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
 from deatwin.scenarios.fleet_models.svb_figures import shares
-from deatwin.scenarios.fleet_models.variants import FILM, RECORDED, STEADY, VARIANTS, as_variant
-from deatwin.scenarios.fleet_models.verdicts import deviations, judge_semp, judge_svb
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
@@ -158,8 +148,9 @@ def test_deviations_from_an_operating_point() -> None:
         .fit(Recording.from_arrays([3.0] * 9, [18.0, 18.0, 18.1] * 3, 1.0))
         .model_.operating,
     )
-    shifted, moved = deviations(model, record)
-    found = dict(zip(map(str, shifted.terms), shifted.theta, strict=True))
+    shifted = deviations(model)
+    moved = shifted.seen(record)
+    found = dict(zip(map(str, shifted.model.terms), shifted.model.theta, strict=True))
     assert found == pytest.approx({"y(k-1)": 0.5, "u(k)": 6.0, "u(k)^2": 1.0})
     np.testing.assert_allclose(moved.inputs[0], [0.0, 0.5, -1.0])
     np.testing.assert_allclose(moved.outputs[0], [0.0, 3.0, -4.0])
@@ -250,7 +241,7 @@ def test_the_page_shows_what_fails(
 ) -> None:
     module, tables, figures = PAGES[name]
     study = whole(drifting, sound, module.PROGRAMME.methods)
-    monkeypatch.setattr(telling, "carry_out", lambda *_, **__: study)
+    monkeypatch.setattr(module, "carry_out", lambda *_, **__: study)
     setting = Setting(
         folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
     )

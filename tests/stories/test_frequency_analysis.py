@@ -8,20 +8,20 @@ import pytest
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
+from deatwin.ident.frequency.output_responses.settled import in_bands, left_by_orders, settled
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.fleet import alike
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
+from deatwin.ident.narx.fleet.records import HELD_OUT, VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
-from deatwin.scenarios import fleet_frequency, frequency_analysis
-from deatwin.scenarios.fleet_frequency import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
-from deatwin.scenarios.fleet_models.preparation import DEGREES, HELD_OUT, LAGS, Orders, Plan, Prepared
-from deatwin.scenarios.fleet_models.variants import VARIANTS
-from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, left_by
-from deatwin.scenarios.frequency_analysis.anchor import anchor
-from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, benchmarks, in_ranges, settled
-from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
-from deatwin.scenarios.frequency_analysis.removal import remove
-from deatwin.scenarios.frequency_analysis.verdicts import judge, spread
+from deatwin.scenarios import frequency_analysis
+from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor, remove
+from deatwin.scenarios.frequency_analysis.known import Known, known_systems
+from deatwin.scenarios.frequency_analysis.measures import judge, spread
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
@@ -70,7 +70,7 @@ def test_a_series_that_ends_and_one_that_does_not() -> None:
     inputs = tones((2, 5), 0.5)
     ends = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "u(k-1)^2": 1.0, "u(k)^3": 1.0}, sample_time=1.0)
     endless = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "y(k-1)u(k)": 0.1}, sample_time=1.0)
-    left = [left_by(model, inputs) for model in (ends, endless)]
+    left = [left_by_orders(model, inputs, 8, OPERATING_INPUT) for model in (ends, endless)]
     assert left[0][1] > 1e-3 and left[0][2:].max() < 1e-13
     # Of the bilinear one each order is at most |0.1 w / (1 - 0.74)| of the one before: it converges, and does not end.
     assert np.all(np.diff(np.log(left[1])) < np.log(0.4)) and left[1][-1] > 1e-12
@@ -78,7 +78,7 @@ def test_a_series_that_ends_and_one_that_does_not() -> None:
 
 def test_lines_in_bands() -> None:
     lines = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert in_ranges(lines, np.array([[0.1, 0.2], [0.4, 0.5]])).tolist() == [False, True, True, False, True]
+    assert in_bands(lines, np.array([[0.1, 0.2], [0.4, 0.5]])).tolist() == [False, True, True, False, True]
 
 
 def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
@@ -125,8 +125,8 @@ def found(made: Fleet) -> Actuators:
 
 
 @pytest.fixture(scope="module")
-def known() -> Benchmarks:
-    return benchmarks(np.random.default_rng(0), recordings=20)
+def known() -> Known:
+    return known_systems(np.random.default_rng(0), recordings=20)
 
 
 def test_a_common_structure_holds_the_law(made: Fleet) -> None:
@@ -146,10 +146,10 @@ def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch
     least, noise = np.array([0.1, 0.2, 0.3]), 0.01 * np.array([-1.0, 0.0, 1.0])
     errors = {("a", "b", "c"): least, ("a", "b"): least + noise + 0.003, ("a",): least + 0.1, ("a", "d"): least + 0.05}
     calls = iter(passed)
-    monkeypatch.setattr(fleet_frequency, "_passed", lambda *_: next(calls))
+    monkeypatch.setattr(alike, "_passed", lambda *_: next(calls))
     rows = iter(range(3))
     monkeypatch.setattr(
-        fleet_frequency,
+        alike,
         "_free_run_errors",
         lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
     )
@@ -179,7 +179,7 @@ def test_removal_changes_nothing_and_deletion_does() -> None:
     assert dict(zip(map(str, removal.shifted.model.terms), removal.shifted.model.theta, strict=True)) == pytest.approx(
         {"y(k-1)": 0.8, "u(k)": 0.4, "y(k-1)^2": 0.1}
     )
-    assert removal.error < 1e-13 and removal.new_terms == 0
+    assert removal.error < 1e-13
     v = np.zeros(200)
     for k in range(1, 200):  # the law without its constant, given deviations
         v[k] = 0.6 * v[k - 1] + 0.4 * u[k] + 0.1 * v[k - 1] ** 2
@@ -197,17 +197,17 @@ def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
     second = [gfrf(law, 2, np.column_stack([near, s * near]), operating_input=OPERATING_INPUT).gain for s in (-1, 1)]
     for one in found.each:
         assert one.ridge == pytest.approx(float(np.mean(second[0] / second[1])), rel=0.05)
-        assert one.removal.error < 1e-10 and one.sum_error < 1e-6
+        assert one.removal.error < 1e-10 and one.nofrfs.sum_error < 1e-6
     assert found.side.by_random.status.name == "ERRATIC_EXCITATION" and found.side.designed.status.ok
     inputs = np.array([one.sections[0].inputs[0] for one in made.actuators]) - OPERATING_INPUT
     assert found.signal.amplitude == pytest.approx(min(-inputs.min(axis=1).max(), inputs.max(axis=1).min()))
 
 
 def test_the_page_and_what_fails_on_it(
-    made: Fleet, found: Actuators, known: Benchmarks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: Fleet, found: Actuators, known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frequency_analysis, "identify_fleet", lambda *_, **__: made)
-    monkeypatch.setattr(frequency_analysis, "benchmarks", lambda *_: known)
+    monkeypatch.setattr(frequency_analysis, "known_systems", lambda *_: known)
     monkeypatch.setattr(frequency_analysis, "actuators", lambda *_, **__: found)
     monkeypatch.setattr(frequency_analysis, "anchor", lambda one, fleet: anchor(one, fleet, (0.2, 0.4, 1.0)))
     setting = Setting(
@@ -244,14 +244,17 @@ def test_the_page_and_what_fails_on_it(
     assert "table 4.3" in page and "figure 4.12" in page and (tmp_path / "run.json").is_file()
 
 
-def test_verdicts_fail_where_they_should(found: Actuators, known: Benchmarks, made: Fleet) -> None:
+def test_verdicts_fail_where_they_should(found: Actuators, known: Known, made: Fleet) -> None:
     truth = anchor(made.actuators[0], made, (0.5, 1.0))
     sound = {row.measure: row.passed for row in judge(known, found, truth)}
     first = found.each[0]
     moved = replace(first.removal, shifted_run=first.removal.run + 1e-9)
     spoilt = replace(
         found,
-        each=(replace(first, simulated=1.01 * first.simulated, removal=moved), *found.each[1:]),
+        each=(
+            replace(first, nofrfs=replace(first.nofrfs, simulated=1.01 * first.nofrfs.simulated), removal=moved),
+            *found.each[1:],
+        ),
         side=replace(found.side, designed_inputs=found.side.random_inputs),
     )
     wrong = replace(known, errors={"S2": {1: 1e-9}})

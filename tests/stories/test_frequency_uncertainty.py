@@ -13,18 +13,26 @@ from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.comparison.bands import BandMean
 from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.comparison.fleet import contrast, share_of, shares_of
+from deatwin.ident.frequency.uncertainty import beside_draws
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, departure, spread_of, whitened
 from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios import frequency_uncertainty
-from deatwin.scenarios.frequency_uncertainty import actuators, benchmarks, consistency, speed, spread, study
-from deatwin.scenarios.frequency_uncertainty.actuators import BEGIN, FACTOR, SHARED, STRUCTURE, recorded, tasks
-from deatwin.scenarios.frequency_uncertainty.benchmarks import spectra
-from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, contrast, shares_of
-from deatwin.scenarios.frequency_uncertainty.spread import Spread, departure, spread_of, whitened
+from deatwin.scenarios.frequency_uncertainty import fleet, known, study
+from deatwin.scenarios.frequency_uncertainty.fleet import (
+    BEGIN,
+    FACTOR,
+    SHARED,
+    STRUCTURE,
+    Consistency,
+    actuators,
+    recorded,
+)
+from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, CASES, LINEAR, spectra
 from deatwin.scenarios.frequency_uncertainty.study import Plan
-from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
@@ -111,7 +119,7 @@ def test_a_covariance_that_is_off_is_seen() -> None:
 
 
 def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spread, "DRAWS", 200)
+    monkeypatch.setattr(beside_draws, "DRAWS", 200)
     first, second, third = spectra(CASES[BILINEAR], (0,))
     lines = [np.round(each.propagated.frequency_Hz * 64).astype(int).tolist() for each in (first, second, third)]
     # Harmonics 3 to 8: the first order has these, the second sums and differences, the third sums of three.
@@ -126,7 +134,7 @@ def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPa
 
 
 def test_who_shares_what() -> None:
-    found = {key: one for key, (one, _) in tasks(3, 4).items()}
+    found = actuators(3, 4)
     groups = {group: [one for (its, _), one in found.items() if its == group] for group, _ in found}
     assert {group: len(every) for group, every in groups.items()} == {
         "fleet": 6,
@@ -150,7 +158,7 @@ def test_who_shares_what() -> None:
 
 def test_one_quantity_at_the_end_of_its_tolerance() -> None:
     wished = specification()
-    for (group, name), (one, _) in tasks(0, 1).items():
+    for (group, name), one in actuators(0, 1).items():
         if group != "tolerances":
             continue
         known = {n: parameter.value for n, parameter in wished.parameters.items() if parameter.value != 0}
@@ -197,13 +205,13 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
     for module, name, less in (
-        (spread, "DRAWS", 500),
-        (speed, "DRAWS", 500),
-        (speed, "CHUNKS", 3),
-        (speed, "LOOP", 3),
-        (benchmarks, "SURFACE", 9),
-        (consistency, "ORDERS", (1, 2)),
-        (consistency, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
+        (beside_draws, "DRAWS", 500),
+        (known, "DRAWS", 500),
+        (known, "CHUNKS", 3),
+        (known, "LOOP", 3),
+        (known, "SURFACE", 9),
+        (fleet, "ORDERS", (1, 2)),
+        (fleet, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
     ):
         monkeypatch.setattr(module, name, less)
 
@@ -244,7 +252,7 @@ def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] <= 1
 
     steady, recorded_ = result["tables"]["steady"], result["tables"]["fleet"]
-    gains = {n: 1 / one.plant.rig.thickness**4 for (g, n), (one, _) in tasks(0, 1).items() if g == "steady"}
+    gains = {n: 1 / one.plant.rig.thickness**4 for (g, n), one in actuators(0, 1).items() if g == "steady"}
     first = [d for d in steady["differences"] if d["order"] == 1]
     for d in first:
         # H_1 is proportional to the film's gain; the noise lets 1 % of it be seen.
@@ -265,7 +273,7 @@ def test_the_structure_is_set_beforehand() -> None:
     texts = {str(term) for term in STRUCTURE}
     assert len(texts) == 16 and {"1", "y(k-1)", "u(k)^3", "u(k)u(k-1)^2"} <= texts
     assert not any(text.count("y(k-1)") > 1 or "y(k-1)^" in text for text in texts)
-    assert actuators.BANDS[0][0] == 0 and actuators.BANDS[-1][1] == actuators.INPUT_BAND[1]
+    assert fleet.BANDS[0][0] == 0 and fleet.BANDS[-1][1] == fleet.INPUT_BAND[1]
 
 
 def test_linear_cases_are_propagated_as_they_are() -> None:
@@ -291,5 +299,5 @@ def test_agreements_are_counted_by_column() -> None:
         pairs=("ab", "ac", "bc"),
         columns=(1, 2),
     )
-    shares = consistency.share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
+    shares = share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
     np.testing.assert_allclose(shares, [2 / 3, 1 / 3])

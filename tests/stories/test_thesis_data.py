@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 from deatwin.app.stories import story
-from deatwin.plant.errors import DataError
-from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import fleet
-from deatwin.plant.recording import Recording
-from deatwin.scenarios import thesis_data
-from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
-from deatwin.scenarios.thesis_data.drifts import (
+from deatwin.ident.curves import linear_share, local_gain, loop_area, mean_curve, straight_line
+from deatwin.ident.drifts import (
     at_same_input,
     fast_part,
     gain_change,
@@ -21,9 +16,14 @@ from deatwin.scenarios.thesis_data.drifts import (
     moving_mean,
     roughness,
 )
-from deatwin.scenarios.thesis_data.measures import linear_share, local_gain, loop_area, mean_curve, straight_line
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import fleet
+from deatwin.plant.recording import Recording
+from deatwin.scenarios import thesis_data
+from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
+from deatwin.scenarios.thesis_data.measures import judge
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
-from deatwin.scenarios.thesis_data.verdicts import judge
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 

@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
 from deatwin.ident.narx import Fixed, NarxModel, Term, ThetaTrajectory, generate_terms
-from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.recording import Recording
-from deatwin.scenarios import time_varying
-from deatwin.scenarios.time_varying import benchmark, study
-from deatwin.scenarios.time_varying.benchmark import covered, follow, frozen_run
-from deatwin.scenarios.time_varying.following import (
+from deatwin.ident.narx.fleet.alike import linear_in_output
+from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded
+from deatwin.ident.narx.wander import (
     BLOCK,
     CHOOSING,
     CONSTANT,
@@ -28,10 +26,13 @@ from deatwin.scenarios.time_varying.following import (
     stretches,
     walked,
 )
-from deatwin.scenarios.time_varying.spectra import BANDS, compare_windows, series_error, short_time, windows_of
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.recording import Recording
+from deatwin.scenarios import time_varying
+from deatwin.scenarios.time_varying import known, study
+from deatwin.scenarios.time_varying.known import covered, follow, frozen_run
+from deatwin.scenarios.time_varying.measures import judge
 from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
-from deatwin.scenarios.time_varying.systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
-from deatwin.scenarios.time_varying.verdicts import judge
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
@@ -76,19 +77,10 @@ def test_parameters_go_there_and_back() -> None:
         assert turns == 2 * speed
 
 
-def test_a_held_equilibrium_is_one_and_nothing_else_changes() -> None:
-    truth = MOVING_DC.truth(duration=30.0)
-    for output in (0.0, 0.7):
-        held = standing_at(truth, output)
-        np.testing.assert_array_equal(held.theta[1:], truth.theta[1:])
-        c, a, _, q = held.theta
-        np.testing.assert_allclose(c + a * output + q * output**2, output, atol=1e-14)
-
-
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark, "TIMES", 20)
+    monkeypatch.setattr(known, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
-    found = benchmark.carry_out_benchmark(
+    found = known.known_systems(
         (), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}], np.zeros(1), np.zeros(1)
     )
     truth = MOVING_DC.truth()
@@ -111,12 +103,12 @@ def test_tones_measure_the_response_of_a_system_that_stands_still() -> None:
     first = 0.5 * z / (1 - 0.7 * z)
     second = -0.15 * first**2 * z**2 / (1 - 0.7 * z**2)
     late = slice(800, None)
-    np.testing.assert_allclose(benchmark._probed(still, omega, 1)[late], first, rtol=1e-4)
-    np.testing.assert_allclose(benchmark._probed(still, omega, 2)[late], second, rtol=1e-4)
+    np.testing.assert_allclose(known._probed(still, omega, 1)[late], first, rtol=1e-4)
+    np.testing.assert_allclose(known._probed(still, omega, 2)[late], second, rtol=1e-4)
 
 
 def test_slow_variation_is_estimated_and_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark, "TIMES", 60)
+    monkeypatch.setattr(known, "TIMES", 60)
     for system, count in ((RESONANCE, 1), (MOVING_DC, 2)):
         runs = frozen_run(system, 4.0)
         assert len(runs) == count
@@ -240,10 +232,10 @@ def test_the_series_of_the_structure_ends_with_the_fifth_order() -> None:
 def made() -> Study:
     """A study of made-up actuators, drifting but for the last, and of known systems on coarse maps."""
     with pytest.MonkeyPatch.context() as patch:
-        structure = tuple(generate_terms(1, (0, 1), 3, rule=study._feedback_is_linear))
+        structure = tuple(generate_terms(1, (0, 1), 3, rule=linear_in_output))
         patch.setattr(study, "STRUCTURE", structure)
         patch.setattr(study, "MAP_TIMES", 12)
-        patch.setattr(benchmark, "TIMES", 12)
+        patch.setattr(known, "TIMES", 12)
         falling, rising, still = (
             _analysed(name, drift, drawn)
             for name, drift, drawn in (("DEA 1", -0.3, True), ("DEA 2", 0.3, True), ("DEA 6", 0.0, False))
@@ -252,10 +244,10 @@ def made() -> Study:
         frozen = tuple(run for system in SYSTEMS for speed in (2.0, 4.0) for run in frozen_run(system, speed))
         timepts, frequencies = np.array([10.0, 20.0]), np.array([0.5, 2.0])
         held = [covered(np.random.default_rng(k), timepts, frequencies) for k in range(4)]
-        known = benchmark.carry_out_benchmark(followed, frozen, held, timepts, frequencies)
+        systems = known.known_systems(followed, frozen, held, timepts, frequencies)
     plain = replace(rising, maps={}, whole=None, frozen={})
     driven = (falling, rising, *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still)
-    return Study(benchmark=known, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))
+    return Study(known=systems, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))
 
 
 def _analysed(name: str, drift: float, drawn: bool) -> Driven:
@@ -264,11 +256,11 @@ def _analysed(name: str, drift: float, drawn: bool) -> Driven:
 
 
 def test_known_systems_are_followed(made: Study) -> None:
-    for one in made.benchmark.followed:
+    for one in made.known.followed:
         assert one.covered.min() > 0.85
         assert one.error("H1") < 0.05
     with pytest.raises(KeyError):
-        made.benchmark.followed[0].error("H2")
+        made.known.followed[0].error("H2")
 
 
 def test_what_does_not_hold_fails(made: Study) -> None:

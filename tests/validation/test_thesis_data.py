@@ -1,6 +1,6 @@
 """The fleet does what the thesis saw in its six actuators (section 2.3.2 and figures 2.5 to 2.8, known from its text).
 
-What is demanded is stated in `deatwin.scenarios.thesis_data.verdicts`.
+What is demanded is stated in `deatwin.scenarios.thesis_data.measures`.
 """
 
 from pathlib import Path
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from deatwin.app.stories import story
+from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
-from deatwin.scenarios.thesis_data.drifts import gain_change, mean_shift
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 

@@ -23,3 +23,8 @@ def run_told(
     every = list(tasks)
     progress(0.0, doing)
     return run_jobs(function, every, workers=jobs, finished=lambda count: progress(count / len(every), doing))
+
+
+def call(function: Callable[..., Result], *arguments: object) -> Result:
+    """Call a function: the job of tasks that begin with functions of their own."""
+    return function(*arguments)

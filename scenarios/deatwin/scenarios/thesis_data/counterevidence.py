@@ -71,17 +71,15 @@ def side_bands(
 
     `line, drift` f and :math:`f_d`, Hz.
     """
+    from scipy.signal import lfilter
+
     period = round(1 / (drift * sample_time)) * 2
     timepts = sample_time * np.arange(2 * period)
     pole = np.exp(-sample_time / time)
 
     def respond(u: Array) -> Array:
         gained = (1 - pole) * (1 + depth * np.cos(2 * np.pi * drift * timepts)) * u
-        y = np.empty_like(u)
-        last = 0.0
-        for k, value in enumerate(gained):
-            y[k] = last = pole * last + value
-        return y
+        return np.asarray(lfilter([1.0], [1.0, -pole], gained))
 
     wave, other = np.cos(2 * np.pi * line * timepts), np.cos(2 * np.pi * 2.3 * line * timepts)
     response, of_other, of_sum = respond(wave), respond(other), respond(wave + other)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.thesis_data.drifts import moving_mean
+from deatwin.ident.drifts import moving_mean
 from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
