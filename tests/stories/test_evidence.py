@@ -10,8 +10,7 @@ from measured import measured_blocks, measured_data
 
 from deatwin.app.stories import stories
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.control_check.record import Trials
-from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.control_check.trials import Outcome, Trials
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.sweep.casefile import write_case
 

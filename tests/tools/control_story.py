@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.concealed_physics.page import markdown_table
 from deatwin.studies.report.quantities import in_interval
+from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.json_files import read_object
 
 STORY = "deatwin/control-story/1"

@@ -9,64 +9,51 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import Drive, Mechanism, PlantMechanism, Setting, log_uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import (
+    Drive,
+    Mechanism,
+    PlantMechanism,
+    Setting,
+    part,
+    signed,
+    spread,
+    uniform,
+    within,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SlowDipoles(PlantMechanism):
+class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", largest=0.2):
     r"""Polarisation with a broad, lopsided spread of times, as Havriliak and Negami's function has.
 
     .. math:: V^2 \to V^2 - V\sum_k a_k(V - p_k), \qquad \tau_k\dot p_k = V - p_k
     """
 
-    share: float  # Sum of :math:`a_k`
-    centre: float  # s
+    share: float = part()  # Sum of :math:`a_k`
+    centre: float = spread(5.0, 40.0)  # s
 
-    name: ClassVar[str] = "slow_dipoles"
-    strength: ClassVar[str] = "share"
-    largest: ClassVar[float] = 0.2
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "squared_voltage"
-    spread: ClassVar[tuple[tuple[float, float], ...]] = (
-        (0.1, 0.12),
-        (0.4, 0.24),
-        (1.5, 0.32),
-        (6.0, 0.22),
-        (30.0, 0.1),
-    )
-    """Time against the centre's, and part of the share."""
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(share=cls.largest * rng.uniform(0.1, 0.3), centre=log_uniform(rng, 5.0, 40.0))
+    times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)
+    """Relative to the centre."""
+    parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)
+    """Of the share."""
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, centre = self.symbols(build)
         voltage = build.signal("field_voltage")
         late = ca.SX(0)
-        for k, (ratio, part) in enumerate(self.spread):
+        for k, (ratio, part_k) in enumerate(zip(self.times, self.parts, strict=True)):
             turned = build.state(f"turned_{k}", scale=1e3)
             build.rate(turned, voltage - turned, mass=centre * ratio)
-            late += part * (voltage - turned)
+            late += part_k * (voltage - turned)
         return signal - share * voltage * late
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpaceCharge(PlantMechanism):
+class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", largest=0.15):
     r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV."""
 
-    share: float  # b
-    time: float  # s
-
-    name: ClassVar[str] = "space_charge"
-    strength: ClassVar[str] = "share"
-    largest: ClassVar[float] = 0.15
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "field_voltage"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(share=cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 10.0, 120.0))
+    share: float = part()  # b
+    time: float = spread(10.0, 120.0)  # s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, time = self.symbols(build)
@@ -76,26 +63,16 @@ class SpaceCharge(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrapConduction(PlantMechanism):
+class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", order=1, largest=2e9):
     r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
-    resistance: float
-    field: float  # :math:`E_0`, V/m
+    resistance: float = part()
+    field: float = uniform(4e6, 8e6)  # :math:`E_0`, V/m
 
-    name: ClassVar[str] = "trap_conduction"
-    strength: ClassVar[str] = "resistance"
-    largest: ClassVar[float] = 2e9
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "film_voltage"
-    order: ClassVar[int] = 1
     conductivity: ClassVar[float] = 2e-14
-    """S/m at low field."""
+    """At low field, S/m."""
     settles: ClassVar[float] = 5e-5
     """Time in which the voltage settles, s: not seen at 50 samples a second."""
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(resistance=cls.largest * rng.uniform(0.1, 0.3), field=rng.uniform(4e6, 8e6))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         resistance, scale = self.symbols(build)
@@ -111,20 +88,10 @@ class TrapConduction(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LadderElectrode(PlantMechanism):
+class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", largest=0.3):
     """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance."""
 
-    time: float  # Whole resistance times whole capacitance, s
-
-    name: ClassVar[str] = "ladder_electrode"
-    strength: ClassVar[str] = "time"
-    largest: ClassVar[float] = 0.3
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "film_voltage"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(time=cls.largest * rng.uniform(0.1, 0.3))
+    time: float = part()  # Whole resistance times whole capacitance, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (time,) = self.symbols(build)
@@ -136,26 +103,12 @@ class LadderElectrode(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrackedElectrode(PlantMechanism):
+class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share", largest=0.5):
     """A crack that runs round the electrode's rim cuts it off, within a part of a second."""
 
-    share: float
-    at: float  # When it begins, s
-    lasts: float  # s
-
-    name: ClassVar[str] = "cracked_electrode"
-    strength: ClassVar[str] = "share"
-    largest: ClassVar[float] = 0.5
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "electrode_share"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(
-            share=cls.largest * rng.uniform(0.1, 0.3),
-            at=setting.seconds * rng.uniform(0.2, 0.8),
-            lasts=rng.uniform(0.05, 0.4),
-        )
+    share: float = part()
+    at: float = within(0.2, 0.8)  # When it begins, s
+    lasts: float = uniform(0.05, 0.4)  # s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, at, lasts = self.symbols(build)
@@ -167,26 +120,16 @@ class CrackedElectrode(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RateLimit(PlantMechanism):
+class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", order=1, largest=2e-3):
     """An amplifier whose current limits its rate, sharply; down by another rate than up."""
 
-    slowness: float  # Upwards, s/V
-    ratio: float  # Falling rate over rising rate
+    slowness: float = part()  # Upwards, s/V
+    ratio: float = spread(0.2, 1.5)  # Falling rate over rising rate
 
-    name: ClassVar[str] = "rate_limit"
-    strength: ClassVar[str] = "slowness"
-    largest: ClassVar[float] = 2e-3
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "amplifier_voltage"
-    order: ClassVar[int] = 1
     width: ClassVar[float] = 5.0
     """How far behind the amplifier is when it rises at its full rate, V."""
     fastest: ClassVar[float] = 1e-6
     """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(slowness=cls.largest * rng.uniform(0.1, 0.3), ratio=log_uniform(rng, 0.2, 1.5))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         slowness, ratio = self.symbols(build)
@@ -197,16 +140,12 @@ class RateLimit(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HardClip(Mechanism):
+class HardClip(Mechanism, largest=0.5):
     """An output that stops dead at a level."""
 
     depth: float  # Share of the command's range that is cut off
     top: float  # Of that range, V
     bottom: float
-
-    name: ClassVar[str] = "hard_clip"
-    strength: ClassVar[str] = "depth"
-    largest: ClassVar[float] = 0.5
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -219,18 +158,10 @@ class HardClip(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GroundShift(Mechanism):
+class GroundShift(Mechanism, largest=0.1):
     """Two grounds that differ: a voltage is added to every command, at rest too."""
 
-    offset: float  # V of the command
-
-    name: ClassVar[str] = "ground_shift"
-    strength: ClassVar[str] = "offset"
-    largest: ClassVar[float] = 0.1
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(offset=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3))
+    offset: float = signed()  # V of the command
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         return replace(drive, commands=drive.commands + self.offset, rest_command=drive.rest_command + self.offset)
@@ -240,18 +171,10 @@ class GroundShift(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TransportDelay(Mechanism):
+class TransportDelay(Mechanism, largest=0.08):
     """Every command begins to act late, at the very instant, whole sample or not."""
 
-    time: float  # s
-
-    name: ClassVar[str] = "transport_delay"
-    strength: ClassVar[str] = "time"
-    largest: ClassVar[float] = 0.08
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(time=cls.largest * rng.uniform(0.05, 0.2))
+    time: float = part(0.05, 0.2)  # s
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         late = np.concatenate([drive.times[:1], drive.times + self.time])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting, log_uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import PlantMechanism, part, signed, spread, uniform
 
 
 def _decades(time: Any, first: Any) -> Any:
@@ -18,33 +18,22 @@ def _decades(time: Any, first: Any) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PowerLawCreep(PlantMechanism):
+class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e3):
     r"""Creep in the area of the film whose relaxation follows a power law of time."""
 
-    modulus: float  # Sum of :math:`\mu w_k`, Pa
-    exponent: float  # n
-    fastest: float  # Shortest time, s
+    modulus: float = part()  # Sum of :math:`\mu w_k`, Pa
+    exponent: float = uniform(0.0, 0.3)  # n
+    fastest: float = uniform(2.0, 6.0)  # Shortest time, s
 
-    name: ClassVar[str] = "power_law_creep"
-    strength: ClassVar[str] = "modulus"
-    largest: ClassVar[float] = 60e3
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-    spread: ClassVar[tuple[float, ...]] = (1.0, 3.2, 10.0, 32.0)
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(
-            modulus=cls.largest * rng.uniform(0.1, 0.3), exponent=rng.uniform(0.0, 0.3), fastest=rng.uniform(2.0, 6.0)
-        )
+    ratios: ClassVar[tuple[float, ...]] = (1.0, 3.2, 10.0, 32.0)
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         modulus, exponent, fastest = self.symbols(build)
-        total = sum(ratio**-exponent for ratio in self.spread)
+        total = sum(ratio**-exponent for ratio in self.ratios)
         energy = ca.SX(0)
         for number, point in enumerate(signal.points):
             area = ca.log(point.stretches[0] * point.stretches[1])
-            for k, ratio in enumerate(self.spread):
+            for k, ratio in enumerate(self.ratios):
                 flowed = build.state(f"flowed_area_{number}_{k}", scale=0.1)
                 build.guess(flowed, 2 * np.log(signal.rest_stretch))
                 build.rate(flowed, area - flowed, mass=fastest * ratio)
@@ -53,22 +42,11 @@ class PowerLawCreep(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LogarithmicRelaxation(PlantMechanism):
+class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.08):
     """The film's tension falls by the same share in each decade of time."""
 
-    loss: float  # Share for each decade
-    first: float  # Where the first decade begins, s
-
-    name: ClassVar[str] = "logarithmic_relaxation"
-    strength: ClassVar[str] = "loss"
-    largest: ClassVar[float] = 0.08
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-    order: ClassVar[int] = 2
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(loss=cls.largest * rng.uniform(0.1, 0.3), first=rng.uniform(10.0, 60.0))
+    loss: float = part()  # Share for each decade
+    first: float = uniform(10.0, 60.0)  # Where the first decade begins, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         loss, first = self.symbols(build)
@@ -76,22 +54,11 @@ class LogarithmicRelaxation(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChainDamage(PlantMechanism):
+class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, largest=0.15):
     r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`."""
 
-    damage: float  # :math:`d_\\infty`, share of the network's stress
-    energy: float  # m, J/m³
-
-    name: ClassVar[str] = "chain_damage"
-    strength: ClassVar[str] = "damage"
-    largest: ClassVar[float] = 0.15
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-    order: ClassVar[int] = 1
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(damage=cls.largest * rng.uniform(0.1, 0.3), energy=log_uniform(rng, 2e3, 2e4))
+    damage: float = part()  # :math:`d_\\infty`, share of the network's stress
+    energy: float = spread(2e3, 2e4)  # m, J/m³
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         damage, scale = self.symbols(build)
@@ -109,21 +76,11 @@ class ChainDamage(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExponentialStiffening(PlantMechanism):
+class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", largest=10e3):
     r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`."""
 
-    modulus: float  # Pa
-    exponent: float  # b
-
-    name: ClassVar[str] = "exponential_stiffening"
-    strength: ClassVar[str] = "modulus"
-    largest: ClassVar[float] = 10e3
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(modulus=cls.largest * rng.uniform(0.1, 0.3), exponent=rng.uniform(0.05, 0.2))
+    modulus: float = part()  # Pa
+    exponent: float = uniform(0.05, 0.2)  # b
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         modulus, b = self.symbols(build)
@@ -137,21 +94,11 @@ class ExponentialStiffening(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AgeingPermittivity(PlantMechanism):
+class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permittivity", largest=0.12):
     """The permittivity changes by the same share in each decade of time."""
 
-    change: float  # Share for each decade
-    first: float  # Where the first decade begins, s
-
-    name: ClassVar[str] = "ageing_permittivity"
-    strength: ClassVar[str] = "change"
-    largest: ClassVar[float] = 0.12
-    place: ClassVar[Place] = Place.PARAMETER
-    signal: ClassVar[str] = "permittivity"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(change=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3), first=rng.uniform(10.0, 60.0))
+    change: float = signed()  # Share for each decade
+    first: float = uniform(10.0, 60.0)  # Where the first decade begins, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         change, first = self.symbols(build)
@@ -159,20 +106,10 @@ class AgeingPermittivity(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DilutedPermittivity(PlantMechanism):
+class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", largest=0.3):
     r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on."""
 
-    exponent: float  # c
-
-    name: ClassVar[str] = "diluted_permittivity"
-    strength: ClassVar[str] = "exponent"
-    largest: ClassVar[float] = 0.3
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(exponent=cls.largest * rng.uniform(0.1, 0.3))
+    exponent: float = part()  # c
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (exponent,) = self.symbols(build)

@@ -34,7 +34,7 @@ from deatwin.plant.rest import rest_state
 
 TOLERANCE = 1e-5
 """Of a step's error, against each unknown's typical size; a millimetre of displacement is then right within some
-hundredths of a micrometre over minutes (tests/stories/test_concealed_generator.py)."""
+hundredths of a micrometre over minutes (tests/unit/plant/integrator/test_rosenbrock.py)."""
 SHORTEST = 1e-7
 """Of all steps, s."""
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
@@ -207,9 +207,9 @@ def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Funct
     parts = [ca.densify(f), ca.jacobian(f, w), ca.densify(ca.jacobian(f, t))]
     arguments = [w, d, u, t, p, c]
     return (
-        ca.Function("concealed_value", arguments, [ca.densify(f)]),
-        ca.Function("concealed_slopes", arguments, ca.cse(parts)),
-        ca.Function("concealed_output", arguments, [ca.densify(equations.output(*at))]),
+        ca.Function("rosenbrock_value", arguments, [ca.densify(f)]),
+        ca.Function("rosenbrock_slopes", arguments, ca.cse(parts)),
+        ca.Function("rosenbrock_output", arguments, [ca.densify(equations.output(*at))]),
     )
 
 

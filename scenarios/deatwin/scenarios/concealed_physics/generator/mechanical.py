@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import PlantMechanism, Setting
+from deatwin.scenarios.concealed_physics.generator.mechanism import PlantMechanism, Setting, part, uniform
 
 
 @dataclass(frozen=True, kw_only=True)
-class StopOperators(PlantMechanism):
+class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     r"""Prandtl and Ishlinskii's hysteresis: five elastic elements, each of which slips at its own deflection.
 
     .. math:: F = -\sum_k \frac{F_h}{5r_k}\sigma_k, \qquad
@@ -23,12 +23,7 @@ class StopOperators(PlantMechanism):
     force: float  # :math:`F_h`, N
     widest: float  # Largest :math:`r_k`, m; the smallest is an eighth of it
 
-    name: ClassVar[str] = "stop_operators"
-    strength: ClassVar[str] = "force"
-    largest: ClassVar[float] = 3e-3
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
-    spread: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
+    ratios: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -38,17 +33,17 @@ class StopOperators(PlantMechanism):
     def rewrite(self, signal: Any, build: Any) -> Any:
         force, widest = self.symbols(build)
         velocity, held = build.signal("velocity"), ca.SX(0)
-        for k, ratio in enumerate(self.spread):
+        for k, ratio in enumerate(self.ratios):
             share = build.state(f"stop_{k}", scale=10.0, start=0.0)
             near = ca.fmin(ca.fmax((ca.fabs(share) - 0.95) / 0.05, 0.0), 1.0)
             free = ca.if_else(velocity * share < 0, 1.0, 1 - near)
             build.rate(share, velocity * free, mass=widest * ratio)
-            held += share / len(self.spread)
+            held += share / len(self.ratios)
         return signal - force * held
 
 
 @dataclass(frozen=True, kw_only=True)
-class BristleFriction(PlantMechanism):
+class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     r"""Friction of bristles that bend before they slip, and hold better at rest (the LuGre model).
 
     .. math:: F = -(\sigma_0z + \sigma_1\dot z), \qquad \dot z = v - \frac{\sigma_0|v|}{g(v)}z, \qquad
@@ -57,19 +52,10 @@ class BristleFriction(PlantMechanism):
     Source: Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
     """
 
-    force: float  # :math:`F_c`, N
-    bend: float  # :math:`F_c/\sigma_0`, m
+    force: float = part()  # :math:`F_c`, N
+    bend: float = uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m
 
-    name: ClassVar[str] = "bristle_friction"
-    strength: ClassVar[str] = "force"
-    largest: ClassVar[float] = 3e-3
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
     damping: ClassVar[float] = 50.0
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(force=cls.largest * rng.uniform(0.1, 0.3), bend=rng.uniform(1e-6, 4e-6))
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         force, bend = self.symbols(build)
@@ -82,20 +68,10 @@ class BristleFriction(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TurbulentDrag(PlantMechanism):
+class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10.0):
     r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
-    coefficient: float  # c, N (s/m)^1.75
-
-    name: ClassVar[str] = "turbulent_drag"
-    strength: ClassVar[str] = "coefficient"
-    largest: ClassVar[float] = 10.0
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(coefficient=cls.largest * rng.uniform(0.1, 0.3))
+    coefficient: float = part()  # c, N (s/m)^1.75
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (coefficient,) = self.symbols(build)
@@ -104,17 +80,11 @@ class TurbulentDrag(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundedStop(PlantMechanism):
+class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5):
     r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
     stiffness: float  # k, N/m^1.5
     position: float  # Displacement at the first touch, m
-
-    name: ClassVar[str] = "rounded_stop"
-    strength: ClassVar[str] = "stiffness"
-    largest: ClassVar[float] = 1e5
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -129,17 +99,11 @@ class RoundedStop(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HardeningSpring(PlantMechanism):
+class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=60.0):
     r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
     stiffness: float  # k, N/m
     reach: float  # a, m
-
-    name: ClassVar[str] = "hardening_spring"
-    strength: ClassVar[str] = "stiffness"
-    largest: ClassVar[float] = 60.0
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -153,26 +117,12 @@ class HardeningSpring(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwinModes(PlantMechanism):
+class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
-    mass: float
-    frequency: float  # Of the lower, Hz
-    damping_ratio: float
-
-    name: ClassVar[str] = "twin_modes"
-    strength: ClassVar[str] = "mass"
-    largest: ClassVar[float] = 1e-3
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(
-            mass=cls.largest * rng.uniform(0.1, 0.3),
-            frequency=rng.uniform(4.0, 12.0),
-            damping_ratio=rng.uniform(0.01, 0.04),
-        )
+    mass: float = part()
+    frequency: float = uniform(4.0, 12.0)  # Of the lower, Hz
+    damping_ratio: float = uniform(0.01, 0.04)
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         mass, frequency, ratio = self.symbols(build)

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.mechanisms.base import (
+from deatwin.scenarios.concealed_physics.generator.mechanism import (
     Drive,
     Mechanism,
     PlantMechanism,
     Reading,
     Setting,
-    log_uniform,
+    part,
+    signed,
+    spread,
+    uniform,
 )
 
 
 @dataclass(frozen=True, kw_only=True)
-class CrossoverDeadZone(Mechanism):
+class CrossoverDeadZone(Mechanism, largest=0.4):
     """An amplifier of two halves that leave a gap where one hands over to the other."""
 
     width: float  # Half of the gap, V of the command
     level: float  # Where it lies, V
-
-    name: ClassVar[str] = "crossover_dead_zone"
-    strength: ClassVar[str] = "width"
-    largest: ClassVar[float] = 0.4
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -44,22 +43,13 @@ class CrossoverDeadZone(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ChargingHeat(PlantMechanism):
+class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, largest=20.0):
     """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer."""
 
-    softening: float  # Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second
-    time: float
-
-    name: ClassVar[str] = "charging_heat"
-    strength: ClassVar[str] = "softening"
-    largest: ClassVar[float] = 20.0
-    place: ClassVar[Place] = Place.FILM
-    signal: ClassVar[str] = "film"
-    order: ClassVar[int] = 3
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(softening=cls.largest * rng.uniform(0.1, 0.3), time=rng.uniform(3.0, 12.0))
+    softening: float = (
+        part()
+    )  # Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second
+    time: float = uniform(3.0, 12.0)
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         steps = np.diff(drive.commands, prepend=drive.rest_command)
@@ -76,19 +66,11 @@ class ChargingHeat(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GainWander(Mechanism):
+class GainWander(Mechanism, largest=0.08):
     """The amplifier's gain wanders at random, and comes back within some seconds."""
 
-    deviation: float  # Standard deviation, as a share
-    time: float
-
-    name: ClassVar[str] = "gain_wander"
-    strength: ClassVar[str] = "deviation"
-    largest: ClassVar[float] = 0.08
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(deviation=cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 0.5, 6.0))
+    deviation: float = part()  # Standard deviation, as a share
+    time: float = spread(0.5, 6.0)
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
@@ -101,19 +83,11 @@ class GainWander(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class InterferenceBursts(Mechanism):
+class InterferenceBursts(Mechanism, largest=3e-4):
     """Short bursts in the reading at random times, each with its own frequency and size."""
 
-    amplitude: float  # Typical size, m
-    apart: float  # Mean time between two, s
-
-    name: ClassVar[str] = "interference_bursts"
-    strength: ClassVar[str] = "amplitude"
-    largest: ClassVar[float] = 3e-4
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(amplitude=cls.largest * rng.uniform(0.1, 0.3), apart=rng.uniform(4.0, 12.0))
+    amplitude: float = part()  # Typical size, m
+    apart: float = uniform(4.0, 12.0)  # Mean time between two, s
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         disturbed, time = reading.values.copy(), float(reading.times[0])
@@ -126,20 +100,10 @@ class InterferenceBursts(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OneWayDamper(PlantMechanism):
+class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0):
     """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
-    coefficient: float  # Of the way up, N s/m
-
-    name: ClassVar[str] = "one_way_damper"
-    strength: ClassVar[str] = "coefficient"
-    largest: ClassVar[float] = 3.0
-    place: ClassVar[Place] = Place.BALL
-    signal: ClassVar[str] = "force"
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(coefficient=cls.largest * rng.uniform(0.1, 0.3))
+    coefficient: float = part()  # Of the way up, N s/m
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (coefficient,) = self.symbols(build)
@@ -148,20 +112,11 @@ class OneWayDamper(PlantMechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CapacitiveCrosstalk(Mechanism):
+class CapacitiveCrosstalk(Mechanism, largest=1e-4):
     """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so."""
 
-    coupling: float  # m for a step of one volt of the command
-    time: float  # s
-
-    name: ClassVar[str] = "capacitive_crosstalk"
-    strength: ClassVar[str] = "coupling"
-    largest: ClassVar[float] = 1e-4
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        sign = rng.choice([-1.0, 1.0])
-        return cls(coupling=sign * cls.largest * rng.uniform(0.1, 0.3), time=log_uniform(rng, 0.1, 1.0))
+    coupling: float = signed()  # m for a step of one volt of the command
+    time: float = spread(0.1, 1.0)  # s
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         kept = np.exp(-np.median(np.diff(reading.times)) / self.time)
@@ -174,18 +129,10 @@ class CapacitiveCrosstalk(Mechanism):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClockSkew(Mechanism):
+class ClockSkew(Mechanism, largest=2e-3):
     """Two clocks that run apart: commands come later and later against the readings."""
 
-    skew: float  # s for each s
-
-    name: ClassVar[str] = "clock_skew"
-    strength: ClassVar[str] = "skew"
-    largest: ClassVar[float] = 2e-3
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        return cls(skew=cls.largest * rng.uniform(0.1, 0.3))
+    skew: float = part()  # s for each s
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         return replace(drive, times=drive.times + self.skew * np.maximum(drive.times, 0.0))

@@ -1,25 +1,33 @@
-"""From the specification of a case to its specimen: an apparatus, the records that were made with it, and the truth."""
+"""Make the specimen of a case: an apparatus with mechanisms of the right strength, its records, and the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
-from deatwin.plant.errors import SimulationError
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+from deatwin.plant.errors import DataError, SimulationError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import RunStatus
-from deatwin.scenarios.concealed_physics.apparatus import Apparatus
-from deatwin.scenarios.concealed_physics.excitations import RICH, commands
-from deatwin.scenarios.concealed_physics.mechanisms import Mechanism, Setting, mechanism_named
-from deatwin.scenarios.concealed_physics.noise import SensorNoise
-from deatwin.scenarios.concealed_physics.rigs import Rigging, drawn_rig, with_added_mass
-from deatwin.scenarios.concealed_physics.specs import CaseSpec
-from deatwin.scenarios.concealed_physics.strength import StructuralScale
+from deatwin.scenarios.concealed_physics.generator import mechanism_named
+from deatwin.scenarios.concealed_physics.generator.apparatus import (
+    Apparatus,
+    Rigging,
+    SensorNoise,
+    drawn_rig,
+    with_added_mass,
+)
+from deatwin.scenarios.concealed_physics.generator.mechanism import Mechanism, Setting
+from deatwin.scenarios.concealed_physics.generator.waves import RICH, commands
 
 SECONDS, CHECK_SECONDS = 120.0, 48.0
 LOWEST, HIGHEST = 1.1, 3.75
@@ -36,6 +44,40 @@ WITHIN, REFITS = 0.2, 4
 """The same for the ratio after a full refit."""
 LEAST = 1e-3
 """Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages."""
+TOLERANCE = 1e-5
+"""Relative, of refits: 0.005 % of a residual that is nearly all structure."""
+
+
+KINDS = ("clean", "effect", "outside", "pair", "tie")
+FORMS = ("drawn", "usual")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseSpec:
+    """A case: what is concealed, how strongly, and in what kind of recording."""
+
+    name: str  # Unique in its study; fit for a file name
+    kind: str  # What it is to show
+    effects: tuple[str, ...]  # Concealed mechanisms
+    truth: tuple[str, ...]  # A catalogue name for each of them; empty where the catalogue has none
+    rivals: tuple[str, ...] = ()  # Of a tie: names that its input cannot distinguish, the truth among them
+    target_ratio: float
+    seed: int
+    excitation: str  # A waveform, or one for each record, joined by ``+``
+    records: int = 1  # How many records the experiment has
+    noise_share: float = 0.02  # Rms of the sensor's noise over the standard deviation of the motion
+    rich: bool = True  # True if the input distinguishes mechanisms
+    form: str = "drawn"  # How the film sits on the ball and when readings are taken: at random, or as in most rigs
+    library: tuple[str, ...] = ()  # Effects that the diagnosis knows; empty for the whole catalogue
+
+    def __post_init__(self) -> None:
+        for what, value, known in (("kind", self.kind, KINDS), ("form", self.form, FORMS)):
+            if value not in known:
+                raise DataError(f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, ready for JSON."""
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,9 +89,8 @@ class Specimen:
     check: Experiment  # A further record on the same clock, of another waveform; its readings are for judging only
     truth: tuple[str, ...]  # A catalogue name for each mechanism
     ratio: float  # Structural residual of all mechanisms together over the noise; 0 where there are none
-    ratios: Mapping[str, float]
+    ratios: Mapping[str, float]  # The same for each mechanism alone
     noise: float  # Rms of the sensor's noise, m
-    model_rest: float | None
     noise_free: tuple[np.ndarray, ...]  # Readings without noise of the records, then of the check, m
     apparatus: Apparatus  # That made them
 
@@ -69,17 +110,17 @@ class Specimen:
         return {m.name: m.to_dict() for m in self.apparatus.mechanisms}
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
-        """Other commands on the same apparatus, from rest."""
+        """Record other commands on the same apparatus, from rest."""
         return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
 
     def heavier(self, added: float) -> Self:
-        """The same specimen with a mass added to its load, which the experimenter knows."""
+        """Add a mass, which the experimenter knows, to the load."""
         apparatus = replace(self.apparatus, plant=with_added_mass(self.apparatus.plant, added))
         return replace(self, plant=with_added_mass(self.plant, added), apparatus=apparatus)
 
 
 def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHECK_SECONDS) -> Specimen:
-    """The specimen of a case: the same bytes for the same case on the same computer."""
+    """Make the specimen of a case: the same bytes for the same case on the same computer."""
     rng = np.random.default_rng(spec.seed)
     drawn = drawn_rig(rng)
     rigging = drawn.in_usual_form() if spec.form == "usual" else drawn
@@ -100,7 +141,7 @@ def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHE
 def _commands(
     spec: CaseSpec, rigging: Rigging, rng: np.random.Generator, seconds: float, check_seconds: float, highest: float
 ) -> Experiment:
-    """Records and check on one clock, without readings."""
+    """Draw the commands of records and check on one clock."""
     step, start, records = rigging.nominal.rig.sample_time, 0.0, []
     names = spec.excitation.split("+")
     for k in range(spec.records):
@@ -118,7 +159,7 @@ def _silent(wave: np.ndarray, step: float, start: float) -> Recording:
 
 
 def _is_borne(rigging: Rigging, experiment: Experiment) -> bool:
-    """Whether the film, reduced, comes through commands that are a little higher without any event."""
+    """Test whether the reduced film bears commands that are a little higher."""
     raised = tuple(replace(r, inputs=CLEAR * r.inputs) for r in experiment.recordings)
     return rigging.reduced.simulate(Experiment(recordings=raised)).status is RunStatus.DONE
 
@@ -131,13 +172,12 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
     rms = max(spec.noise_share * float(np.std(np.concatenate(readings[:count]))), LEAST_NOISE)
     noise = SensorNoise.drawn(rng, float(f"{rms:.2g}"))
     nominal = rigging.nominal.with_rig(replace(rigging.nominal.rig, noise=noise.rms))
-    apparatus, ratio, rest = replace(bare, noise=noise), 0.0, None
+    apparatus, ratio = replace(bare, noise=noise), 0.0
     ratios: dict[str, float] = {}
     if spec.effects:
         sizing = _Sizing.of(rigging, apparatus, whole, readings)
         apparatus, readings, ratios = sizing.concealed(spec, rng)
         ratio = next(iter(ratios.values())) if len(ratios) == 1 else sizing.scale.ratio(readings[:count])
-        rest = sizing.scale.rest
     recorded = apparatus.noisy(whole, readings, rng).recordings
     return Specimen(
         plant=nominal,
@@ -147,15 +187,79 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
         ratio=ratio,
         ratios=ratios,
         noise=noise.rms,
-        model_rest=rest,
         noise_free=readings,
         apparatus=apparatus,
     )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class StructuralScale:
+    """Measures what a refit of the base plant leaves of a mechanism, against the noise."""
+
+    experiment: Experiment  # The commands that count
+    clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m
+    form: Calibration  # The base plant refitted to them
+    noise: float  # Rms of the sensor's noise, m
+
+    @classmethod
+    def of(cls, base: Plant, experiment: Experiment, clean: Sequence[np.ndarray], noise: float) -> Self:
+        """Refit the base plant to a clean film."""
+        form = calibrate(base, [_part(experiment, clean)], starts=1, tolerance=TOLERANCE)
+        if not form.status.ok:
+            raise SimulationError(f"no refit of the base plant: {form.status.value}")
+        return cls(experiment=experiment, clean=np.concatenate(clean), form=form, noise=noise)
+
+    def guess(self, readings: Sequence[np.ndarray]) -> float:
+        """Estimate the ratio for readings with a mechanism, to first order of the refit."""
+        return min(self._left(readings)) / self.noise
+
+    def ratio(self, readings: Sequence[np.ndarray]) -> float:
+        """Divide the rms that a full refit leaves, beyond that of the clean film, by the noise."""
+        same, shifted = self._left(readings)
+        plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
+        refitted = calibrate(plant, [_part(self.experiment, readings)], starts=1, tolerance=TOLERANCE)
+        if not refitted.status.ok:
+            raise SimulationError(f"no refit of the base plant: {refitted.status.value}")
+        return _rms(refitted.residuals - self.form.residuals) / self.noise
+
+    def _left(self, readings: Sequence[np.ndarray]) -> tuple[float, float]:
+        """Rms left by refits of the base plant with its own reading time and with the other, m."""
+        change = np.concatenate(readings) - self.clean
+        both = (change, change + self._advance)
+        return tuple(_rms(taken_off(c, self._basis)) for c in both)  # type: ignore[return-value]
+
+    @cached_property
+    def _basis(self) -> np.ndarray:
+        return tangent_basis(self.form.jacobian)
+
+    @cached_property
+    def _advance(self) -> np.ndarray:
+        """Readings of the base plant minus those of the same plant with the other reading time, shape (n,), m."""
+        ends = np.cumsum([r.n_samples for r in self.experiment.recordings])
+        part = _part(self.experiment, np.split(self.clean, ends[:-1]))
+        other = simulated(_read_otherwise(self.form.plant), [part])
+        if other is None:
+            raise SimulationError("the base plant cannot be simulated")
+        return self.clean - self.form.residuals - other
+
+
+def _read_otherwise(plant: Plant) -> Plant:
+    reading = next(t for t in ReadingTime if t is not plant.rig.reading)
+    return plant.with_rig(replace(plant.rig, reading=reading))
+
+
+def _part(experiment: Experiment, readings: Sequence[np.ndarray]) -> Part:
+    pairs = zip(experiment.recordings, readings, strict=True)
+    return Part.whole(Experiment(recordings=tuple(replace(r, outputs=y[None]) for r, y in pairs)))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class _Sizing:
-    """Finds the strength that a ratio needs."""
+    """Finds the strength of a mechanism that a ratio needs."""
 
     bare: Apparatus
     whole: Experiment
@@ -177,7 +281,7 @@ class _Sizing:
     def concealed(
         self, spec: CaseSpec, rng: np.random.Generator
     ) -> tuple[Apparatus, tuple[np.ndarray, ...], dict[str, float]]:
-        """The apparatus with all mechanisms of a case, its readings, and the ratio of each mechanism alone."""
+        """Conceal all mechanisms of a case; return apparatus, readings, and the ratio of each mechanism alone."""
         mechanisms: list[Mechanism] = []
         ratios: dict[str, float] = {}
         readings: tuple[np.ndarray, ...] = ()
@@ -189,7 +293,7 @@ class _Sizing:
         return apparatus, apparatus.readings(self.whole) if len(mechanisms) > 1 else readings, ratios
 
     def sized(self, mechanism: Mechanism, target: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
-        """A mechanism of the strength that a ratio needs, or its largest; the readings with it; and the ratio."""
+        """Give a mechanism the strength that a ratio needs, or its largest; return it with its readings and ratio."""
         aim, last = target, np.inf
         for _ in range(REFITS):
             mechanism, readings, guess = self._guessed(mechanism, aim)
@@ -203,7 +307,7 @@ class _Sizing:
         return mechanism, readings, ratio
 
     def _guessed(self, mechanism: Mechanism, aim: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
-        """The same to first order of the refit."""
+        """Size a mechanism to first order of the refit; return it with its readings and ratio."""
         tried: list[tuple[float, float]] = []
         most = mechanism.largest
         while True:
