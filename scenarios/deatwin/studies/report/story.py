@@ -33,9 +33,6 @@ class Measure:
         return cls(measure, demanded.format(limit), format(value, form), bool(value < limit))
 
 
-Row = Measure
-
-
 @dataclass(frozen=True, kw_only=True)
 class Note:
     """Text under a heading, and a file or commands behind it."""
