@@ -14,7 +14,7 @@ from deatwin.scenarios.control_check.trials import Outcome, Trials
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.sweep.casefile import write_case
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 def outcome(number: int, verdict: str, inside: float | None, sound: bool | None, concealed: str = "") -> Outcome:
