@@ -12,6 +12,7 @@ from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, 
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
+from deatwin.scenarios.regression_lessons.verdicts import WORDS
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
@@ -53,14 +54,12 @@ def constraint(plane: Plane) -> Drawing:
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
         legend_above(figure, axes, 4)
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "constraint",
-            "A circle and a diamond against the ellipses of least squares",
-            "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
-            f"The circle is touched where both parameters are kept ({plane.ridge.point[0]:.3f}, "
-            f"{plane.ridge.point[1]:.3f}), the diamond at ({plane.lasso.point[0]:.3f}, {plane.lasso.point[1]:.3f}).",
             {"ridge_share": plane.shares, "ridge_first": plane.ridge_path[0], "ridge_second": plane.ridge_path[1]},
+            ridge=plane.ridge,
+            lasso=plane.lasso,
         )
 
 
@@ -97,19 +96,15 @@ def paths(plane: Plane, structure: Structure) -> Drawing:
             right.axvline(extent[structure.complete], color=INK, linestyle=":", linewidth=0.9)
         right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
         right.legend(fontsize="small")
+        told = f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
+        told = told if structure.complete is not None else "They never are all in."
         columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "paths",
-            "Coefficients along the constraint",
-            "Left: ridge shrinks both parameters at once, the LASSO lets the second in late. Right: the LASSO among "
-            f"{len(path.terms)} candidate terms of a benchmark system, its true terms in colour. "
-            + (
-                "They never are all in."
-                if structure.complete is None
-                else f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
-            ),
             {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns},
+            count=len(path.terms),
+            told=told,
         )
 
 
@@ -130,13 +125,9 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> Drawing:
         left.set(xlabel="least-squares parameter", ylabel="estimate")
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
         legend_above(figure, right, 3)
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "shrinking",
-            "Shrinking and thresholding",
-            "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
-            "squared error of each in squares of the standard error, in closed form (lines) and drawn (marks); dotted: "
-            "least squares. Small parameters gain, and some larger ones pay: ridge without bound.",
             {
                 "size": risks.sizes,
                 **{f"{n}_expected": risks.expected[n] for n in RULES},
@@ -159,12 +150,9 @@ def overfitting(degrees: Decomposition) -> Drawing:
             axes.set_xlabel("point")
             columns[f"degree_{degree}"] = degrees.fits[row]
         legend_above(figure, axes, 3)
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "overfitting",
-            "Too stiff, right, and too flexible",
-            "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
-            "and not to the truth.",
             columns,
         )
 
@@ -192,14 +180,9 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawi
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
         legend_above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "bias_and_variance",
-            "Bias and variance",
-            f"Closed forms (lines) and {variance.DRAWS} repeated experiments (marks, two standard errors). Least "
-            f"squares is best at degree {degrees.complexity[np.argmin(degrees.expected)]:.0f}; ridge with a penalty of "
-            f"{penalties.complexity[best]:.2g}, which leaves {penalties.freedom[best]:.1f} of "
-            f"{variance.RIDGE_DEGREE + 1} parameters free.",
             {
                 "penalty": penalties.complexity,
                 "freedom": penalties.freedom,
@@ -208,6 +191,11 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawi
                 "expected": penalties.expected,
                 "drawn": penalties.test,
             },
+            draws=variance.DRAWS,
+            degree=degrees.complexity[np.argmin(degrees.expected)],
+            penalty=penalties.complexity[best],
+            freedom=penalties.freedom[best],
+            count=variance.RIDGE_DEGREE + 1,
         )
 
 
@@ -230,14 +218,9 @@ def razor(found: Occam) -> Drawing:
             axes.set_xlabel("degree")
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "razor",
-            "Occam's razor",
-            "Readings of a cubic (dotted). The training error falls with every degree, the error on new readings does "
-            "not; the evidence has a peak. Middle: noise known; the gap between the lines is what the evidence charges "
-            f"for parameters, {np.diff(found.occam_factor)[TRUE_DEGREE:].mean():.1f} nats for each beyond the cubic's. "
-            "Right: noise and size of the parameters not known.",
             {
                 "degree": found.degrees.astype(float),
                 "training": found.training,
@@ -247,6 +230,7 @@ def razor(found: Occam) -> Drawing:
                 "best_log_likelihood": found.best_fit,
                 "share_of_peaks": counts,
             },
+            price=np.diff(found.occam_factor)[TRUE_DEGREE:].mean(),
         )
 
 
@@ -260,11 +244,9 @@ def two_models(found: Spread) -> Drawing:
             axes.axvline(side * found.crossing, color=INK, linestyle=":", linewidth=0.9)
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
         legend_above(figure, axes, 2)
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "two_models",
-            "Why the simpler model wins where both fit",
-            "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "
-            f"less where a line will do: within {found.crossing:.2f} standard errors.",
             {"curvature": found.bends, "line": found.line, "parabola": found.parabola},
+            crossing=found.crossing,
         )
