@@ -1,11 +1,14 @@
 """Equilibria, the linear part, and the model of deviations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter
 
 from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.frequency.dc import deviations
+from deatwin.ident.narx import Fixed, NarxModel, OperatingRange
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -231,3 +234,21 @@ def test_the_operating_range_moves_along():
     assert shifted.operating.input_centre == shifted.operating.output_centre == [0]
     assert shifted.operating.output_max == [2]
     assert equilibrium(shifted).output == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_recording_seen_from_an_operating_point():
+    # y = 0.5 y1 + u^2 rests at 2 u^2; with u = 3 + w the square gives 6 w + w^2, and the constant goes.
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)^2": 1.0}, sample_time=1.0)
+    record = Recording.from_arrays([3.0, 3.5, 2.0], [18.0, 21.0, 14.0], 1.0)
+    model = replace(
+        model,
+        operating=Fixed(terms=["1"])
+        .fit(Recording.from_arrays([3.0] * 9, [18.0, 18.0, 18.1] * 3, 1.0))
+        .model_.operating,
+    )
+    shifted = deviations(model)
+    moved = shifted.seen(record)
+    found = dict(zip(map(str, shifted.model.terms), shifted.model.theta, strict=True))
+    assert found == pytest.approx({"y(k-1)": 0.5, "u(k)": 6.0, "u(k)^2": 1.0})
+    np.testing.assert_allclose(moved.inputs[0], [0.0, 0.5, -1.0])
+    np.testing.assert_allclose(moved.outputs[0], [0.0, 3.0, -4.0])
