@@ -15,7 +15,7 @@ from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, insp
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import frequency_analysis
-from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor, remove
+from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor
 from deatwin.scenarios.frequency_analysis.known import Known, known_systems
 from deatwin.scenarios.frequency_analysis.measures import judge, spread
 from deatwin.studies.folder import ResultFolder
@@ -73,22 +73,6 @@ def found(made: Fleet) -> Actuators:
 @pytest.fixture(scope="module")
 def known() -> Known:
     return known_systems(np.random.default_rng(0), recordings=20)
-
-
-def test_removal_changes_nothing_and_deletion_does() -> None:
-    # y = 0.6 y1 + 0.4 u + 0.1 y1^2 + 0.3: rests at 1 at zero input; v = 0.8 v1 + 0.4 w + 0.1 v1^2
-    model = NarxModel.from_terms({"1": 0.3, "y(k-1)": 0.6, "u(k)": 0.4, "y(k-1)^2": 0.1}, sample_time=1.0)
-    u = 0.1 * np.sin(np.arange(200.0) ** 1.3)
-    removal = remove(model, Recording.from_arrays(u, np.ones(200), 1.0))
-    assert dict(zip(map(str, removal.shifted.model.terms), removal.shifted.model.theta, strict=True)) == pytest.approx(
-        {"y(k-1)": 0.8, "u(k)": 0.4, "y(k-1)^2": 0.1}
-    )
-    assert removal.error < 1e-13
-    v = np.zeros(200)
-    for k in range(1, 200):  # the law without its constant, given deviations
-        v[k] = 0.6 * v[k - 1] + 0.4 * u[k] + 0.1 * v[k - 1] ** 2
-    np.testing.assert_allclose(removal.deleted_run, 1 + v, atol=1e-13)
-    assert removal.deleted_error == pytest.approx(np.sqrt(np.mean((1 + v - removal.run) ** 2)) / removal.run.std())
 
 
 def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:

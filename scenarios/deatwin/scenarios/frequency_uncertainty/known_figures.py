@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread
-from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known, Sweep
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep
+from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED, draw_between, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
