@@ -87,7 +87,7 @@ def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Run three stories, with less work where they can be had with less."""
     from deatwin.scenarios import prestretch, svb_benchmark
     from deatwin.scenarios.regression_lessons import occam, shrinkage, variance
-    from deatwin.scenarios.svb_benchmark import sampling
+    from deatwin.scenarios.svb_benchmark import draws
     from deatwin.scenarios.svb_benchmark.study import Plan
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.stories import Setting, story
@@ -101,7 +101,7 @@ def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
         (prestretch, "PRESTRETCHES", np.linspace(1.0, 5.0, 3)),
         (prestretch, "RATIOS", np.linspace(1.0, 3.0, 2)),
         (svb_benchmark, "PLAN", small),
-        (sampling, "FLIPS", 300),
+        (draws, "FLIPS", 300),
     ):
         patch.setattr(module, name, less)
     for name in LESSENED:

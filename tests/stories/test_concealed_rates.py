@@ -1,46 +1,20 @@
-"""The study of concealed effects: its rates against closed forms, and its baselines on a residual that is known."""
+"""The study of concealed effects: its calibration against closed forms, its baselines on a residual that is known."""
 
 import numpy as np
 import pytest
-from scipy.stats import binom, binomtest
+from scipy.stats import binom
 
 from deatwin.plant.effects.catalogue import catalogue
-from deatwin.scenarios.concealed_physics.baselines import (
-    TERM_NAMES,
-    VARIABLES,
-    Track,
-    gaussian_process,
-    narx,
-    sparse_dynamics,
-)
-from deatwin.scenarios.concealed_physics.rates import (
-    Rate,
-    bounds,
+from deatwin.scenarios.concealed_physics.baselines import VARIABLES, Track, gaussian_process, narx, sparse_dynamics
+from deatwin.scenarios.concealed_physics.key import TERM_NAMES
+from deatwin.scenarios.concealed_physics.score import (
     brier_score,
     expected_calibration_error,
-    least,
     median_interval,
-    most,
     reliability,
 )
 
 # --- rates ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("hits", "count"), [(0, 150), (1, 150), (7, 40), (39, 40), (24, 24)])
-def test_bounds_are_clopper_pearson(hits: int, count: int) -> None:
-    rate = Rate(hits=hits, count=count)
-    two_sided = binomtest(hits, count).proportion_ci(0.95, method="exact")
-    assert bounds(rate) == pytest.approx((two_sided.low, two_sided.high), abs=1e-9)
-    upper = binomtest(hits, count, alternative="less").proportion_ci(0.95, method="exact")
-    lower = binomtest(hits, count, alternative="greater").proportion_ci(0.95, method="exact")
-    assert (least(rate), most(rate)) == pytest.approx((lower.low, upper.high), abs=1e-9)
-
-
-def test_none_of_150_is_at_most_two_percent() -> None:
-    # (1 - p)^150 = 0.05 has the closed solution 1 - 0.05^(1/150) = 1.977 %.
-    assert most(Rate(hits=0, count=150)) == pytest.approx(1 - 0.05 ** (1 / 150), rel=1e-9)
-    assert bounds(Rate(hits=0, count=0)) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("count", [6, 25, 88])
@@ -53,15 +27,15 @@ def test_the_interval_of_a_median_holds_it_with_95_percent_and_no_narrower_one_d
 
 
 def test_calibration_error_and_brier_score_by_hand() -> None:
-    stated, true = [0.95, 0.95, 0.95, 0.95, 0.62, 0.62], [True, True, True, False, True, False]
-    bins = reliability(stated, true)
+    stated = [(0.95, True), (0.95, True), (0.95, True), (0.95, False), (0.62, True), (0.62, False)]
+    bins = reliability(stated)
     assert [(b.stated, b.came_true.hits, b.came_true.count) for b in bins] == [
         (pytest.approx(0.62), 1, 2),
         (pytest.approx(0.95), 3, 4),
     ]
     assert expected_calibration_error(bins) == pytest.approx((4 * 0.20 + 2 * 0.12) / 6)
-    assert brier_score(stated, true) == pytest.approx((3 * 0.05**2 + 0.95**2 + 0.38**2 + 0.62**2) / 6)
-    assert reliability([1.0], [True])[0].came_true.count == 1  # certainty belongs to the highest bin
+    assert brier_score(stated) == pytest.approx((3 * 0.05**2 + 0.95**2 + 0.38**2 + 0.62**2) / 6)
+    assert reliability([(1.0, True)])[0].came_true.count == 1  # certainty belongs to the highest bin
 
 
 # --- baselines ------------------------------------------------------------------------------------------------------

@@ -24,17 +24,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from control_story import STORY, story_blocks, story_data
 from measured import MEASURED, measured_blocks, measured_data
 
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.intake import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, opened_study, page_data, page_of
+from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of
+from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
-from deatwin.scenarios.control_check.page import STORY, story_blocks, story_data
-from deatwin.scenarios.control_check.rates import caught, inside, sound
-from deatwin.scenarios.control_check.trials import Outcome
+from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
@@ -277,7 +277,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (bound {Rate(hits=rate.hits, count=rate.count).least_percent} %)" if bound else ""
+    least_of = f" (bound {rate.least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

@@ -1,4 +1,4 @@
-"""What `deatwin frequency` writes: tables, figures and a page."""
+"""The files of `deatwin frequency`: tables, figures and a page."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption:
 
 
 def _hatching(*responses: FrequencyResponse) -> str:
-    """What the hatches mean, where there are any."""
+    """Explain the hatches, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
     return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
 
@@ -171,7 +171,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
 
 
 def _reliance(known: Reliance) -> Measure:
-    """What held-out data said of the model itself."""
+    """Show the caveats that held-out data gave the model."""
     return Measure(
         "failed residual tests and bias of the model on held-out data",
         "none",
@@ -181,7 +181,7 @@ def _reliance(known: Reliance) -> Measure:
 
 
 def _rows(found: Responses) -> list[Measure]:
-    """What a reader has to know before relying on a response."""
+    """List what a reader has to know before relying on a response."""
     poles = "stable" if found.first.status.ok else "unstable"
     rows = [Measure(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
     if (known := Reliance.of_provenance(found.model.provenance)) is not None:

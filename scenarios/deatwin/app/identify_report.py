@@ -1,4 +1,4 @@
-"""What `deatwin identify --report` writes: the model beside the recordings that it has not seen."""
+"""The report of `deatwin identify --report`: the model beside held-out data."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class Identified:
     """A model and what it was judged on."""
 
     model: NarxModel
-    method: str  # How its terms were chosen
+    method: str  # That chose its terms
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
     validation: Validation | None
     why_not: str = ""  # Then the reason
-    complete: bool = True  # Whether the search for terms went to its end
-    notes: tuple[str, ...] = ()  # What is to be known about the fit
-    clocks: Sequence[str] = ()  # What was done to the sampling of the recordings
+    complete: bool = True  # False if the search for terms was interrupted
+    notes: tuple[str, ...] = ()  # About the fit
+    clocks: Sequence[str] = ()  # About the sampling of the recordings
 
     @property
     def scale(self) -> float:
@@ -53,7 +53,7 @@ class Identified:
 
     @property
     def unit(self) -> str:
-        """That unit, empty for a pure number."""
+        """Unit in which outputs are shown; empty for a pure number."""
         shown = written_amplitude(self.model.output_units[0])[0]
         return "" if shown == "1" else shown
 
@@ -65,17 +65,17 @@ class Identified:
 
     @property
     def steps(self) -> int | None:
-        """How many steps ahead an unstable model is judged; None where it is judged by its free run."""
+        """Steps ahead by which an unstable model is judged; None if its free run judges it."""
         unstable = None if self.validation is None else self.validation.unstable
         return None if unstable is None else unstable.steps
 
     @property
     def judged(self) -> str:
-        """What it is judged by."""
+        """Name of the prediction that judges the model."""
         return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
 
     def run(self, part: Recording) -> NarxResponse:
-        """What it is judged by, over a recording."""
+        """Run the prediction that judges the model over a recording."""
         return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
 
     def amount(self, value: float) -> str:

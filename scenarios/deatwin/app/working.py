@@ -1,4 +1,4 @@
-"""How a command works into a folder of results, and with which status it ends."""
+"""Folder of results and exit status of a command."""
 
 from __future__ import annotations
 

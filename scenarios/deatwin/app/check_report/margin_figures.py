@@ -37,7 +37,7 @@ class _Measure:
 
     field: str
     label: str
-    limit: Limit  # What was asked
+    limit: Limit  # From the specification
     scale: float = 1.0
     ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
 
@@ -194,7 +194,7 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
 
 
 def _draw_disks(axes: Axes, view: View) -> None:
-    """Of a symmetric disk margin alpha: through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
+    """A symmetric disk margin alpha is a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
     for margin, colour, label in ((limit.good, MARK, "disk of a good margin"), (limit.poor, BEFORE, "of a poor one")):
         far = (2.0 + margin) / (2.0 - margin)

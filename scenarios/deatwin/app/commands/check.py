@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,6 +21,7 @@ from deatwin.app.options import (
     SampleTime,
     Seed,
     TimeColumn,
+    positive,
 )
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
@@ -43,12 +43,6 @@ class DesignName(StrEnum):
     SCHEDULED = "scheduled"
 
 
-def _positive(value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise typer.BadParameter("give a positive number of seconds")
-    return value
-
-
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 PlantSource = Annotated[
     str, typer.Option("--plant", metavar="RIG", help="Rig file, model.json or module:function: the plant to control.")
@@ -63,7 +57,7 @@ DesignOption = Annotated[
 ClosedLoopTime = Annotated[
     float | None,
     typer.Option(
-        callback=_positive,
+        callback=positive("give a positive number of seconds"),
         metavar="SECONDS",
         help="Wanted time constant of the closed loop; by default as fast as model and recording allow.",
     ),

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from deatwin.app.options import Json, OutFolder, Quiet
+from deatwin.app.options import Json, OutFolder, Quiet, positive
 from deatwin.studies.voice import Voice
 
 FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
 """Files that a run writes or not, as its model and order have it."""
-
-
-def _positive(value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise typer.BadParameter("give a positive number")
-    return value
 
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
@@ -35,7 +28,7 @@ Amplitude = Annotated[
     float | None,
     typer.Option(
         metavar="VALUE",
-        callback=_positive,
+        callback=positive("give a positive number"),
         help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
         "range.",
     ),

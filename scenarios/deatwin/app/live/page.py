@@ -197,7 +197,7 @@ class View:
 
 
 class JobCard:
-    """What is seen of one job."""
+    """The card of one job."""
 
     def __init__(self, job: Job) -> None:
         self.job = job

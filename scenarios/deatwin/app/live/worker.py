@@ -56,7 +56,7 @@ def _progress(share: float, step: str) -> None:
 
 
 def _parse(arguments: Sequence[str]) -> dict[str, Any]:
-    """What the command line's own parser makes of the arguments."""
+    """Parse the arguments as the command line does."""
     from typer.main import get_command
 
     from deatwin.app.cli import app

@@ -1,7 +1,7 @@
-"""Baselines: what a residual can be given for a model by those who do not ask which physics is missing.
+"""Baselines: models of the residual that do not ask which physics is missing.
 
-Each learns the residual of the calibrated base plant on the recordings, from what that plant says in free run, and
-corrects the plant's free run of the check. None sees a reading of the check, but for the first lags of a NARX run.
+Each learns the residual of the calibrated base plant on the recordings from that plant's free run, and corrects its free
+run of the check. None sees a reading of the check, but for the first lags of a NARX run.
 """
 
 from __future__ import annotations
@@ -28,20 +28,18 @@ DIVERGED = 20.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """What a baseline sees, on one clock: first what it learns from, then what it is judged on. All signals are
-    scaled.
-    """
+    """Scaled signals on one clock: first those that a baseline learns from, then those that it is judged on."""
 
-    residual: Array  # shape (n,): Measured minus simulated; simulated reading, its rate, and the squared command
-    reading: Array
-    rate: Array
-    drive: Array
+    residual: Array  # shape (n,): Measured minus simulated
+    reading: Array  # shape (n,): Simulated
+    rate: Array  # shape (n,): Of the simulated reading
+    drive: Array  # shape (n,): Squared command
     cut: int  # Number of samples to learn from; of the others no residual may be used but to start a run
     sample_time: float  # s
-    size: float  # What one unit of the residual is, SI
+    size: float  # One unit of the residual, SI
 
     def part(self, first: int, last: int) -> Track:
-        """Some samples of it, all to learn from."""
+        """Cut out samples, all to learn from."""
         names = ("residual", "reading", "rate", "drive")
         return replace(self, cut=last - first, **{name: getattr(self, name)[first:last] for name in names})
 
@@ -57,17 +55,17 @@ class Track:
 
     @property
     def just_before(self) -> float:
-        """What the residual is when the samples to be judged on begin: mean of the last ones before."""
+        """Residual when the samples to be judged on begin: mean of the last ones before."""
         return float(self.residual[max(self.cut - BEFORE, 0) : self.cut].mean())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correction:
-    """What a baseline makes of the residual."""
+    """The residual as a baseline predicts it."""
 
     predicted: Array
-    term: str = ""  # Its strongest term, where it has terms
-    failure: str = ""  # Why there is no correction; empty where there is
+    term: str = ""  # Strongest term of the model, where it has terms
+    failure: str = ""  # Why there is no correction; empty where there is one
 
 
 def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
@@ -103,60 +101,7 @@ VARIABLES = ("e", "x", "v", "w", "s")
 THRESHOLDS = (0.02, 0.1, 0.3)
 MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
 REST = 0.05
-"""Of the rms rate: below it the direction of motion is not sharp."""
-_MEMORY = frozenset({"creep", "dielectric_absorption", "charge_injection", "sensor_lag", "mullins"})
-_SLOW = frozenset(
-    {
-        "sensor_drift",
-        "sensor_jump",
-        "prestretch_relaxation",
-        "permittivity_drift",
-        "thermal_stiffness",
-        "periodic_disturbance",
-    }
-)
-_BEND = frozenset({"cubic_stiffness", "strain_stiffening", "sensor_curvature", "sensor_saturation", "end_stop"})
-_LATE = frozenset({"delay", "electrode_rc", "sensor_lag", "amplifier_slew", "resonance"})
-_RUB = frozenset({"coulomb_friction", "hysteresis"})
-_FIELD = frozenset(
-    {
-        "permittivity_stretch",
-        "electrode_rc",
-        "electrode_loss",
-        "amplifier_offset",
-        "permittivity_drift",
-        "delay",
-        "amplifier_slew",
-        "dielectric_absorption",
-    }
-)
-_CLIP = frozenset({"amplifier_saturation", "leakage", "permittivity_stretch", "strain_stiffening"})
-TERM_NAMES: Mapping[str, frozenset[str]] = MappingProxyType(
-    {
-        "1": _SLOW,
-        "e": _MEMORY | _SLOW,
-        "x": _MEMORY | _SLOW,
-        "v": _LATE,
-        "w": _FIELD | _MEMORY,
-        "s": _RUB,
-        "e^2": _BEND,
-        "x^2": _BEND,
-        "v^2": frozenset({"quadratic_damping"}),
-        "w^2": _CLIP,
-        "s^2": _RUB,
-        "e x": _MEMORY | _BEND,
-        "e v": _RUB | _LATE,
-        "e w": _MEMORY | _FIELD,
-        "e s": _RUB,
-        "x v": frozenset({"quadratic_damping", "hysteresis", "resonance", "electrode_rc"}),
-        "x w": _FIELD | _CLIP,
-        "x s": _RUB,
-        "v w": _LATE,
-        "v s": frozenset({"quadratic_damping"}) | _RUB,
-        "w s": _RUB | {"amplifier_slew"},
-    }
-)
-"""For each term, every effect it may stand for. The term counts as right if any of them is: its best case."""
+"""Share of the rms rate below which the direction of motion is not sharp."""
 
 
 def sparse_dynamics(track: Track) -> Correction:
@@ -189,12 +134,12 @@ def _library() -> Any:
 
 
 def _monomials(track: Track, residual: Array) -> Array:
-    """Of the variables, in pysindy's order, shape (n, terms)."""
+    """Monomials of the variables, in pysindy's order, shape (n, terms)."""
     return np.asarray(_library().transform(_variables(track, residual)))
 
 
 def _coefficients(track: Track, threshold: float) -> Array:
-    """Of the monomials up to degree 2, for the rate of the residual."""
+    """Fit the rate of the residual by monomials up to degree 2."""
     import pysindy
 
     timepts = np.arange(track.residual.size) * track.sample_time
@@ -293,18 +238,9 @@ def narx(track: Track) -> Correction:
     end = record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples)
     best, least = None, np.inf
     for output_lags, input_lags, degree in CANDIDATES:
-        found = (
-            Frols(
-                output_lags=output_lags,
-                input_lags=input_lags,
-                degree=degree,
-                max_terms=MOST_TERMS,
-                criterion="free_run",
-                held_out=HELD_OUT,
-            )
-            .fit(record)
-            .model_
-        )
+        lags = {"output_lags": output_lags, "input_lags": input_lags, "degree": degree}
+        frols = Frols(**lags, max_terms=MOST_TERMS, criterion="free_run", held_out=HELD_OUT)
+        found = frols.fit(record).model_
         run = found.simulate(end)
         if run.status.ok and run.rms_error < least:
             best, least = found, run.rms_error

@@ -12,7 +12,7 @@ from deatwin.plant.material import material
 from deatwin.studies.report.prose import notes
 
 RELAXING = "VHB 4910 Wang 2016"
-"""Its three branches are a whole published set; the plant's VHB 4905 has only the first of them."""
+"""Film whose three branches are a whole published set; the plant's VHB 4905 has only the first of them."""
 
 
 class Verdict(Enum):
@@ -50,7 +50,7 @@ class Sweep:
         return float(np.interp(prestretch, self.stretch, self.columns[name]))
 
     def best(self, name: str) -> tuple[float, float]:
-        """Where a column is largest, and its value there."""
+        """Prestretch at which a column is largest, and its value there."""
         most = int(np.nanargmax(self.columns[name]))
         return float(self.stretch[most]), float(self.columns[name][most])
 

@@ -29,7 +29,7 @@ LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
 SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType(
     {"silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps}
 )
-"""By the name of the set's folder, in the order of the page."""
+"""Loaders by the name of the set's folder, in the order of the page."""
 Outcomes = Mapping[str, Mapping[str, Outcome]]
 
 

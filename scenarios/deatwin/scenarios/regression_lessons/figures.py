@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 HEIGHTS = (0.15, 0.5, 1.5)
-"""Of ellipses besides the one that touches, as multiples of its own height."""
+"""Heights of further ellipses, as multiples of that of the ellipse that touches."""
 SHOWN = (1, 5, 12)
 """Degrees whose fits are drawn."""
 
@@ -114,7 +114,7 @@ def paths(plane: Plane, structure: Structure) -> Drawing:
 
 
 def shrinking(orthogonal: Orthogonal, risks: Risks) -> Drawing:
-    """What each rule makes of a parameter, and what it risks."""
+    """Estimates and risks of each rule."""
     least = np.linspace(-2.6, 2.6, 401)
     styles = dict(zip(RULES, ((AFTER, "o"), (BEFORE, "s"), (MARK, "^")), strict=True))
     levels = {"ridge": shrinkage.PENALTY, "LASSO": shrinkage.PENALTY, "subset": shrinkage.THRESHOLD}
@@ -251,7 +251,7 @@ def razor(found: Occam) -> Drawing:
 
 
 def two_models(found: Spread) -> Drawing:
-    """What a line and a parabola say of readings before these are seen."""
+    """Prior predictive densities of a line and of a parabola."""
     with draw((6.4, 3.4)) as figure:
         axes = figure.add_subplot()
         axes.plot(found.bends, found.line, color=AFTER, label="line")

@@ -12,7 +12,6 @@ from deatwin.studies.report.story import Measure
 
 SURE = 4.0
 """Standard errors that the largest of some dozens of Monte Carlo means may lie off."""
-_WITHIN = f"within {SURE:.0f} standard errors everywhere"
 
 
 def constraint_rows(plane: Plane, structure: Structure) -> list[Measure]:
@@ -21,18 +20,8 @@ def constraint_rows(plane: Plane, structure: Structure) -> list[Measure]:
     zero = float(np.abs(plane.lasso.point).min())
     shrunk = np.all(np.diff(plane.shares) < 0)
     return [
-        Measure(
-            "ridge: minimum on the circle, and the estimate for Lagrange's multiplier as penalty",
-            "equal to 1e-6",
-            f"{apart[0]:.1e}",
-            apart[0] < 1e-6,
-        ),
-        Measure(
-            "LASSO: minimum on the diamond, and the point of the path at the multiplier",
-            "equal to 1e-9",
-            f"{apart[1]:.1e}",
-            apart[1] < 1e-9,
-        ),
+        _equal("ridge: minimum on the circle, and the estimate for Lagrange's multiplier as penalty", apart[0], "1e-6"),
+        _equal("LASSO: minimum on the diamond, and the point of the path at the multiplier", apart[1], "1e-9"),
         Measure(
             "smaller parameter where the constraint allows 60 % of the norm",
             "zero with the diamond, not with the circle",
@@ -59,25 +48,14 @@ def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Measure]:
     """Shrinkage and thresholds on orthogonal regressors."""
     at_zero = {name: float(risk[0]) for name, risk in risks.expected.items()}
     return [
-        Measure(
+        _equal(
             "orthogonal regressors: ridge is z / (1 + penalty), the LASSO the soft threshold of z, the best of "
             "all subsets the hard one",
-            "equal to 1e-9",
-            f"{orthogonal.worst:.1e}",
-            orthogonal.worst < 1e-9,
+            orthogonal.worst,
+            "1e-9",
         ),
-        Measure(
-            "expected squared error of each, drawn, against its closed form",
-            _WITHIN,
-            f"at most {risks.worst:.1f}",
-            risks.worst < SURE,
-        ),
-        Measure(
-            "share of parameters that the LASSO sets to zero, drawn, against its closed form",
-            _WITHIN,
-            f"at most {risks.worst_zeros:.1f}",
-            risks.worst_zeros < SURE,
-        ),
+        _within("expected squared error of each, drawn, against its closed form", risks.worst),
+        _within("share of parameters that the LASSO sets to zero, drawn, against its closed form", risks.worst_zeros),
         Measure(
             "expected squared error where the true parameter is zero, over that of least squares",
             "below 1 for all three",
@@ -91,11 +69,9 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Measure]
     """Bias and variance."""
     both = (("degree", degrees), ("ridge penalty", penalties))
     rows = [
-        Measure(
+        _within(
             f"by {name}: bias² + variance + noise, against the error on new readings in repeated experiments",
-            _WITHIN,
-            f"at most {found.worst:.1f}",
-            found.worst < SURE,
+            found.worst,
         )
         for name, found in both
     ]
@@ -106,12 +82,10 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Measure]
     lowest = int(np.argmin(degrees.expected))
     return [
         *rows,
-        Measure(
+        _within(
             "effective number of parameters: trace of the hat matrix, against the covariance of fitted values "
             "and readings",
-            _WITHIN,
-            f"at most {freedom:.1f}",
-            freedom < SURE,
+            freedom,
         ),
         Measure(
             "bias² as the ridge penalty grows, and variance",
@@ -144,18 +118,12 @@ def occam_rows(found: Occam, spread: Spread) -> list[Measure]:
     off = abs(spread.drawn - spread.expected) / spread.drawn_error
     largest = int(found.degrees[-1])
     return [
-        Measure(
+        _equal(
             "log evidence of the estimator, against the multivariate t density of the readings",
-            "equal to 1e-8 nats",
-            f"{found.agreement:.1e}",
-            found.agreement < 1e-8,
+            found.agreement,
+            "1e-8 nats",
         ),
-        Measure(
-            "mean log evidence with known noise, drawn, against its closed form",
-            _WITHIN,
-            f"at most {worst:.1f}",
-            worst < SURE,
-        ),
+        _within("mean log evidence with known noise, drawn, against its closed form", worst),
         Measure(
             "degree at which its closed form has the peak, for readings of a cubic",
             str(TRUE_DEGREE),
@@ -181,3 +149,11 @@ def occam_rows(found: Occam, spread: Spread) -> list[Measure]:
             off < SURE,
         ),
     ]
+
+
+def _equal(measure: str, apart: float, to: str) -> Measure:
+    return Measure(measure, f"equal to {to}", f"{apart:.1e}", apart < float(to.split()[0]))
+
+
+def _within(measure: str, worst: float) -> Measure:
+    return Measure(measure, f"within {SURE:.0f} standard errors everywhere", f"at most {worst:.1f}", worst < SURE)

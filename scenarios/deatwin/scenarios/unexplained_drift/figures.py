@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,23 +13,22 @@ from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED
+from deatwin.studies.report.svg import draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 WINDOW = 2.0
 """Of the sliding mean, s: two periods of the highest frequency of the input."""
 KEPT = 10
 """One point in so many is drawn."""
 
 
-def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """Each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
+def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
+    """Draw each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
     columns: dict[str, list[Array]] = {"actuator": [], "time_s": [], "recording_um": [], "answer_um": [], "band_um": []}
     visits = len(findings[0].tracks)
     with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
@@ -46,19 +45,19 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawi
         for axes in grid[-1]:
             axes.set_xlabel("clock (s)")
         legend_above(figure, grid[0, 0], 3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "drifts",
             "What drifts in the six, beside the answers",
             f"Sliding means over {WINDOW:g} s of recording minus calibrated base plant (grey), and of the answer minus "
             "base plant (blue, with its predictive 95 % band for one reading). Where nothing is named the answer is "
             "the base plant, refitted to all samples. Left and right: the two visits.",
+            {name: np.concatenate(values) for name, values in columns.items()},
         )
-    return drawing, {name: np.concatenate(values) for name, values in columns.items()}
 
 
-def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """The rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
+def verdicts(scores: Sequence[Judged]) -> Drawing:
+    """Draw the rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
     before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
     at = np.arange(len(scores), dtype=float)
     with draw((9.6, 3.6)) as figure:
@@ -74,17 +73,17 @@ def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
         axes.set_xticks(at, [s.name for s in scores])
         axes.grid(axis="x", visible=False)
         legend_above(figure, axes, 3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "verdicts",
             "The answers on unseen data",
             "Over each pair of bars: how the answer stands to what was concealed.",
+            {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor},
         )
-    return drawing, {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
 
 
-def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
-    """Shifts of the mean between two runs of the same noise, by mechanism and history."""
+def repeats(groups: Sequence[Group]) -> Drawing:
+    """Draw shifts of the mean between two runs of the same noise, by mechanism and history."""
     columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
     with draw((9.6, 4.6)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
@@ -104,15 +103,15 @@ def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
         for axes, label in ((left, "shift of the mean (µm)"), (right, "change of the gain (%)")):
             axes.axvline(0.0, color=INK, linewidth=0.8)
             axes.set_xlabel(label)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "repeats",
             "What repeats, and under which condition",
             "One point an actuator: the same noise twice, ten minutes apart. Below the six as they are: six "
             "fabrications of the specification with one mechanism of one size. Ochre: where 95 % of further actuators "
             "would lie.",
+            columns,
         )
-    return drawing, {name: np.array(values) for name, values in columns.items()}
 
 
 def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
@@ -138,7 +137,7 @@ def _title(score: Judged) -> str:
 
 
 def _errors(score: Judged) -> tuple[float, float, float]:
-    """Before, after (NaN where nothing is built in), and what no plant can get below, µm."""
+    """Rms errors before, after (NaN where nothing is built in), and of noise and model error, µm."""
     unseen = score.diagnosis.fit["unseen"]
     after = np.nan if unseen["after"] is None else unseen["after"]
     return unseen["before"], after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))

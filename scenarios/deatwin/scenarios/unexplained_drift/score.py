@@ -5,39 +5,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
 from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
-from deatwin.studies.report.story import Row
+from deatwin.studies.report.story import Measure
 
 OUTSIDE = frozenset({"grease_ridge"})
-"""What is concealed but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
+"""Concealed, but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
 
 
 class Mark(Enum):
     """How an answer stands to the truth."""
 
-    RIGHT = "right"
-    PARTLY = "partly"
-    IN_THE_SET = "in the set"
-    OPEN = "left open"
-    WRONG = "wrong"
+    RIGHT = "right", "all that drifts is named, and nothing else"
+    PARTLY = "partly", "some of what drifts is named, and nothing else"
+    IN_THE_SET = "in the set", "the diagnosis says that it cannot decide, and all that drifts is among what it lists"
+    OPEN = "left open", "nothing is claimed with confidence"
+    WRONG = "wrong", "named with confidence what is not there"
 
-    @property
-    def advice(self) -> str:
-        """What the mark means."""
-        return _ADVICE[self]
+    advice: str
 
-
-_ADVICE: Mapping[Mark, str] = {
-    Mark.RIGHT: "all that drifts is named, and nothing else",
-    Mark.PARTLY: "some of what drifts is named, and nothing else",
-    Mark.IN_THE_SET: "the diagnosis says that it cannot decide, and all that drifts is among what it lists",
-    Mark.OPEN: "nothing is claimed with confidence",
-    Mark.WRONG: "named with confidence what is not there",
-}
+    def __new__(cls, value: str, advice: str) -> Self:
+        """Keep the meaning beside the word."""
+        mark = object.__new__(cls)
+        mark._value_, mark.advice = value, advice
+        return mark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +102,7 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
     return Mark.OPEN
 
 
-def measures(scores: Sequence[Judged]) -> list[Row]:
+def measures(scores: Sequence[Judged]) -> list[Measure]:
     """What is demanded of the answers, and what they reach."""
     from scipy.stats import binom
 
@@ -123,29 +117,26 @@ def measures(scores: Sequence[Judged]) -> list[Row]:
     covered = sum(e.covered for e in estimates)
     allowed = int(binom.ppf(0.025, len(estimates), 0.95)) if estimates else 0
     return [
-        Row(
-            measure="All that drifts is named, and nothing else",
-            demanded=f"{count} of {count}",
-            reached=f"{right} of {count}",
-            passed=right == count,
+        Measure(
+            "All that drifts is named, and nothing else", f"{count} of {count}", f"{right} of {count}", right == count
         ),
-        Row(measure="Named with confidence what is not there", demanded="0", reached=str(wrong), passed=not wrong),
-        Row(
-            measure="All that drifts is among what is named or listed",
-            demanded=f"{count} of {count}",
-            reached=f"{inside} of {count}",
-            passed=inside == count,
+        Measure("Named with confidence what is not there", "0", str(wrong), not wrong),
+        Measure(
+            "All that drifts is among what is named or listed",
+            f"{count} of {count}",
+            f"{inside} of {count}",
+            inside == count,
         ),
-        Row(
-            measure="Where something is built in, the error on unseen data falls",
-            demanded=f"{len(claimed)} of {len(claimed)}",
-            reached=str(better),
-            passed=better == len(claimed),
+        Measure(
+            "Where something is built in, the error on unseen data falls",
+            f"{len(claimed)} of {len(claimed)}",
+            str(better),
+            better == len(claimed),
         ),
-        Row(
-            measure="Intervals of rightly named drifts that hold the truth",
-            demanded=f"at least {allowed} of {len(estimates)} (95 % each)",
-            reached=str(covered),
-            passed=covered >= allowed,
+        Measure(
+            "Intervals of rightly named drifts that hold the truth",
+            f"at least {allowed} of {len(estimates)} (95 % each)",
+            str(covered),
+            covered >= allowed,
         ),
     ]

@@ -88,5 +88,5 @@ def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
 
 
 def _hash(script: str) -> str:
-    """That by which the page's policy allows its one script."""
+    """Hash by which the page's policy allows its one script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.rendering import write_page
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -31,9 +33,6 @@ class Measure:
         return cls(measure, demanded.format(limit), format(value, form), bool(value < limit))
 
 
-Row = Measure
-
-
 @dataclass(frozen=True, kw_only=True)
 class Note:
     """Text under a heading, and a file or commands behind it."""
@@ -51,10 +50,16 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]  # Cells as they are to be shown
 
+    @classmethod
+    def of(cls, title: str, items: Iterable[Item], columns: Mapping[str, Callable[[Item], object]]) -> Table:
+        """Make a row of each item; a column is a function of an item."""
+        rows = [[str(cell(item)) for cell in columns.values()] for item in items]
+        return cls(title=title, columns=list(columns), rows=rows)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoryPage:
-    """All that the page shows."""
+    """Content of the page."""
 
     title: str  # Name of the story, and of its result file
     sentence: str

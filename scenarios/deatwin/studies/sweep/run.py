@@ -21,13 +21,13 @@ Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
 PARENT = os.getppid()
-"""Of a worker process: who wants its results."""
+"""Process that wants a worker's results."""
 WATCH = 0.5
 """A worker looks so often whether its master still lives, s."""
 MOST_DEATHS = 4
 """A case that was being run so many times when its worker died is given up."""
 TOGETHER = 2
-"""From so many on it is run alone, so that no other case dies with it."""
+"""After so many deaths a case runs alone, so that no other dies with it."""
 DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
 """Errors of loky and of dask that say that a worker died, by name: dask need not be there."""
 
@@ -164,7 +164,7 @@ def _end_with_master() -> None:
 
 
 class _Progress:
-    """What is told while a sweep runs: the share by effort, the count, and the time left."""
+    """Progress of a sweep: the share by effort, the count, and the time left."""
 
     def __init__(
         self, cases: Mapping[str, Any], missing: list[str], tell: Tell, noun: str, efforts: Mapping[str, float]

@@ -23,12 +23,12 @@ class Sealed(ABC):
     @property
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """What must not change, as plain data."""
+        """Everything that must not change, as plain data."""
 
     @property
     @abstractmethod
     def case_schema(self) -> str:
-        """Of the files of the cases, such as ``deatwin/study-case/1``."""
+        """Schema of the files of the cases, such as ``deatwin/study-case/1``."""
 
     @abstractmethod
     def described(self) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def digest(data: Any) -> str:
 
 
 def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
-    """SHA-256 of the Python sources of packages, and of further files.
+    """SHA-256 of the Python and C sources of packages, and of further files.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
     whole = hashlib.sha256()
     for package in packages:
         for root in import_module(package).__path__:
-            for path in sorted(Path(root).rglob("*.py")):
+            for path in sorted(p for p in Path(root).rglob("*") if p.suffix in (".py", ".c")):
                 whole.update(f"{package}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
     for path in files:
         whole.update(path.name.encode() + path.read_bytes())

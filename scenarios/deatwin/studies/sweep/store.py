@@ -133,7 +133,7 @@ class CaseStore(Generic[S]):
         return found
 
     def has(self, name: str) -> bool:
-        """Whether a case is through.
+        """Test if a case is through.
 
         Parameters
         ----------
