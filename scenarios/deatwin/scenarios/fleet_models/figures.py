@@ -129,7 +129,7 @@ def free_runs(
 
 
 def _drift(study: Study) -> Drawing:
-    """Where the free run of a model goes astray, over the whole recording."""
+    """Error of the free run of a model over the whole recording."""
     columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         error_label = f"free-run error of SEMP, mean over {WINDOW:.0f} s (µm)"

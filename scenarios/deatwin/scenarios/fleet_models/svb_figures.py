@@ -59,7 +59,7 @@ def _pruning(benches: Iterable[Bench]) -> Drawing:
 
 
 def _posterior(bench: Bench) -> Drawing:
-    """What each term adds to the next reading, with its interval, beside the same of SEMP."""
+    """Share of each term in the next reading, with its interval, for SVB and SEMP."""
     models = {method: bench.models[method].model for method in (SVB, SEMP)}
     terms = sorted({t for model in models.values() for t in model.terms}, key=lambda term: (term.degree, term.factors))
     kinds = {SVB: (Hue.AFTER, -0.15, "the posterior"), SEMP: (Hue.BEFORE, 0.15, "least squares")}

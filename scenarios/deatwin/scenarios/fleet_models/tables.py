@@ -135,7 +135,7 @@ def _parameters(benches: Iterable[Bench], method: str) -> Iterator[list[str]]:
 
 
 def _estimators(bench: Bench) -> Table:
-    """The same terms, estimated in several ways, with errors and tests."""
+    """One structure, estimated in several ways, with errors and tests."""
     terms = bench.models[SEMP].model.terms
     estimated = estimate_all(terms, *bench.sections)
     noise = sorted({t for e in estimated for t in e.model.terms} - set(terms), key=str)

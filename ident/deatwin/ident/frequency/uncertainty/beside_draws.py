@@ -63,7 +63,7 @@ class Spread:
 
     @property
     def strict(self) -> NDArray[np.bool_]:
-        """Where the law should hold as exactly as the draws can tell, shape (n,)."""
+        """Whether the law should hold as exactly as the draws can tell, shape (n,)."""
         return np.asarray(self.propagated.nonlinearity <= STRICT)
 
     @property
@@ -141,7 +141,7 @@ class Sweep:
 
 @dataclass(frozen=True, kw_only=True)
 class Speed:
-    """What propagation of one response costs, beside draws that say as much."""
+    """Cost of propagation to one response, beside draws of equal accuracy."""
 
     label: str
     propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
