@@ -27,8 +27,8 @@ SAMPLE_TIME = 1.0
 class ClosedForm:
     """A system and its frequency responses."""
 
-    name: str  # What it is called, and its equation as a person writes it
-    shown: str
+    name: str
+    shown: str  # Its equation as a person writes it
     equation: Mapping[str, float]  # Parameter of each term
     responses: Mapping[int, Response]
     highest: int | None  # The highest order of its output; None where there is none
@@ -40,7 +40,7 @@ class ClosedForm:
 
 
 def _turn(angles: Array, lag: int = 1) -> Complex:
-    """E to the power of a lag."""
+    """E of the module's text, to the power of a lag."""
     return np.asarray(np.exp(-1j * lag * angles.sum(axis=1)))
 
 

@@ -14,18 +14,18 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
-"""Of the error reduction ratio, below which a term is no longer added."""
+"""Error reduction ratios below which a term is no longer added."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """Structures of all sizes along the two paths."""
 
-    terms: Array  # shape (n_steps,): Number of terms and lower bound, nats, of each step of SVB
-    bounds: Array
-    bound_errors: Array
-    err: Array  # shape (n_path,): Error reduction ratio of the 1st, 2nd, ... term of FRO
-    err_errors: Array  # shape (n_path,): Free-run error as above, of the first 1, 2, ... terms
+    terms: Array  # shape (n_steps,): number of terms of each step of SVB
+    bounds: Array  # shape (n_steps,): lower bound, nats
+    bound_errors: Array  # shape (n_steps,): free-run error over the held-out section, m
+    err: Array  # shape (n_path,): error reduction ratio of the 1st, 2nd, ... term of FRO
+    err_errors: Array  # shape (n_path,): free-run error of the first 1, 2, ... terms, m
 
     @property
     def by_bound(self) -> int:

@@ -47,7 +47,7 @@ ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxy
         "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
     }
 )
-"""What estimates the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
+"""Estimators of the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
 
 
 def estimate_all(terms: Terms, training: Recording, held_out: Recording) -> tuple[Estimated, ...]:

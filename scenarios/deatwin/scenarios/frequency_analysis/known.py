@@ -66,7 +66,7 @@ class Identified:
 class Known:
     """All benchmark systems."""
 
-    errors: Mapping[str, Mapping[int, float]]  # Of each system and order against its closed form
+    errors: Mapping[str, Mapping[int, float]]  # Error of each order against the closed form, by system
     ranges: tuple[Ranges, ...]
     evaluated: Mapping[ClosedForm, Evaluated]
     identified: Identified

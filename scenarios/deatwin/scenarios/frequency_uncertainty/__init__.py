@@ -1,4 +1,4 @@
-"""What is known of a frequency response, and where six actuators of one specification differ.
+"""How well frequency responses are known, and where six actuators of one specification differ.
 
 The uncertainty of a model's parameters is propagated to its frequency responses of every order and held against Monte
 Carlo, for systems whose equations are known: where the law of propagation holds, and where it fails. Then the thesis'

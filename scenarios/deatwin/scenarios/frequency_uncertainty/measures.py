@@ -75,7 +75,7 @@ def _draws(what: str, every: list[Spread]) -> Measure:
 
 
 def _tests(fleet: Consistency) -> Iterable[Measure]:
-    """What the tests find where nothing differs or drifts, and where something does."""
+    """Tests of records that are known to differ or drift, and of records that do not."""
     repeats, steady, shared = (fleet.tables[group] for group in ("repeats", "steady", "shared"))
     single = float(np.mean([d.p_value < repeats.level for d in repeats.differences]))
     records = len({name for pair in repeats.pairs for name in pair})

@@ -90,11 +90,11 @@ class Study:
 
     known: Known
     driven: tuple[Driven, ...]  # The six
-    stories: tuple[str, ...]  # What happens to each, in one sentence
+    stories: tuple[str, ...]  # History of each, in one sentence
 
     @property
     def shown(self) -> tuple[Driven, ...]:
-        """Those whose maps are drawn."""
+        """Actuators whose maps are drawn."""
         return tuple(one for one in self.driven if one.maps)
 
 
