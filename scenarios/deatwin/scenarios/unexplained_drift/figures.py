@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.drifts import moving_mean
-from deatwin.scenarios.unexplained_drift.examine import Finding, Track
 from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
+from deatwin.scenarios.unexplained_drift.study import Finding, Track
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED
 from deatwin.studies.report.svg import draw, legend_above

@@ -8,8 +8,8 @@ from enum import Enum
 from typing import Any, Self
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
-from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
+from deatwin.scenarios.unexplained_drift.study import Finding
 from deatwin.studies.report.story import Measure
 
 OUTSIDE = frozenset({"grease_ridge"})
