@@ -15,13 +15,15 @@ from deatwin.scenarios.concealed_physics.score import brier_score, expected_cali
 from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, standalone
+from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED, titled
+from deatwin.studies.report.svg import draw, standalone
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
@@ -31,6 +33,7 @@ ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
     "confident wrong name": (lambda c: c.confidently_wrong, BEFORE, "X"),
 }
 FAMILY_STYLES = ((AFTER, "o"), (BEFORE, "s"), (MEASURED, "D"), (MARK, "^"), (INK, "v"))
+SHARES = ("cases", "share_percent", "low_percent", "high_percent")
 Cells = list[tuple[object, ...]]
 
 
@@ -54,7 +57,7 @@ def summary(study: Opened) -> str:
             fourth: "free run on unseen data",
         }
         for axes, title in titles.items():
-            axes.set_title(title, loc="left", fontsize="medium")
+            titled(axes, title)
         return standalone(figure)
 
 
@@ -65,21 +68,14 @@ def _families(study: Opened) -> Drawing:
     table = by_family(study)
     with draw((6.4, 4.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "medium")
-        return Drawing.of(
-            figure,
-            "confusion_family",
-            "Confusion of families",
-            "Family of the first cause; none or one effect is concealed. Blue is right, orange wrong, grey neither.",
-            table.csv(),
-        )
+        return WORDS.drawing(figure, "confusion_family", table.csv())
 
 
 def _mechanisms(study: Opened) -> Drawing:
     table = by_effect(study)
     with draw((11.0, 9.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "x-small")
-        caption = "First cause; cases with no or one concealed effect, of all strengths."
-        return Drawing.of(figure, "confusion_effect", "Confusion of effects", caption, table.csv())
+        return WORDS.drawing(figure, "confusion_effect", table.csv())
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
@@ -120,16 +116,9 @@ def _power(study: Opened) -> Drawing:
             rows += [(f"truth in the answer, {family.value}", f"{x:.3g}", *_cells(r)) for x, r in points]
         right.set(xscale="log", xlabel="structural residual over noise")
         _plain_ratios(right, 3)
-        left.set_title("all effects", loc="left", fontsize="medium")
-        right.set_title("truth in the answer, by family", loc="left", fontsize="medium")
-        return Drawing.of(
-            figure,
-            "power",
-            "Power curves",
-            "One concealed effect, by the residual that it leaves after the base plant was refitted, over the noise. "
-            "Bars are 95 % intervals.",
-            csv_text(("what", "ratio", "cases", "share_percent", "low_percent", "high_percent"), rows),
-        )
+        titled(left, "all effects")
+        titled(right, "truth in the answer, by family")
+        return WORDS.drawing(figure, "power", csv_text(("what", "ratio", *SHARES), rows))
 
 
 def _draw_power(axes: Axes, study: Opened) -> Cells:
@@ -184,13 +173,7 @@ def _plain_ratios(axes: Axes, columns: int) -> None:
 def _reliability(study: Opened) -> Drawing:
     with draw((4.8, 4.2)) as figure:
         rows = _draw_reliability(figure.add_subplot(), study)
-        return Drawing.of(
-            figure,
-            "reliability",
-            "Are stated probabilities borne out?",
-            "Every cause of every case, in tenths of its stated probability; 95 % intervals and numbers of causes.",
-            csv_text(("stated", "causes", "right_percent", "low_percent", "high_percent"), rows),
-        )
+        return WORDS.drawing(figure, "reliability", csv_text(("stated", "causes", "right_percent", *SHARES[2:]), rows))
 
 
 def _draw_reliability(axes: Axes, study: Opened) -> Cells:
@@ -217,14 +200,7 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
 def _errors(study: Opened) -> Drawing:
     with draw((7.2, 3.4)) as figure:
         rows = _draw_errors(figure.add_subplot(), study)
-        return Drawing.of(
-            figure,
-            "errors",
-            "Free run on unseen data",
-            "Rms error on the check record over that of the oracle, which is told the effect; one concealed effect at "
-            "least as large as the noise. Bars reach from 5 to 95 % of the cases, dots are medians.",
-            csv_text(("case", "who", "error_over_oracle"), rows),
-        )
+        return WORDS.drawing(figure, "errors", csv_text(("case", "who", "error_over_oracle"), rows))
 
 
 def _draw_errors(axes: Axes, study: Opened) -> Cells:

@@ -17,15 +17,17 @@ from deatwin.scenarios.control_check.tables import MICRO, trials_csv, verdicts_s
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED, filled, titled
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
-INK, GREY, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (GREY, "-"), (INK, "-"), (AFTER, "--"))
+STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (MEASURED, "-"), (INK, "-"), (AFTER, "--"))
 """Of the six actuators."""
 STRETCH = 10.0
 """Length of the tones that is drawn, s."""
@@ -37,7 +39,7 @@ SHOWN = {
 }
 TRUTHS: dict[bool | None, str] = {True: "sound", False: "not sound", None: "no controller"}
 """Verdicts of the true rig."""
-MARKS: dict[bool | None, tuple[str, str]] = {True: (AFTER, "o"), False: (BEFORE, "X"), None: (GREY, "s")}
+MARKS: dict[bool | None, tuple[str, str]] = {True: (AFTER, "o"), False: (BEFORE, "X"), None: (MEASURED, "s")}
 JITTER = 0.28
 """Of a row of the verdicts, so that trials do not lie upon each other."""
 
@@ -65,8 +67,8 @@ def _tracking(every: Sequence[Tracking]) -> Drawing:
                     part = slice(*np.searchsorted(run.timepts, (SETTLED, SETTLED + STRETCH)))
                     axes.plot(run.timepts[part], MICRO * run.error[part], line, color=colour, label=label)
             axes.set_ylabel("error (µm)")
-        above.set_title(f"{nominal.name}: all", loc="left", fontsize="medium")
-        below.set_title("the two smallest, enlarged", loc="left", fontsize="medium")
+        titled(above, f"{nominal.name}: all")
+        titled(below, "the two smallest, enlarged")
         below.set_xlabel("time (s)")
         above.tick_params(labelbottom=False)
         _rms(figure.add_subplot(grid[:, 1]), every)
@@ -79,15 +81,7 @@ def _tracking(every: Sequence[Tracking]) -> Drawing:
             for name, one in tracking.tracked.items():
                 key = name.replace(": ", "_").replace(" ", "_")
                 columns[f"{where}_{key}_error_um"] = MICRO * _filled(one.run.error, longest.timepts.size)
-        return Drawing.of(
-            figure,
-            "tracking",
-            "Tracking tones of 0.1 to 0.8 Hz",
-            f"Reference minus the noise-free output, and its rms from {SETTLED:g} s on. All controllers have the same "
-            "feedback rule; those named oracle are designed on the true plant's static curve and linear model. The "
-            "specification has hysteresis, which no static curve inverts.",
-            columns,
-        )
+        return WORDS.drawing(figure, "tracking", columns, settled=SETTLED)
 
 
 def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
@@ -98,7 +92,7 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
         values = np.array([MICRO * tracking.tracked[name].rms for name in names])
         rows = np.arange(len(names)) + (place - 0.5 * (len(every) - 1)) * height
         shown = np.where(np.isfinite(values), values, 0.0)
-        colour = (AFTER, GREY)[place % 2]
+        colour = (AFTER, MEASURED)[place % 2]
         axes.barh(rows, shown, height=0.92 * height, color=colour, alpha=0.8, label=tracking.name)
         for row, value in zip(rows, values, strict=True):
             text, end = (f"{value:.3g}", value) if np.isfinite(value) else ("failed", 0.1)
@@ -139,21 +133,13 @@ def _fleet(runs: Sequence[FleetRun]) -> Drawing:
                 above.plot(run.timepts[part], MICRO * run.output[part], line, label=name, **style)
                 below.plot(run.timepts[part], MICRO * run.error[part], line, **style)
                 columns[f"{kind}_{name.replace(' ', '').lower()}_output_um"] = MICRO * run.output
-            above.set_title(kind, loc="left", fontsize="medium")
+            titled(above, kind)
             below.set_xlabel("time (s)")
         panels[0, 0].set_ylabel("displacement (µm)")
         panels[1, 0].set_ylabel("error (µm)")
         figure.align_ylabels(panels[:, 0])
         legend_above(figure, panels[0, 0], 7)
-        return Drawing.of(
-            figure,
-            "fleet",
-            "The scheduled design on the six actuators",
-            "One gain schedule, made on the identified model of the specification, which is none of the six: they are "
-            "fabricated beside it, and drift as they are used. Outputs without noise; of the tones "
-            f"{STRETCH:g} of {longest.timepts[-1]:.0f} s.",
-            _of_one_length(columns),
-        )
+        return WORDS.drawing(figure, "fleet", filled(columns), stretch=STRETCH, whole=longest.timepts[-1])
 
 
 def _concealed(every: Sequence[Concealed]) -> Drawing:
@@ -177,24 +163,11 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 for kind in ("check", "truth")
             )
             title = f"{one.effect.replace('_', ' ')} concealed. Check: {said}. True rig: {was}"
-            axes.set_title(title, loc="left", fontsize="medium")
+            titled(axes, title)
             axes.set_ylabel("displacement (µm)")
         panels[-1].set_xlabel("time (s)")
         legend_above(figure, panels[0], 3)
-        return Drawing.of(
-            figure,
-            "concealed",
-            "What a concealed effect does to a design",
-            "Steps on the true rig, which no check sees. Both designs follow one rule; one is made on the plant "
-            "without the effect, as well as it can be fitted, the other on the plant that the diagnosis of the "
-            "recording amended.",
-            _of_one_length(columns),
-        )
-
-
-def _of_one_length(columns: dict[str, Array]) -> dict[str, Array]:
-    length = max(values.size for values in columns.values())
-    return {name: _filled(values, length) for name, values in columns.items()}
+        return WORDS.drawing(figure, "concealed", filled(columns))
 
 
 def _filled(values: Array, length: int) -> Array:
@@ -231,14 +204,8 @@ def _models(matters: Matters) -> Drawing:
             )
             for p in matters.promises
         ]
-        return Drawing.of(
-            figure,
-            "models",
-            "Does the model matter? What each promised, and what it got",
-            "One design rule on five models of one actuator, each judged on the true plant. Bandwidth and gain margin "
-            "are promised by the linearised model and measured with sines as large as the steps; overshoot and error "
-            "are of the steps, promised by closed loops on draws of the model with the residual of its free run.",
-            csv_text(("model", "quantity", "predicted", "low", "high", "achieved", "inside"), rows),
+        return WORDS.drawing(
+            figure, "models", csv_text(("model", "quantity", "predicted", "low", "high", "achieved", "inside"), rows)
         )
 
 
@@ -269,15 +236,7 @@ def _trials(outcomes: Sequence[Outcome]) -> Drawing:
         _draw_confusion(left, outcomes, verdicts)
         _draw_times(right, outcomes, verdicts)
         legend_above(figure, right, 4)
-        return Drawing.of(
-            figure,
-            "trials",
-            "Did the verdict keep its word?",
-            "Random rigs, most with physics that their specification does not have, random designs. Sound: the true "
-            "rig keeps every limit of the check. Left: numbers of trials; blue is a verdict that was right, orange a "
-            "passed design that was not sound, grey caution. Right: hollow marks left the predicted band.",
-            trials_csv(outcomes),
-        )
+        return WORDS.drawing(figure, "trials", trials_csv(outcomes))
 
 
 def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]) -> None:
@@ -290,7 +249,7 @@ def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[
             if count:
                 passed = verdict == Verdict.PASS.value
                 caution = truth is None or (truth and not passed)
-                colour = GREY if caution else AFTER if passed is truth else BEFORE
+                colour = MEASURED if caution else AFTER if passed is truth else BEFORE
                 depth = 0.2 + 0.5 * count / len(outcomes)
                 axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
             axes.text(column, row, str(count), ha="center", va="center")

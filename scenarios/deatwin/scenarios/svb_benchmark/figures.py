@@ -13,15 +13,15 @@ from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.scenarios.svb_benchmark.tables import COVERAGE, exact, kept, oracles
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED
 from deatwin.studies.report.svg import COLOURS, draw
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK, GRID, MEASURED, BEFORE, AFTER, MARK = (
-    COLOURS[role][0] for role in ("ink", "grid", "measured", "before", "after", "mark")
-)
+WORDS = Words(__package__)
 STYLES = {
     "fro": (MEASURED, "v"),
     "fro-told": (MEASURED, "^"),
@@ -78,7 +78,7 @@ def _rates(study: Study) -> Drawing:
                 near = oracles(study, system)[1]
                 limit = 100 * (near.exact if what is exact else near.kept).share
                 axes.plot([limit, limit], [number - 0.4, number + 0.4], color=INK, linewidth=1.1, linestyle=":")
-                axes.axhline(number + 0.5, color=GRID, linewidth=0.6)
+                axes.axhline(number + 0.5, color=COLOURS["grid"][0], linewidth=0.6)
             _names(axes, plan.systems)
             axes.set(xlabel=f"{words} (% of draws)", xlim=(-4, 104), ylim=(len(plan.systems) - 0.5, -0.5))
         for method in plan.methods:
@@ -86,14 +86,7 @@ def _rates(study: Study) -> Drawing:
             panels[0].plot([], [], marker, color=colour, label=METHODS[method].label, markersize=5)
         panels[0].plot([], [], color=INK, linestyle=":", label="oracle from the true terms")
         figure.legend(loc="outside upper left", ncols=4, markerscale=1)
-        return Drawing.of(
-            figure,
-            "rates",
-            "How often the structure is found",
-            f"{plan.draws} draws of each system, with 95 % intervals (Clopper and Pearson). Dotted: how often the "
-            "truth is the best of its neighbours, at the best threshold.",
-            csv_text(("system", "method", "what", *SHARES), rows),
-        )
+        return WORDS.drawing(figure, "rates", csv_text(("system", "method", "what", *SHARES), rows), draws=plan.draws)
 
 
 def _outcomes(study: Study) -> Drawing:
@@ -119,8 +112,13 @@ def _outcomes(study: Study) -> Drawing:
         axes.set(xlabel="share of the draws (%)", xlim=(0, 100))
         _names(axes, [METHODS[method].label for method in methods])
         figure.legend(loc="outside upper left", ncols=4)
-        title, caption = f"{system}: what the methods keep (thesis table 6.1)", f"{study.plan.draws} draws of {system}."
-        return Drawing.of(figure, "outcomes", title, caption, csv_text(("method", "outcome", "share_percent"), rows))
+        return WORDS.drawing(
+            figure,
+            "outcomes",
+            csv_text(("method", "outcome", "share_percent"), rows),
+            system=system,
+            draws=study.plan.draws,
+        )
 
 
 def _coverage(study: Study) -> Drawing:
@@ -145,14 +143,13 @@ def _coverage(study: Study) -> Drawing:
             axes.set_yticks(range(len(labels)), labels, fontsize="small")
             axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
             axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "coverage",
-            "Do the 95 % intervals cover?",
-            f"Given the right structure, {study.plan.draws} draws. Ochre: {100 * COVERAGE[0]:g} to "
-            f"{100 * COVERAGE[1]:g} %, which is demanded of all parameters on the left together. Right: the system "
-            "with coloured noise, without and with a noise model.",
             csv_text(("system and term", "estimator", *SHARES), rows),
+            draws=study.plan.draws,
+            low=100 * COVERAGE[0],
+            high=100 * COVERAGE[1],
         )
 
 
@@ -184,13 +181,8 @@ def _sweep(study: Study) -> Drawing:
             axes.set_xticks(variances, [f"{v:g}" for v in variances])
             axes.minorticks_off()
         left.legend(loc="lower left", markerscale=1)
-        return Drawing.of(
-            figure,
-            "sweep",
-            "Noise sweep (thesis section 6.5.2)",
-            f"{SWEPT} at five variances around its own, {study.plan.swept_draws} draws each, with 95 % intervals. "
-            "Right: all parameters, given the right structure.",
-            csv_text(("variance", "what", *SHARES), rows),
+        return WORDS.drawing(
+            figure, "sweep", csv_text(("variance", "what", *SHARES), rows), swept=SWEPT, draws=study.plan.swept_draws
         )
 
 
@@ -227,11 +219,10 @@ def _sampler(study: Study) -> Drawing:
         _names(right, first.common, fontsize="small")
         figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
         rows = [(first.terms[i], first.inclusion[i], int(first.terms[i] in first.chosen)) for i in shown]
-        return Drawing.of(
+        return WORDS.drawing(
             figure,
             "sampler",
-            "A spike-and-slab sampler beside SVB, on S4",
-            f"The first draw. Left: the {len(shown)} most likely of {len(first.terms)} terms; blue are those that SVB "
-            "keeps. Right: the sampler's intervals also hold what it does not know of the structure.",
             csv_text(("term", "probability", "kept_by_svb"), rows),
+            shown=len(shown),
+            terms=len(first.terms),
         )

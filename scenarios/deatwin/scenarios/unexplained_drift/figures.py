@@ -15,11 +15,13 @@ from deatwin.scenarios.unexplained_drift.study import Finding, Track
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED
 from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 WINDOW = 2.0
 """Of the sliding mean, s: two periods of the highest frequency of the input."""
@@ -45,14 +47,8 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
         for axes in grid[-1]:
             axes.set_xlabel("clock (s)")
         legend_above(figure, grid[0, 0], 3)
-        return Drawing.of(
-            figure,
-            "drifts",
-            "What drifts in the six, beside the answers",
-            f"Sliding means over {WINDOW:g} s of recording minus calibrated base plant (grey), and of the answer minus "
-            "base plant (blue, with its predictive 95 % band for one reading). Where nothing is named the answer is "
-            "the base plant, refitted to all samples. Left and right: the two visits.",
-            {name: np.concatenate(values) for name, values in columns.items()},
+        return WORDS.drawing(
+            figure, "drifts", {name: np.concatenate(values) for name, values in columns.items()}, window=WINDOW
         )
 
 
@@ -73,12 +69,8 @@ def verdicts(scores: Sequence[Judged]) -> Drawing:
         axes.set_xticks(at, [s.name for s in scores])
         axes.grid(axis="x", visible=False)
         legend_above(figure, axes, 3)
-        return Drawing.of(
-            figure,
-            "verdicts",
-            "The answers on unseen data",
-            "Over each pair of bars: how the answer stands to what was concealed.",
-            {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor},
+        return WORDS.drawing(
+            figure, "verdicts", {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
         )
 
 
@@ -103,15 +95,7 @@ def repeats(groups: Sequence[Group]) -> Drawing:
         for axes, label in ((left, "shift of the mean (µm)"), (right, "change of the gain (%)")):
             axes.axvline(0.0, color=INK, linewidth=0.8)
             axes.set_xlabel(label)
-        return Drawing.of(
-            figure,
-            "repeats",
-            "What repeats, and under which condition",
-            "One point an actuator: the same noise twice, ten minutes apart. Below the six as they are: six "
-            "fabrications of the specification with one mechanism of one size. Ochre: where 95 % of further actuators "
-            "would lie.",
-            columns,
-        )
+        return WORDS.drawing(figure, "repeats", columns)
 
 
 def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
