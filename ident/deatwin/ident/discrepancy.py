@@ -236,7 +236,7 @@ def narx(track: Track) -> Correction:
     end = record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples)
     best, least = None, np.inf
     for output_lags, input_lags, degree in CANDIDATES:
-        lags = {"output_lags": output_lags, "input_lags": input_lags, "degree": degree}
+        lags: dict[str, Any] = {"output_lags": output_lags, "input_lags": input_lags, "degree": degree}
         frols = Frols(**lags, max_terms=MOST_TERMS, criterion="free_run", held_out=HELD_OUT)
         found = frols.fit(record).model_
         run = found.simulate(end)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -184,7 +184,7 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
         place, share = 100 * b.stated, 100 * b.came_true.share
         axes.plot([place] * 2, [100 * end for end in b.came_true.interval], color=AFTER, linewidth=1.0, alpha=0.7)
         axes.plot(place, share, "o", color=AFTER, markersize=5)
-        beside = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
+        beside: dict[str, Any] = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
         axes.annotate(str(b.came_true.count), (place, share), **beside)
     label = "stated (%)"
     if stated:
@@ -220,7 +220,7 @@ def _draw_errors(axes: Axes, study: Opened) -> Cells:
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
         axes.plot(middle, place, "o", color=colour, markersize=6)
-        above = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
+        above: dict[str, Any] = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
         axes.annotate(f"{middle:.2f}", (middle, place), **above)
     axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")

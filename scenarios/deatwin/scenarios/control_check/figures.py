@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +96,12 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
         axes.barh(rows, shown, height=0.92 * height, color=colour, alpha=0.8, label=tracking.name)
         for row, value in zip(rows, values, strict=True):
             text, end = (f"{value:.3g}", value) if np.isfinite(value) else ("failed", 0.1)
-            beside = {"xytext": (3, 0), "textcoords": "offset points", "va": "center", "fontsize": "small"}
+            beside: dict[str, Any] = {
+                "xytext": (3, 0),
+                "textcoords": "offset points",
+                "va": "center",
+                "fontsize": "small",
+            }
             axes.annotate(text, (end, row), **beside)
         largest = max(largest, float(shown.max()))
     axes.set(xscale="log", xlim=(0.1, 4.0 * largest), xlabel="rms error (µm)")
@@ -265,7 +270,12 @@ def _draw_times(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]
     for outcome, place in zip(outcomes, places, strict=True):
         colour, marker = MARKS[outcome.sound]
         hollow = outcome.inside is not None and outcome.inside < 1.0
-        style = {"color": colour, "markersize": 6, "markerfacecolor": "none" if hollow else colour, "linestyle": ""}
+        style: dict[str, Any] = {
+            "color": colour,
+            "markersize": 6,
+            "markerfacecolor": "none" if hollow else colour,
+            "linestyle": "",
+        }
         axes.plot(outcome.closed_loop_time, verdicts.index(outcome.verdict) + place, marker, label="_", **style)
     for truth, words in TRUTHS.items():
         if any(outcome.sound is truth for outcome in outcomes):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,7 +57,7 @@ def _dot(axes: Axes, rate: Rate, place: float, colour: str, marker: str) -> None
     axes.plot(share, place, marker, color=colour, markersize=9 if marker == "*" else 5)
 
 
-def _names(axes: Axes, names: Sequence[str], **style: str) -> None:
+def _names(axes: Axes, names: Sequence[str], **style: Any) -> None:
     """Name the rows of a panel, from above."""
     axes.set_yticks(range(len(names)), names, **style)
     axes.set_ylim(len(names) - 0.4, -0.6)
@@ -190,7 +190,14 @@ def _line(axes: Axes, places: Sequence[float], rates: Sequence[Rate], label: str
     """Draw rates and their intervals over the levels."""
     shares, *ends = np.array([_percent(rate) for rate in rates]).T
     size = 9 if marker == "*" else 5
-    style = {"color": colour, "label": label, "fmt": f"{marker}-", "markersize": size, "capsize": 2, "elinewidth": 0.9}
+    style: dict[str, Any] = {
+        "color": colour,
+        "label": label,
+        "fmt": f"{marker}-",
+        "markersize": size,
+        "capsize": 2,
+        "elinewidth": 0.9,
+    }
     axes.errorbar(places, shares, np.abs(np.array(ends) - shares), **style)
 
 
