@@ -9,7 +9,7 @@ from typing import Any
 from deatwin.plant.errors import DataError
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.tables import markdown_table
-from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.json_files import read_object
 
 STORY = "deatwin/control-story/1"
 """Schema of what the tables are made of."""

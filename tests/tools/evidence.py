@@ -38,7 +38,7 @@ from deatwin.scenarios.control_check.trials import Outcome, caught, inside, soun
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
-from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.json_files import read_object
 
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
@@ -56,13 +56,13 @@ Data = Mapping[str, Mapping[str, Any]]
 
 def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     """Read the trials of a control check."""
-    found = sorted(path for ending in _READERS for path in Path(folder).glob(f"trials/**/*{ending}"))
+    found = sorted(Path(folder).glob(f"trials/**/*{CASE_ENDING}"))
     if not found:
         raise DataError(f"{folder}: it holds no trials (trials/000.nc and so on)")
     rows, sealed = [], set()
     for path in found:
         try:
-            row = _READERS[path.suffix](path)
+            row = read_case(path)
             sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
             rows.append({**Outcome.from_dict(row).to_dict(), "number": int(row["number"])})
         except DataError:
@@ -74,13 +74,6 @@ def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
     _, seed, code = sealed.pop()
     rows.sort(key=lambda row: row["number"])
     return {"schema": TRIALS, "seed": seed, "code": code, "remark": remark, "trials": rows}
-
-
-_READERS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    CASE_ENDING: read_case,
-    ".json": lambda path: read_object(path, "a trial"),
-}
-"""Of the file of a trial, by its ending; former versions wrote JSON."""
 
 
 def blocks(data: Data) -> dict[str, list[str]]:
@@ -284,7 +277,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (bound {Rate(hits=rate.hits, count=rate.count).least_percent} %)" if bound else ""
+    least_of = f" (bound {rate.least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

@@ -12,7 +12,7 @@ from deatwin.plant.errors import DataError
 from deatwin.scenarios.catalogue import STORIES
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.report.tables import markdown_table
-from deatwin.studies.sweep.kept import read_object
+from deatwin.studies.sweep.json_files import read_object
 
 MEASURED = "deatwin/story-measures/1"
 """Schema of what the tables are made of."""

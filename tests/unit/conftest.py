@@ -25,7 +25,7 @@ from deatwin.plant import (
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.integrator.compiled import compiler
-from deatwin.studies.interrupts import heard
+from deatwin.studies.interrupts import forward_signals
 
 
 @pytest.fixture
@@ -134,7 +134,7 @@ def mistaken() -> Iterator[Callable[..., Any]]:
         raise SystemError("DM.__array__ returned a result with an exception set")
 
     try:
-        with heard():
+        with forward_signals():
             yield interrupted
     finally:
         signal.signal(signal.SIGINT, before)

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.app.check_report import View, write_check_report
-from deatwin.app.designs import DesignName, Wanted, design_named
 from deatwin.control import Check, ControlError, Specification, excited_band
 from deatwin.control import check as check_design
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.control.stability.excited import BAND_KEY
 from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel
@@ -39,13 +39,13 @@ class CheckTask:
 
     model: NarxModel  # Identified
     plant: CalibratedPlant  # The physics
-    files: Sequence[str | Path]  # What model, plants and recording were read from
+    files: Sequence[str | Path]  # Model, plants and recording were read from them
     command: Sequence[str]
-    design: DesignName  # How the controller is designed
+    design: str  # Name of the controller's design
     closed_loop_time: float | None  # s; by default as lambda tuning chooses it
     operating_input: float | None
     operating_range: tuple[float, float] | None  # Over which margins are judged, in the input's unit
-    recording: Recording | None  # From which the model was identified, or better another
+    recording: Recording | None  # The model was identified from it, or better from another
     rivals: Mapping[str, CalibratedPlant]  # Further plants that the actuator may be
     jobs: int  # Worker processes (for the record: a check is one piece of work), and seed of everything random
     seed: int
@@ -122,7 +122,7 @@ class CheckTask:
 
 
 def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
-    """Where the other plants are kept that the actuator may be, by the names under which they are judged."""
+    """Files of the other plants that the actuator may be, by name."""
     found = {} if diagnosis is None else _diagnosed(diagnosis)
     given = {**found, **{source: source for source in sources}}
     return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}

@@ -20,7 +20,7 @@ from deatwin.studies.voice import Progress
 RIVALS = "rivals"
 """Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
 WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
-"""What a diagnosis writes under the same name whatever it finds."""
+"""Files that every diagnosis writes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,9 +29,9 @@ class DiagnosisTask:
 
     plant: Plant  # Nominal or amended
     experiments: Sequence[Experiment]  # Each from rest
-    files: Sequence[str | Path]  # What the plant and the recordings were read from
+    files: Sequence[str | Path]  # Plant and recordings were read from them
     command: Sequence[str]
-    effects: Sequence[Effect] | None = None  # Those considered; the catalogue by default
+    effects: Sequence[Effect] | None = None  # Considered; the catalogue by default
     jobs: int = 1  # Worker processes
     seed: int = 0
 

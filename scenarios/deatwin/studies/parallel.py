@@ -13,7 +13,11 @@ Result = TypeVar("Result")
 
 def between(progress: Progress, first: float, last: float) -> Progress:
     """The progress of a part of the work, from the share `first` of all of it to `last`."""
-    return lambda share, text="": progress(first + (last - first) * share, text)
+
+    def tell(share: float, text: str = "") -> None:
+        progress(first + (last - first) * share, text)
+
+    return tell
 
 
 def run_told(

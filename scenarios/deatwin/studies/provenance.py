@@ -45,7 +45,7 @@ class RunRecord:
     inputs: Sequence[dict[str, str]]
     seed: int
     jobs: int
-    started: datetime = field(default_factory=lambda: datetime.now(UTC))  # When
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))  # Time of the start
     _tick: float = field(default_factory=time.monotonic)
 
     def finished(self, outputs: Sequence[str]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ DATA_VARIABLE = "DEATWIN_DATA"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What a story is given."""
+    """Everything that a story is given."""
 
     folder: ResultFolder
     data: Path | None  # Folder of public recordings
@@ -43,7 +43,7 @@ class Story:
     """An entry of the list of stories."""
 
     name: str
-    line: str  # What it shows
+    line: str  # Its subject
     minutes: float  # About how long it takes on two cores
     module: str  # Has a function ``run(setting)`` that returns plain data with a ``sentence``
     sizes: tuple[str, ...] = ()

@@ -37,7 +37,7 @@ class _Measure:
 
     field: str
     label: str
-    limit: Limit  # What was asked
+    limit: Limit  # From the specification
     scale: float = 1.0
     ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
 
@@ -55,32 +55,17 @@ class _Measure:
         return (0.0 if high < _FAR * self.limit.poor else 0.6 * self.limit.poor), high
 
 
-def draw_margins(view: View) -> tuple[Drawing, Columns]:
+def draw_margins(view: View) -> Drawing:
     """Draw margins over operating points."""
-    unit = view.check.operating.input_unit
-    label = f"constant {view.command}"
-    return _draw(
-        view,
-        view.rows(along_time=False),
-        lambda row: row.operating_input,
-        label,
-        header("input", unit),
-        "margins",
-        "Margins over operating points",
-    )
+    rows, column = view.rows(along_time=False), header("input", view.check.operating.input_unit)
+    names = "margins", "Margins over operating points"
+    return _draw(view, rows, lambda row: row.operating_input, f"constant {view.command}", column, *names)
 
 
-def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
+def draw_margins_over_time(view: View) -> Drawing:
     """Draw margins along time."""
-    return _draw(
-        view,
-        view.rows(along_time=True),
-        lambda row: row.time or 0.0,
-        "time (s)",
-        "time_s",
-        "margins_time",
-        "Margins over time",
-    )
+    rows, names = view.rows(along_time=True), ("margins_time", "Margins over time")
+    return _draw(view, rows, lambda row: row.time or 0.0, "time (s)", "time_s", *names)
 
 
 def _draw(
@@ -91,7 +76,7 @@ def _draw(
     column: str,
     name: str,
     title: str,
-) -> tuple[Drawing, Columns]:
+) -> Drawing:
     measures = _measures(view)
     with draw((7.4, 5.4)) as figure:
         panels = figure.subplots(2, 2, sharex=True)
@@ -113,8 +98,7 @@ def _draw(
         if samples > 1:
             caption += " Shaded, down to the thin line: to the 2.5 % quantile of its draws, which is judged."
         caption += " At the upper edge nothing bounds a margin; at zero, or the lower edge, the loop is unstable."
-        drawing = Drawing.of(figure, name, title, caption)
-    return drawing, _columns(rows, place, column, measures)
+        return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
 def _measures(view: View) -> tuple[_Measure, ...]:
@@ -175,7 +159,7 @@ def _columns(
     return columns
 
 
-def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
+def draw_nyquist(view: View, controller: Controller) -> Drawing:
     """Draw the loops at the operating point, with the disks that they have to stay out of."""
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
@@ -203,15 +187,14 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
             " A loop outside of a disk bears every change of gain and phase at once that the disk stands for; outside "
             "of the larger one the margin is good, inside of the smaller one it fails."
         )
-        drawing = Drawing.of(figure, "nyquist", "The loop at the operating point", caption)
-    columns: Columns = {"frequency_Hz": loops.frequency_Hz}
-    for source, values in loops.values.items():
-        columns[header(f"{source}_real", "")], columns[header(f"{source}_imag", "")] = values.real, values.imag
-    return drawing, columns
+        columns: Columns = {"frequency_Hz": loops.frequency_Hz}
+        for source, values in loops.values.items():
+            columns[header(f"{source}_real", "")], columns[header(f"{source}_imag", "")] = values.real, values.imag
+        return Drawing.of(figure, "nyquist", "The loop at the operating point", caption, columns)
 
 
 def _draw_disks(axes: Axes, view: View) -> None:
-    """Of a symmetric disk margin alpha: through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
+    """A symmetric disk margin alpha is a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
     for margin, colour, label in ((limit.good, MARK, "disk of a good margin"), (limit.poor, BEFORE, "of a poor one")):
         far = (2.0 + margin) / (2.0 - margin)

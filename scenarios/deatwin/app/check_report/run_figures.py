@@ -25,7 +25,7 @@ Columns = dict[str, Array]
 _TIME = "time since the loop was closed (s)"
 
 
-def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
+def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
     """Draw the steps on the physics plant in the predicted band, and the command below."""
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
@@ -60,11 +60,10 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
                 " No band is predicted: every draw of the model diverged, or neither a recording nor the model's file "
                 "tells what its free run leaves."
             )
-        drawing = Drawing.of(figure, "steps", "Steps on the physics plant", caption)
-    return drawing, _step_columns(view, steps)
+        return Drawing.of(figure, "steps", "Steps on the physics plant", caption, _step_columns(view, steps))
 
 
-def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, Columns]:
+def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
     """Draw the steps on the other plants."""
     longest = max(others.values(), key=lambda run: run.timepts.size)
     with draw((7.0, 4.9)) as figure:
@@ -81,16 +80,16 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, 
         _draw_limits(lower, view, longest)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "rivals",
             "The same steps on the rivals",
             "Plants that the actuator may be as well. A line that ends early: the plant failed there.",
+            _other_columns(view, others, longest),
         )
-    return drawing, _other_columns(view, others, longest)
 
 
-def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
+def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
     """Draw the run with a slow sine, its error, and the command."""
     unit, error = view.shown_unit, sine.error / view.size
     with draw((7.0, 5.2)) as figure:
@@ -124,8 +123,13 @@ def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
             [*a, *b] for a, b in zip(upper.get_legend_handles_labels(), middle.get_legend_handles_labels(), strict=True)
         )
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
-        drawing = Drawing.of(figure, "sine", "A slow sine on the physics plant", caption)
-    return drawing, {"time_s": sine.timepts, **_run_columns(view, sine)}
+        return Drawing.of(
+            figure,
+            "sine",
+            "A slow sine on the physics plant",
+            caption,
+            {"time_s": sine.timepts, **_run_columns(view, sine)},
+        )
 
 
 def _draw_prediction(axes: Axes, view: View) -> None:

@@ -19,25 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A package that deatwin can do without.
-
-    Parameters
-    ----------
-    package : str
-        As an installer knows it.
-    use : str
-        What it is for.
-    versions : str
-        Those that do, as pyproject.toml states them; empty where any does.
-    """
+    """A package that deatwin can do without."""
 
     package: str
     use: str
-    versions: str = ""
+    versions: str = ""  # That suffice, as pyproject.toml states them; empty if any does
 
     @property
     def command(self) -> str:
-        """What installs it, wherever deatwin itself came from."""
+        """Command that installs it, wherever deatwin itself came from."""
         return f'pip install "{self.package}{self.versions}"' if self.versions else f"pip install {self.package}"
 
 
@@ -62,7 +52,7 @@ SLOWER = (
     ("free runs of NARX models", 250, "bench_semp.py"),
     ("Kalman filters and smoothers", 6, "bench_kalman.py"),
 )
-"""What takes how many times as long without a compiler, and the script of tests/benchmarks that measured it."""
+"""Tasks, how many times as long they take without a compiler, and the script of tests/benchmarks that measured it."""
 
 Warm = Annotated[
     bool, typer.Option("--warm", help="Compile the usual plants ahead, so that the first diagnosis is quick.")
@@ -128,7 +118,7 @@ def _data() -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What is said: a word, and what is to be known of it."""
+    """Lines of the answer: a label and its text."""
     yield from found["versions"].items()
     slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
     yield "compiler", found["compiler"] or "none found on the path: install gcc or clang"

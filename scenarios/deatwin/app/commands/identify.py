@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Candidates(TypedDict):
-    """Which terms compete."""
+    """Terms that compete."""
 
     output_lags: int
     input_lags: tuple[int, ...]
@@ -38,11 +38,11 @@ class Candidates(TypedDict):
 HELD_OUT = 0.3
 """Share at the end of each recording that judges the model and is not fitted."""
 LEAST_SAMPLES = 500
-"""Of a held-out part for the free-run residual to be measured on it; else the whole recording is taken."""
+"""A shorter held-out part cannot show the free-run residual: the whole recording is taken."""
 
 
 class Method(StrEnum):
-    """How terms are chosen."""
+    """Method that chooses the terms."""
 
     SVB = "svb"
     FROLS = "frols"
@@ -274,7 +274,7 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
 
 
 def _origins(model: NarxModel) -> dict[str, float]:
-    """By signal what its terms count from."""
+    """Origin from which terms count, by signal."""
     values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
     return dict(zip(model.input_names + model.output_names, values, strict=True))
 

@@ -9,7 +9,8 @@ import typer
 
 from deatwin.app.options import Jobs, Json, Quiet, Seed
 from deatwin.app.stories import stories, story
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
@@ -58,23 +59,14 @@ def scenario(
 
     A long one, in a smaller size: deatwin scenario concealed-physics --size tiny --out tiny
     """
-    from deatwin.studies.folder import ResultFolder
     from deatwin.studies.stories import Setting
 
     voice = Voice(as_json=as_json, quiet=quiet)
     chosen = story(name)
     chosen.require_size(size)
-    folder = ResultFolder(out or Path(f"deatwin-{name}"))
-    try:
-        with folder, voice.progress(name) as progress:
-            result = chosen.run(
-                Setting(
-                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size
-                )
-            )
-    except KeyboardInterrupt as stop:
-        complain(str(stop) or f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out or Path(f"deatwin-{name}"), voice, name) as (folder, progress):
+        given = {"data": data, "command": context.obj, "jobs": jobs, "seed": seed, "size": size}
+        result = chosen.run(Setting(folder=folder, progress=progress, **given))
     voice.say(str(result["sentence"]))
     voice.say(folder.summary)
     voice.result(result)

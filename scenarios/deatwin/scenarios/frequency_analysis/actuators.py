@@ -240,7 +240,7 @@ def _analysed(alike: Alike, signal: TestSignal) -> Analysed:
         removal=remove(model, alike.sections[1]),
         first=_first(model, FREQUENCIES),
         second=gfrf(model, 2, 2 * np.pi * frequency_grid(GRID, GRID), operating_input=OPERATING_INPUT),
-        nofrfs=evaluate(model, signal, _nofrf(model, signal.values), OPERATING_INPUT),
+        nofrfs=evaluate(model, signal, _nofrf(model, signal.values), ORDERS, OPERATING_INPUT),
         outputs=_orders(model, signal),
         left=left_by_orders(model, _piece(alike, signal), MOST_ORDERS, OPERATING_INPUT),
     )
@@ -293,8 +293,13 @@ def _piece(alike: Alike, signal: TestSignal) -> Array:
 
 def _sampled(alike: Alike, fleet: Fleet, signal: TestSignal, rng: np.random.Generator, draws: int) -> Sampled:
     plan = fleet.plan
-    lags = {"output_lags": plan.output_lags, "input_lags": plan.input_lags}
-    search = SvbNarx(**lags, degree=plan.degree, rule=linear_in_output, clean_up="none")
+    search = SvbNarx(
+        output_lags=plan.output_lags,
+        input_lags=plan.input_lags,
+        degree=plan.degree,
+        rule=linear_in_output,
+        clean_up="none",
+    )
     model = search.fit(alike.sections[0]).model_
     drawn = rng.multivariate_normal(model.theta, model.theta_cov, size=draws, method="cholesky")
     of_draws = [[y.values for y in _orders(replace(model, theta=theta), signal)] for theta in drawn]

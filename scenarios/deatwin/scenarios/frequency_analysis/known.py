@@ -111,7 +111,7 @@ def _ranges(system: ClosedForm) -> Ranges:
 
 def _evaluated(system: ClosedForm) -> Evaluated:
     signal = design_excitation(BAND, system.model.sample_time, amplitude=PEAK, period=PERIOD)
-    return evaluate(system.model, signal, nofrf(system.model, signal, ORDERS))
+    return evaluate(system.model, signal, nofrf(system.model, signal, ORDERS), ORDERS)
 
 
 def _identified(rng: np.random.Generator, recordings: int) -> Identified:

@@ -120,8 +120,16 @@ def recorded(actuator: Actuator, duration: float = DURATION) -> Recording:
 
 def compared(records: Mapping[str, Recording]) -> Comparison:
     """Compare all pairs of records."""
-    about = {"operating_input": OPERATING_INPUT, "input_band": INPUT_BAND}
-    return compare_records(records, STRUCTURE, ORDERS, BANDS, **about, level=LEVEL, n_slow=SLOW)
+    return compare_records(
+        records,
+        STRUCTURE,
+        ORDERS,
+        BANDS,
+        operating_input=OPERATING_INPUT,
+        input_band=INPUT_BAND,
+        level=LEVEL,
+        n_slow=SLOW,
+    )
 
 
 def responses(record: Recording) -> tuple[Propagated, ...]:

@@ -143,8 +143,7 @@ def _higher(spreads: Sequence[Spread], surface: FrequencyResponse) -> Drawing:
 def _spectra(spectra: Sequence[Spread]) -> Drawing:
     """The orders of the output of a multisine, with bands."""
     with draw((9.6, 5.6)) as figure:
-        how = {"sharex": "col", "sharey": "row", "height_ratios": (1, 1)}
-        panels = panels_of(figure, 2, len(spectra), "frequency (Hz)", **how)
+        panels = panels_of(figure, 2, len(spectra), "frequency (Hz)", sharex="col", sharey="row")
         for (above, below), spread in zip(panels.T, spectra, strict=True):
             frequency, gain = spread.propagated.frequency_Hz, spread.propagated.gain
             above.plot(frequency, gain, "o", color=AFTER, markersize=3)

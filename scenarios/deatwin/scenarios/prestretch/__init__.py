@@ -8,7 +8,6 @@ centre (`Diaphragm`).
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Any
@@ -28,20 +27,20 @@ from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.planar import Planar
 from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
 from deatwin.scenarios.prestretch.page import write_sweep
-from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.story import end_run
 from deatwin.studies.stories import Setting
 
 Array = np.ndarray
 PRESTRETCHES = np.linspace(1.0, 5.0, 17)
 RATIOS = np.linspace(1.0, 3.0, 9)
-"""Of the prestretches across and along, at the same thickness as with 3 x 3."""
+"""Prestretch across over prestretch along, at the thickness of 3 x 3."""
 KILOVOLT, TOP = 1000.0, 10e3
 STRAIN = 0.05
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Sweep the prestretch, judge the claims, and write page, figure and table."""
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")
     ratios = unequal(RATIOS)
@@ -57,11 +56,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
             f"{judged[0].finding}"
         ),
     }
-    setting.folder.text("prestretch.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
     write_sweep(setting.folder, result, columns, ratios, record)
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    return end_run(setting.folder, record, "prestretch", result)
 
 
 def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
@@ -71,7 +67,7 @@ def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
 
 
 def sweep(progress: Callable[[float, str], None]) -> dict[str, Array]:
-    """All that is computed at each prestretch. Shapes: returns (n,)."""
+    """Compute all columns over the prestretch, each of shape (n,)."""
     rows: list[dict[str, float]] = []
     for number, prestretch in enumerate(PRESTRETCHES):
         progress(0.8 * number / PRESTRETCHES.size, f"prestretch {prestretch:g}")
@@ -98,7 +94,7 @@ def _under_dead_load(prestretch: float) -> dict[str, float]:
 
 
 def _crossing(volts: Array, share: Array) -> float:
-    """Where a share that starts at 0 first reaches 1; NaN where it does not."""
+    """Voltage at which a share that starts at 0 first reaches 1; NaN if it does not."""
     if share.max() < 1.0:
         return np.nan
     first = int(np.argmax(share >= 1.0))
@@ -114,7 +110,7 @@ def _prompt_share(prestretch: float, voltage: float) -> float:
 
 
 def _mounted(prestretch: float) -> dict[str, float]:
-    """What holds for the film as mounted, and in the ring with the ball."""
+    """Values of the film as mounted, and in the ring with the ball."""
     film = material(Planar.material)
     thickness = Planar.thickness / prestretch**2
     tension = relaxed_stresses(film, prestretch, prestretch)[0]

@@ -38,7 +38,7 @@ def write_sweep(
             caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
             "thesis' rig.",
         )
-    write_page(folder, "prestretch.html.j2", [drawing], Origin.of(record), result=result, figure=drawing)
+    write_page(folder, "prestretch.html.j2", [drawing], Origin.of(record), __package__, result=result, figure=drawing)
 
 
 def _panels(figure: Figure, columns: Columns, ratios: Columns) -> None:

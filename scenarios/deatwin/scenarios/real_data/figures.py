@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,7 @@ from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 
-if TYPE_CHECKING:
-    pass
-
-
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 WINDOW = 500
 """Samples of a running root mean square."""
@@ -38,7 +32,7 @@ def _running(values: Array) -> Array:
     return np.sqrt(np.mean(values[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
 
 
-def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models."""
     measured, step = data.test.outputs[0] / data.scale, data.test.sample_time
     timepts = (np.arange(measured.size // WINDOW) + 0.5) * WINDOW * step
@@ -64,14 +58,14 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
         bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         legend_above(figure, middle, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "arrow_head",
             "Silverbox: free run over the growing amplitude",
             "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
             "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
+            columns,
         )
-    return drawing, columns
 
 
 _SHOWN = ((LINEAR, BEFORE), (FRO, MARK), (GROWN, AFTER))
@@ -81,7 +75,7 @@ def _said(outcome: Outcome) -> str:
     return f"{outcome.method}, {outcome.terms} parameters"
 
 
-def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """Spectra of the Silverbox's output and of the errors."""
     from scipy.signal import welch
 
@@ -97,17 +91,17 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
             columns[f"{_key(method)}_mV2_per_Hz"] = density
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
         legend_above(figure, axes, 4)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "arrow_head_spectra",
             "Silverbox: spectra of the errors",
             "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
             "its frequency, where the cube of the output comes close to half the sample rate.",
+            columns,
         )
-    return drawing, columns
 
 
-def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """The buck converter's free run beside that of the documented model."""
     name, terms = next(iter(DOCUMENTED.items()))
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
@@ -123,15 +117,13 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, 
     )
 
 
-def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> tuple[Drawing, Columns]:
+def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> Drawing:
     """Free runs of some methods over the test recording, and their errors."""
     runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
     return _runs(data, runs, data.name, f"{data.title}: free run on the test recording", data.note)
 
 
-def _runs(
-    data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = ""
-) -> tuple[Drawing, Columns]:
+def _runs(data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = "") -> Drawing:
     measured, timepts = data.test.outputs[0] / data.scale, data.test.timepts
     unit = "ms" if start and data.test.sample_time < 1e-3 else "s"
     shown = 1e3 * timepts if unit == "ms" else timepts
@@ -146,11 +138,10 @@ def _runs(
         top.set(ylabel=f"output ({data.unit})")
         bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
         legend_above(figure, top, 4)
-        drawing = Drawing.of(figure, name, title, caption)
-    return drawing, columns
+        return Drawing.of(figure, name, title, caption, columns)
 
 
-def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Drawing, Columns]:
+def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
     """Free-run errors of all methods on all data sets, over the standard deviation of the output."""
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     columns: dict[str, Array] = {"method_number": np.arange(1.0, len(methods) + 1)}
@@ -180,11 +171,11 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "comparison",
             "All methods on all recordings",
             "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
             "of one step says little about the free run.",
+            columns,
         )
-    return drawing, columns

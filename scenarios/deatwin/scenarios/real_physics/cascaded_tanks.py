@@ -168,7 +168,7 @@ def case(folder: Path) -> Case:
 
 
 def _law(amended: Plant, judged: Experiment) -> Law:
-    """What the recorded level gains or loses beside the flow that the amended plant has from tank to tank."""
+    """Inflow of the lower tank that the flow from tank to tank in the amended plant does not explain."""
     p = {name: q.value for name, q in amended.parameters.items()}
     run = amended.simulate(judged).require()
     signals, level = run.watched[0], judged.recordings[0].outputs[0]

@@ -182,7 +182,7 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
 
 
 def _law(amended: Plant, judged: Recording, file: Path) -> Law:
-    """What the recorded motor voltage, which holds the pulses, has left after inertia, viscosity and offset."""
+    """Force that is left of the recorded motor voltage, which holds the pulses, after inertia, viscosity and offset."""
     from scipy.signal import butter, filtfilt
 
     step, p = judged.sample_time, {name: q.value for name, q in amended.parameters.items()}

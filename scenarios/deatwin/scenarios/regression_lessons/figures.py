@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,15 +20,14 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 HEIGHTS = (0.15, 0.5, 1.5)
-"""Of ellipses besides the one that touches, as multiples of its own height."""
+"""Heights of further ellipses, as multiples of that of the ellipse that touches."""
 SHOWN = (1, 5, 12)
 """Degrees whose fits are drawn."""
 
 
-def constraint(plane: Plane) -> tuple[Drawing, Columns]:
+def constraint(plane: Plane) -> Drawing:
     """The constraints against the ellipses of the mean squared error."""
     phase = np.linspace(0, 2 * np.pi, 401)
     circle = plane.ridge.size * np.array([np.cos(phase), np.sin(phase)])
@@ -55,16 +53,15 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
         legend_above(figure, axes, 4)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "constraint",
             "A circle and a diamond against the ellipses of least squares",
             "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
             f"The circle is touched where both parameters are kept ({plane.ridge.point[0]:.3f}, "
             f"{plane.ridge.point[1]:.3f}), the diamond at ({plane.lasso.point[0]:.3f}, {plane.lasso.point[1]:.3f}).",
+            {"ridge_share": plane.shares, "ridge_first": plane.ridge_path[0], "ridge_second": plane.ridge_path[1]},
         )
-    first, second = plane.ridge_path
-    return drawing, {"ridge_share": plane.shares, "ridge_first": first, "ridge_second": second}
 
 
 def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
@@ -77,7 +74,7 @@ def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
     axes.contour(*grid, height, [touching], colors=[AFTER], linewidths=1.6)
 
 
-def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
+def paths(plane: Plane, structure: Structure) -> Drawing:
     """Parameters as the constraint widens."""
     path = structure.path
     extent = np.abs(path.coefficients).sum(axis=0)
@@ -100,7 +97,8 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
             right.axvline(extent[structure.complete], color=INK, linestyle=":", linewidth=0.9)
         right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
         right.legend(fontsize="small")
-        drawing = Drawing.of(
+        columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
+        return Drawing.of(
             figure,
             "paths",
             "Coefficients along the constraint",
@@ -111,13 +109,12 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
                 if structure.complete is None
                 else f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
             ),
+            {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns},
         )
-    columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
-    return drawing, {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns}
 
 
-def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
-    """What each rule makes of a parameter, and what it risks."""
+def shrinking(orthogonal: Orthogonal, risks: Risks) -> Drawing:
+    """Estimates and risks of each rule."""
     least = np.linspace(-2.6, 2.6, 401)
     styles = dict(zip(RULES, ((AFTER, "o"), (BEFORE, "s"), (MARK, "^")), strict=True))
     levels = {"ridge": shrinkage.PENALTY, "LASSO": shrinkage.PENALTY, "subset": shrinkage.THRESHOLD}
@@ -133,22 +130,22 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
         left.set(xlabel="least-squares parameter", ylabel="estimate")
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
         legend_above(figure, right, 3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "shrinking",
             "Shrinking and thresholding",
             "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
             "squared error of each in squares of the standard error, in closed form (lines) and drawn (marks); dotted: "
             "least squares. Small parameters gain, and some larger ones pay: ridge without bound.",
+            {
+                "size": risks.sizes,
+                **{f"{n}_expected": risks.expected[n] for n in RULES},
+                **{f"{n}_drawn": risks.drawn[n] for n in RULES},
+            },
         )
-    return drawing, {
-        "size": risks.sizes,
-        **{f"{n}_expected": risks.expected[n] for n in RULES},
-        **{f"{n}_drawn": risks.drawn[n] for n in RULES},
-    }
 
 
-def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
+def overfitting(degrees: Decomposition) -> Drawing:
     """Fits of low, middling and high degree to the same readings."""
     points, truth = variance.POINTS, variance.curve(variance.POINTS)
     columns = {"point": points, "truth": truth, "readings": degrees.example}
@@ -162,17 +159,17 @@ def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
             axes.set_xlabel("point")
             columns[f"degree_{degree}"] = degrees.fits[row]
         legend_above(figure, axes, 3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "overfitting",
             "Too stiff, right, and too flexible",
             "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
             "and not to the truth.",
+            columns,
         )
-    return drawing, columns
 
 
-def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple[Drawing, Columns]:
+def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawing:
     """The expected error and its parts."""
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
@@ -195,7 +192,7 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
         legend_above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "bias_and_variance",
             "Bias and variance",
@@ -203,18 +200,18 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple
             f"squares is best at degree {degrees.complexity[np.argmin(degrees.expected)]:.0f}; ridge with a penalty of "
             f"{penalties.complexity[best]:.2g}, which leaves {penalties.freedom[best]:.1f} of "
             f"{variance.RIDGE_DEGREE + 1} parameters free.",
+            {
+                "penalty": penalties.complexity,
+                "freedom": penalties.freedom,
+                "bias": penalties.bias,
+                "variance": penalties.variance,
+                "expected": penalties.expected,
+                "drawn": penalties.test,
+            },
         )
-    return drawing, {
-        "penalty": penalties.complexity,
-        "freedom": penalties.freedom,
-        "bias": penalties.bias,
-        "variance": penalties.variance,
-        "expected": penalties.expected,
-        "drawn": penalties.test,
-    }
 
 
-def razor(found: Occam) -> tuple[Drawing, Columns]:
+def razor(found: Occam) -> Drawing:
     """Evidence, training error and test error by degree."""
     counts = np.array([np.mean(found.peaks == degree) for degree in found.degrees])
     with draw((9.6, 3.8)) as figure:
@@ -233,7 +230,7 @@ def razor(found: Occam) -> tuple[Drawing, Columns]:
             axes.set_xlabel("degree")
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "razor",
             "Occam's razor",
@@ -241,20 +238,20 @@ def razor(found: Occam) -> tuple[Drawing, Columns]:
             "not; the evidence has a peak. Middle: noise known; the gap between the lines is what the evidence charges "
             f"for parameters, {np.diff(found.occam_factor)[TRUE_DEGREE:].mean():.1f} nats for each beyond the cubic's. "
             "Right: noise and size of the parameters not known.",
+            {
+                "degree": found.degrees.astype(float),
+                "training": found.training,
+                "test": found.test,
+                "log_evidence_drawn": found.evidence,
+                "log_evidence_expected": found.expected,
+                "best_log_likelihood": found.best_fit,
+                "share_of_peaks": counts,
+            },
         )
-    return drawing, {
-        "degree": found.degrees.astype(float),
-        "training": found.training,
-        "test": found.test,
-        "log_evidence_drawn": found.evidence,
-        "log_evidence_expected": found.expected,
-        "best_log_likelihood": found.best_fit,
-        "share_of_peaks": counts,
-    }
 
 
-def two_models(found: Spread) -> tuple[Drawing, Columns]:
-    """What a line and a parabola say of readings before these are seen."""
+def two_models(found: Spread) -> Drawing:
+    """Prior predictive densities of a line and of a parabola."""
     with draw((6.4, 3.4)) as figure:
         axes = figure.add_subplot()
         axes.plot(found.bends, found.line, color=AFTER, label="line")
@@ -263,11 +260,11 @@ def two_models(found: Spread) -> tuple[Drawing, Columns]:
             axes.axvline(side * found.crossing, color=INK, linestyle=":", linewidth=0.9)
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "two_models",
             "Why the simpler model wins where both fit",
             "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "
             f"less where a line will do: within {found.crossing:.2f} standard errors.",
+            {"curvature": found.bends, "line": found.line, "parabola": found.parabola},
         )
-    return drawing, {"curvature": found.bends, "line": found.line, "parabola": found.parabola}

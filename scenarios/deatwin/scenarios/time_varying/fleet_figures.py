@@ -250,8 +250,8 @@ def _spectra(shown: Sequence[Driven]) -> Drawing:
             change = draw_map(column[2], found.timepts, frequencies, predicted - recorded, **colours)
             for axes, word in zip(column, ("recorded", "from TV-NOFRFs", "predicted over recorded"), strict=True):
                 titled(axes, f"{name}, {word}", "small")
-            values = {"recorded_dB_um": recorded, "predicted_dB_um": predicted}
-            columns |= map_columns(key_of(name), found.timepts, frequencies, **values)
+            both = {"recorded_dB_um": recorded, "predicted_dB_um": predicted}
+            columns |= map_columns(key_of(name), found.timepts, frequencies, **both)
         for axes in panels[:, 0]:
             axes.set_ylabel("frequency (Hz)")
         share_bar(figure, level, panels[:2].ravel().tolist(), "amplitude (dB over 1 µm)")

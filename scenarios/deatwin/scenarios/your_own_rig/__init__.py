@@ -45,7 +45,7 @@ from deatwin.studies.stories import Setting
 FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
 FINE = 0.01
-"""Of the sensor's noise, by which both integrators may differ."""
+"""Share of the sensor's noise by which the integrators may differ."""
 NEAR = 1.1
 """Times the sensor's noise, what the amended plant may leave."""
 Told = tuple[Case, Diagnosis, Trial]
@@ -72,7 +72,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def case(name: str, driven: Drives) -> Case:
-    """What is diagnosed, and what judges."""
+    """Build the case: the recording to diagnose and the one that judges."""
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
         name=name,

@@ -31,7 +31,7 @@ from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
 FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
-"""Of the recordings, where the story is called otherwise."""
+"""Folders of recordings whose name is not the story's."""
 RIVALS = (LINEAR, REFINED, GROWN)
 """Black boxes that stand beside the plant; NARX models are the last two."""
 
@@ -41,9 +41,9 @@ class HeldOut:
     """A recording on which nothing is fitted or chosen."""
 
     name: str
-    experiment: Experiment  # From rest, or through what goes before
+    experiment: Experiment  # Begins at rest, or leads in
     first: int = 0  # Sample of its last record from which on it counts; those before lead in
-    rival: DataSet | None = None  # What black boxes learn from, and this recording as they are judged on it
+    rival: DataSet | None = None  # For black boxes: their training data, and this recording to judge them
     follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
@@ -57,25 +57,25 @@ class HeldOut:
 
     @property
     def level(self) -> Array:
-        """What a figure takes off all readings where it counts, shape (n,), SI: the input where they follow it."""
+        """Level that figures subtract from readings, shape (n,), SI: the input if they follow it, else 0."""
         command = self.experiment.recordings[-1].inputs[0, self.first :]
         return command if self.follows else np.zeros_like(command)
 
     @property
     def timepts(self) -> Array:
-        """Their clock times, shape (n,), s."""
+        """Clock times where it counts, shape (n,), s."""
         return self.experiment.recordings[-1].timepts[self.first :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Law:
-    """What the missing physics does, over what it depends on."""
+    """The missing physics over the state that it depends on."""
 
     state: str  # Labels with units
     force: str
     measured: tuple[Array, Array]  # State and force, shapes (n,)
     modelled: tuple[Array, Array]  # Those of the amended plant, shapes (m,)
-    caption: str  # How the measured force was made
+    caption: str  # On the origin of the measured force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,10 +88,10 @@ class Case:
     plant: Plant  # Without them
     fitted: tuple[Experiment, ...]
     held_out: tuple[HeldOut, ...]  # The official test recording first, where there is one
-    unit: str  # In which errors are shown
-    scale: float  # Of that unit, SI
+    unit: str  # Of the errors shown
+    scale: float  # Size of that unit, SI
     files: tuple[Path, ...]  # Read from
-    notes: tuple[str, ...]  # What was done with the recordings, and what of the plant needs saying
+    notes: tuple[str, ...]  # On the recordings and the plant
     law: Callable[[Plant], Law]  # Takes the amended plant, returns the `Law`
     loop: str = "open loop"
 
@@ -103,7 +103,7 @@ class Trial:
     held_out: HeldOut
     base: Array  # shape (n,): readings of the calibrated base plant, SI
     amended: Array  # shape (n,): readings of the amended plant, SI
-    rivals: tuple[Outcome, ...]  # Of black boxes that learned from the same samples
+    rivals: tuple[Outcome, ...]  # Black boxes that learned from the same samples
 
     @property
     def base_error(self) -> float:

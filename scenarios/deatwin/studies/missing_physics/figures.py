@@ -55,7 +55,7 @@ def held_out(case: Case, trial: Trial) -> Drawing:
 
 
 def residuals(case: Case, trial: Trial) -> Drawing:
-    """What both plants leave of the recording, over time and over frequency."""
+    """Residuals of both plants, over time and over frequency."""
     from scipy.signal import welch
 
     time, rate = trial.held_out.timepts, 1 / case.plant.rig.sample_time

@@ -86,7 +86,7 @@ def _on_part(data: DataSet, part: Recording) -> NarxModel:
 
 
 def _grown(data: DataSet) -> NarxModel:
-    """Of the structures grown on each part of the training recording, the one that runs best over all of it."""
+    """Grow a structure on each part of the training recording; keep the one that runs best over all of it."""
     length = data.train.n_samples // data.parts
     parts = [data.train.section(i * length, (i + 1) * length) for i in range(data.parts)]
     models = [refine(_on_part(data, part), data.train) for part in parts]
@@ -109,15 +109,15 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What a method made of a data set."""
+    """Result of a method on a data set."""
 
-    data: str  # Their names
+    data: str  # Name of the set
     method: str
     terms: int  # Number of parameters
     one_step: float  # Root mean square errors over the test recording, in the output's unit; NaN without a model
     free_run: float
-    training: float  # That of the free run over the training recording
-    seconds: float  # To learn
+    training: float  # Error of the free run over the training recording
+    seconds: float  # Time to learn
     failure: str  # Why there is no sound free run; empty where there is
     model: Model | None  # The model
     outputs: Array  # shape (n,): Its free run over the test recording

@@ -20,7 +20,7 @@ SILVERBOX_RATE = 1e7 / 2**14
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
 """The usual parts; between and after them the input rests or is another one."""
 EMPS_DECIMATION = (10, 2)
-"""From 1 kHz to 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
+"""1 kHz becomes 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
 
 EMPS_EDGE = 20
 """Samples left out at either end."""
@@ -36,7 +36,7 @@ class Candidates:
     input_lags: tuple[int, ...]  # Input lags
     degree: int  # Largest degree
     max_terms: int  # Largest number of terms
-    rule: Rule | None = None  # What keeps a candidate
+    rule: Rule | None = None  # That keeps a candidate
 
     @property
     def arguments(self) -> dict[str, object]:
@@ -53,15 +53,15 @@ class Candidates:
 class DataSet:
     """A public data set."""
 
-    name: str  # What it is called in files and on the page
+    name: str  # In files and on the page
     title: str
-    train: Recording  # To learn from, and to judge on
+    train: Recording  # To learn from
     test: Recording
     candidates: Candidates
     unit: str  # Unit in which errors are shown, and its size in that of the output
     scale: float
     files: tuple[Path, ...]  # Read from
-    note: str  # What was done with it
+    note: str  # On its preparation
     parts: int = 1  # Into so many a long training recording is cut where structures are grown
 
 
@@ -105,7 +105,7 @@ def silverbox(folder: Path) -> DataSet:
 
 
 def silverbox_table(folder: Path) -> tuple[Array, Path]:
-    """All samples of the oscillator, those between the parts too. Shapes: returns (131072, 2), Input and output, V."""
+    """All samples of the oscillator: input and output, V, shape (131072, 2)."""
     return _columns(folder, "SNLS80mV", ("V1", "V2"))
 
 

@@ -1,4 +1,4 @@
-"""Where the public recordings come from: the user's folder, or the download of the package nonlinear_benchmarks."""
+"""Sources of the public recordings: the user's folder, or the download of the package nonlinear_benchmarks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGE = "nonlinear_benchmarks"
 class Source:
     """Who published a set of recordings."""
 
-    title: str  # What it is, and who published it where
+    title: str  # Name of the set
     published: str
     loader: str = ""
 
@@ -58,7 +58,7 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
         "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
     }
 )
-"""By the name of the set's folder."""
+"""Sources by the name of the set's folder."""
 
 
 def data_folder(given: Path | None, name: str) -> Path:

@@ -146,5 +146,5 @@ def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[
         "transfer": found["transfer"],
         "ablation": found["ablation"],
         "shams": shams,
-        "constancy": found.get("constancy", []),  # former versions did not look
+        "constancy": found["constancy"],
     }

@@ -33,9 +33,6 @@ class Measure:
         return cls(measure, demanded.format(limit), format(value, form), bool(value < limit))
 
 
-Row = Measure
-
-
 @dataclass(frozen=True, kw_only=True)
 class Note:
     """Text under a heading, and a file or commands behind it."""
@@ -62,7 +59,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoryPage:
-    """All that the page shows."""
+    """Content of the page."""
 
     title: str  # Name of the story, and of its result file
     sentence: str

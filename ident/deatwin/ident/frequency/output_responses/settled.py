@@ -52,15 +52,14 @@ class Evaluated:
 
 
 def evaluate(
-    model: NarxModel, signal: TestSignal, fitted: Nofrf, operating_input: ArrayLike | None = None
+    model: NarxModel, signal: TestSignal, fitted: Nofrf, orders: int, operating_input: ArrayLike | None = None
 ) -> Evaluated:
-    """Hold NOFRFs of least squares against the model's own and against simulation."""
+    """Hold the first orders of NOFRFs of least squares against the model's own, and their sum against simulation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)  # it is in the status of what was fitted
-        orders = range(1, len(fitted.orders) + 1)
-        direct = tuple(nofrf_exact(model, signal.values, n, operating_input=operating_input) for n in orders)
+        direct = [nofrf_exact(model, signal.values, n + 1, operating_input=operating_input) for n in range(orders)]
     moved = model if operating_input is None else deviations(model, operating_input).model
-    return Evaluated(fitted=fitted, direct=direct, simulated=settled(moved, signal.values))
+    return Evaluated(fitted=fitted, direct=tuple(direct), simulated=settled(moved, signal.values))
 
 
 def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Complex:

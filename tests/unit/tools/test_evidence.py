@@ -12,8 +12,9 @@ from deatwin.app.stories import stories
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.control_check.trials import Outcome, Trials
 from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.sweep.casefile import write_case
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 def outcome(number: int, verdict: str, inside: float | None, sound: bool | None, concealed: str = "") -> Outcome:
@@ -53,7 +54,7 @@ def results(tmp_path: Path) -> Path:
 
 def put(folder: Path, one: Outcome, **changed: object) -> None:
     content = {"schema": "deatwin/control-trial/1", "seed": 9, "code": "c" * 64, **one.to_dict(), **changed}
-    (folder / "trials" / f"{one.number:03d}.json").write_text(json.dumps(content), encoding="utf-8")
+    write_case(folder / "trials" / f"{one.number:03d}.nc", content)
 
 
 @pytest.fixture
@@ -314,8 +315,8 @@ def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda folder: (folder / "trials/002.json").write_text("{}"), r"002\.json: it is no trial"),
-        (lambda folder: (folder / "trials/002.json").write_text("[1]"), r"002\.json: it must hold a trial"),
+        (lambda folder: write_case(folder / "trials/002.nc", {}), r"002\.nc: it is no trial"),
+        (lambda folder: (folder / "trials/002.nc").write_text("[1]"), r"002\.nc: no file of a case"),
         (lambda folder: shutil.rmtree(folder / "trials"), "it holds no trials"),
     ],
 )

@@ -1,38 +1,37 @@
-"""The designs that ``deatwin check --design`` offers, each made of the design functions of `deatwin.control`."""
+"""The designs that ``deatwin check --design`` offers by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import partial
 from math import pi
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from deatwin.control.controllers.base import Controller
-    from deatwin.control.design.pid import Limits
-    from deatwin.control.linear.model import LinearModel
-    from deatwin.ident.narx import NarxModel
-    from deatwin.plant.rigs.base import ReadingTime
+import numpy as np
 
+from deatwin.control.controllers.base import Controller
+from deatwin.control.design.hinf import hinf
+from deatwin.control.design.inverse import static_curve, with_inverse
+from deatwin.control.design.lambda_tuning import (
+    default_closed_loop_time,
+    lambda_tuning,
+    lambda_tuning_pid,
+    require_time,
+)
+from deatwin.control.design.loop_shaping import loop_shaping
+from deatwin.control.design.lqg import lqg
+from deatwin.control.design.pid import Limits
+from deatwin.control.design.scheduling import scheduled
+from deatwin.control.errors import ControlError
+from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.narx import linearise
+from deatwin.ident.narx import NarxModel
+from deatwin.plant.rigs.base import ReadingTime
 
 SCHEDULE_POINTS = 5
 SCHEDULE_SHARE = 0.6
 """Of the room from the operating input to the nearer end of what is known: there the laws of a schedule lie."""
-
-
-class DesignName(StrEnum):
-    """How the controller is designed."""
-
-    PI = "pi"
-    PID = "pid"
-    INVERSE = "inverse"
-    LQG = "lqg"
-    HINF = "hinf"
-    SHAPED = "shaped"
-    SCHEDULED = "scheduled"
 
 
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
@@ -51,8 +50,6 @@ class Wanted:
 
     def time(self, linear: LinearModel) -> float:
         """Time constant of the closed loop, s."""
-        from deatwin.control.design.lambda_tuning import default_closed_loop_time, require_time
-
         asked = require_time(self.closed_loop_time, linear.sample_time)
         return default_closed_loop_time(linear, self.band_Hz) if asked is None else asked
 
@@ -70,44 +67,32 @@ class Wanted:
         return max(limits[0], float(trained.input_min[0])), min(limits[1], float(trained.input_max[0]))
 
 
-def design_named(name: DesignName, wanted: Wanted) -> Callable[..., Controller]:
-    """A design as `deatwin.control.check` takes it."""
-    return partial(_DESIGNS[name], wanted)
+def design_named(name: str, wanted: Wanted) -> Callable[..., Controller]:
+    """Return the design of that name, one of `DESIGNS`, as `deatwin.control.check` takes it."""
+    return partial(DESIGNS[name], wanted)
 
 
 def _pi(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.lambda_tuning import lambda_tuning
-
     return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=wanted.time(linear))
 
 
 def _pid(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.lambda_tuning import lambda_tuning_pid
-
     return lambda_tuning_pid(
         linear, command_limits=command_limits, closed_loop_time=wanted.closed_loop_time, band_Hz=wanted.band_Hz
     )
 
 
 def _inverse(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.inverse import static_curve, with_inverse
-    from deatwin.control.design.lambda_tuning import lambda_tuning
-
     curve = static_curve(wanted.model, wanted.known_range(command_limits))
     tuned = partial(lambda_tuning, closed_loop_time=wanted.time(linear))
     return with_inverse(linear, curve, tuned, command_limits=command_limits)
 
 
 def _lqg(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.lqg import lqg
-
     return lqg(linear, command_limits=command_limits, closed_loop_time=wanted.time(linear))
 
 
 def _hinf(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.hinf import hinf
-    from deatwin.control.errors import ControlError
-
     fastest = wanted.bandwidth_Hz(linear)
     if wanted.closed_loop_time is None:  # nobody asked for a time: the fastest that can be had
         for share in SLOWER:
@@ -117,18 +102,10 @@ def _hinf(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Con
 
 
 def _shaped(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    from deatwin.control.design.loop_shaping import loop_shaping
-
     return loop_shaping(linear, command_limits=command_limits, crossover_Hz=wanted.bandwidth_Hz(linear))
 
 
 def _scheduled(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    import numpy as np
-
-    from deatwin.control.design.lambda_tuning import lambda_tuning
-    from deatwin.control.design.scheduling import scheduled
-    from deatwin.control.linear.narx import linearise
-
     centre, (low, high) = linear.operating_input, wanted.known_range(command_limits)
     if wanted.operating_range is None:
         room = SCHEDULE_SHARE * min(centre - low, high - centre)
@@ -139,12 +116,12 @@ def _scheduled(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -
     return scheduled(models, tuned, command_limits=command_limits, operating_input=centre)
 
 
-_DESIGNS: Mapping[DesignName, Callable[..., Controller]] = {
-    DesignName.PI: _pi,
-    DesignName.PID: _pid,
-    DesignName.INVERSE: _inverse,
-    DesignName.LQG: _lqg,
-    DesignName.HINF: _hinf,
-    DesignName.SHAPED: _shaped,
-    DesignName.SCHEDULED: _scheduled,
+DESIGNS: Mapping[str, Callable[..., Controller]] = {
+    "pi": _pi,
+    "pid": _pid,
+    "inverse": _inverse,
+    "lqg": _lqg,
+    "hinf": _hinf,
+    "shaped": _shaped,
+    "scheduled": _scheduled,
 }
