@@ -5,21 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
-from deatwin.ident.frequency.output_responses.settled import in_bands, left_by_orders, settled
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet import alike
-from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, identify_alike
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
-from deatwin.ident.narx.fleet.records import HELD_OUT, VARIANTS, Prepared
+from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import frequency_analysis
-from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor, remove
+from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor
 from deatwin.scenarios.frequency_analysis.known import Known, known_systems
 from deatwin.scenarios.frequency_analysis.measures import judge, spread
 from deatwin.studies.folder import ResultFolder
@@ -29,56 +25,6 @@ PERIOD, STEP, NOISE = 60, 0.12, 1e-6
 """Samples of the probing tones; sample time and noise, s and m, of the made-up actuators."""
 GAINS = (1.0, 1.2, 1.5)
 """Of the made-up actuators."""
-
-
-def tones(lines: tuple[int, ...], size: float) -> NDArray[np.float64]:
-    time = np.arange(PERIOD)
-    return np.asarray(size * sum(np.cos(2 * np.pi * line * time / PERIOD) for line in lines))
-
-
-@pytest.mark.parametrize(
-    ("system", "lines"),
-    [
-        (LINEAR, (7,)),
-        (HAMMERSTEIN, (3,)),
-        (HAMMERSTEIN, (3, 8)),
-        (HAMMERSTEIN, (1, 4, 12)),
-        (QUADRATIC, (5,)),
-        (QUADRATIC, (3, 8)),
-        (QUADRATIC, (1, 4, 12)),
-        (QUADRATIC, (1, 3, 9, 16)),
-        (DUFFING, (5,)),
-        (DUFFING, (1, 4, 12)),
-    ],
-)
-def test_closed_forms_are_what_simulation_gives(system: ClosedForm, lines: tuple[int, ...]) -> None:
-    # n tones of size a make n! H_n (a/2)^n at the sum of their lines. The n-fold difference over the signs leaves what
-    # is odd in each tone; the next such terms have two further tones, so the error is of the order a^2: at a = 0.01
-    # it is 1e-4 of H_n times what two further tones multiply, at most some tens.
-    n, size = len(lines), 0.01
-    total = np.zeros(PERIOD // 2 + 1, dtype=np.complex128)
-    for signs in np.ndindex(*[2] * n):
-        weights = 1 - 2 * np.array(signs)
-        inputs = np.sum([w * tones((line,), size) for w, line in zip(weights, lines, strict=True)], axis=0)
-        total += weights.prod() * settled(system.model, inputs, periods=20) / 2**n
-    found = total[sum(lines)] / np.prod(np.arange(1, n + 1)) / (size / 2) ** n
-    expected = system.responses[n](2 * np.pi * np.array([lines]) / PERIOD)[0]
-    assert abs(found - expected) < 3e-3 * abs(expected)
-
-
-def test_a_series_that_ends_and_one_that_does_not() -> None:
-    inputs = tones((2, 5), 0.5)
-    ends = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "u(k-1)^2": 1.0, "u(k)^3": 1.0}, sample_time=1.0)
-    endless = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "y(k-1)u(k)": 0.1}, sample_time=1.0)
-    left = [left_by_orders(model, inputs, 8, OPERATING_INPUT) for model in (ends, endless)]
-    assert left[0][1] > 1e-3 and left[0][2:].max() < 1e-13
-    # Of the bilinear one each order is at most |0.1 w / (1 - 0.74)| of the one before: it converges, and does not end.
-    assert np.all(np.diff(np.log(left[1])) < np.log(0.4)) and left[1][-1] > 1e-12
-
-
-def test_lines_in_bands() -> None:
-    lines = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert in_bands(lines, np.array([[0.1, 0.2], [0.4, 0.5]])).tolist() == [False, True, True, False, True]
 
 
 def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
@@ -127,64 +73,6 @@ def found(made: Fleet) -> Actuators:
 @pytest.fixture(scope="module")
 def known() -> Known:
     return known_systems(np.random.default_rng(0), recordings=20)
-
-
-def test_a_common_structure_holds_the_law(made: Fleet) -> None:
-    truth = {"y(k-1)", "u(k)^2", "u(k-1)^2", "u(k)u(k-1)"}
-    assert truth <= {str(term) for term in made.structure}
-    assert all(one.model.terms == made.structure for one in made.actuators)
-    # The free run's error is the noise through the loop, 1 / sqrt(1 - 0.55^2) = 1.2 of it at the mean command.
-    for one, error in zip(made.actuators, made.errors, strict=True):
-        assert error < 2 * NOISE / one.sections[0].outputs.std()
-        assert one.sections[1].duration == pytest.approx(HELD_OUT, abs=STEP) and one.fit_percent > 95
-
-
-def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch) -> None:
-    records = [made_up(gain, 600, seed) for seed, gain in enumerate(GAINS)]
-    passed = [[("a", "b", "c")], [("a", "b"), ("a",)], [("a", "d")]]
-    # Least: three terms. Two terms are worse by half a standard error of the paired differences, one by far.
-    least, noise = np.array([0.1, 0.2, 0.3]), 0.01 * np.array([-1.0, 0.0, 1.0])
-    errors = {("a", "b", "c"): least, ("a", "b"): least + noise + 0.003, ("a",): least + 0.1, ("a", "d"): least + 0.05}
-    calls = iter(passed)
-    monkeypatch.setattr(alike, "_passed", lambda *_: next(calls))
-    rows = iter(range(3))
-    monkeypatch.setattr(
-        alike,
-        "_free_run_errors",
-        lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
-    )
-    structure, chosen, tried = choose_structure(records, plan_of())
-    assert structure == ("a", "b") and tried == 4  # type: ignore[comparison-overlap]
-    np.testing.assert_allclose(chosen, errors["a", "b"])
-
-
-def test_a_fit_has_a_covariance_that_the_scatter_bears_out() -> None:
-    terms = ["y(k-1)", "u(k)^2", "u(k-1)^2", "u(k)u(k-1)"]
-    models = [
-        fit(NarxModel.from_terms(dict.fromkeys(terms, 1.0), sample_time=1.0).terms, made_up(1.0, 600, seed))
-        for seed in range(40)
-    ]
-    gains = [gfrf(m, 1, [0.5], operating_input=OPERATING_INPUT) for m in models]
-    scatter = np.std([float(g.gain[0]) for g in gains], ddof=1)
-    stated = np.sqrt(np.mean([float(g.gain_deviation[0]) ** 2 for g in gains]))
-    # The scatter of 40 is known to 11 %; the robust variance of 600 samples (28 cosines) has 19 % and is averaged.
-    assert scatter / stated == pytest.approx(1.0, abs=0.35)
-
-
-def test_removal_changes_nothing_and_deletion_does() -> None:
-    # y = 0.6 y1 + 0.4 u + 0.1 y1^2 + 0.3: rests at 1 at zero input; v = 0.8 v1 + 0.4 w + 0.1 v1^2
-    model = NarxModel.from_terms({"1": 0.3, "y(k-1)": 0.6, "u(k)": 0.4, "y(k-1)^2": 0.1}, sample_time=1.0)
-    u = 0.1 * np.sin(np.arange(200.0) ** 1.3)
-    removal = remove(model, Recording.from_arrays(u, np.ones(200), 1.0))
-    assert dict(zip(map(str, removal.shifted.model.terms), removal.shifted.model.theta, strict=True)) == pytest.approx(
-        {"y(k-1)": 0.8, "u(k)": 0.4, "y(k-1)^2": 0.1}
-    )
-    assert removal.error < 1e-13
-    v = np.zeros(200)
-    for k in range(1, 200):  # the law without its constant, given deviations
-        v[k] = 0.6 * v[k - 1] + 0.4 * u[k] + 0.1 * v[k - 1] ** 2
-    np.testing.assert_allclose(removal.deleted_run, 1 + v, atol=1e-13)
-    assert removal.deleted_error == pytest.approx(np.sqrt(np.mean((1 + v - removal.run) ** 2)) / removal.run.std())
 
 
 def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:

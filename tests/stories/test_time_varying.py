@@ -6,26 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
-from deatwin.ident.narx import Fixed, NarxModel, Term, ThetaTrajectory, generate_terms
+from deatwin.ident.narx import ThetaTrajectory, generate_terms
 from deatwin.ident.narx.fleet.alike import linear_in_output
-from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded
-from deatwin.ident.narx.wander import (
-    BLOCK,
-    CHOOSING,
-    CONSTANT,
-    CYCLE,
-    JUDGING,
-    LIKELIEST,
-    SHARES,
-    VARYING,
-    blocks_of,
-    chosen_share,
-    follow_actuator,
-    free_run_errors,
-    stretches,
-    walked,
-)
+from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import time_varying
@@ -49,32 +32,6 @@ def made_up(drift: float, seed: int = 0, duration: float = 1100.0) -> Recording:
     for k in range(1, u.size):
         y[k] = 0.6 * y[k - 1] + gain[k] * u[k] ** 2 + e[k]
     return Recording.from_arrays(u, y, STEP)
-
-
-SMALL = tuple(Term.parse(text) for text in ("1", "y(k-1)", "u(k)", "u(k)^2"))
-
-
-def test_a_recording_obeys_the_equation_of_each_instant() -> None:
-    rng = np.random.default_rng(0)
-    for system in SYSTEMS:
-        truth = system.truth(duration=20.0)
-        u, e = system.excitation(rng, 20.0), 0.01 * rng.standard_normal(400)
-        y = recorded(truth, u, e).outputs[0]
-        lag = truth.model.table.max_lag
-        assert not y[:lag].any()
-        for k in range(lag, 400):
-            known = {"1": 1.0, "y(k-1)": y[k - 1], "y(k-2)": y[k - 2], "u(k-1)": u[k - 1], "y(k-1)^2": y[k - 1] ** 2}
-            terms = [known[str(term)] for term in truth.terms]
-            assert y[k] == pytest.approx(truth.theta[:, k] @ terms + e[k], abs=1e-12)
-
-
-def test_parameters_go_there_and_back() -> None:
-    assert RESONANCE.is_linear and not MOVING_DC.is_linear
-    for speed in (1.0, 4.0):
-        constant = MOVING_DC.truth(speed).theta[0]
-        assert constant.max() == pytest.approx(0.5, abs=1e-4)
-        turns = np.sum(np.diff(np.sign(constant - 0.25)) != 0)
-        assert turns == 2 * speed
 
 
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,99 +83,6 @@ def test_walks_are_covered_or_not() -> None:
     held = covered(rng, np.array([5.0, 15.0]), np.array([0.5, 2.0, 8.0]))
     assert {order: each.shape for order, each in held.items()} == {1: (2, 3), 2: (2, 3)}
     assert all(each.dtype == bool for each in held.values())
-
-
-def test_blocks_are_a_partition() -> None:
-    record = made_up(0.0, duration=333.0)
-    left = stretches(record, (CHOOSING, JUDGING))
-    parts = [*left, *blocks_of(record, CHOOSING), *blocks_of(record, JUDGING)]
-    times = np.sort(np.concatenate([part.timepts for part in parts]))
-    whole = record.timepts[: times.size]
-    np.testing.assert_allclose(times, whole)
-    assert record.n_samples - times.size < BLOCK / STEP + 2
-    assert all(part.n_samples % 2 == 0 for part in parts)
-    assert len(blocks_of(record, JUDGING)) == pytest.approx(len(parts) / CYCLE, abs=3)
-    assert chosen_share(np.array([3.0, 1.0, 2.0, np.inf, 4.0])) == SHARES[1]
-
-
-def test_a_walk_that_may_not_wander_is_least_squares() -> None:
-    record = made_up(0.2, duration=120.0)
-    model = Fixed(terms=SMALL).fit(record).model_
-    smoother = walked(SMALL, [record], 0.0, record)
-    # The start is worth 1e-4 of a sample among a thousand, and is the same estimate.
-    for theta in (smoother.trajectory_.theta[:, 0], smoother.filtered_.theta[:, -1]):
-        np.testing.assert_allclose(theta, model.theta, rtol=1e-6)
-    wander = walked(SMALL, [record], 0.1, record).trajectory_.drift_variance * record.n_samples
-    products = model.table.rows(record.inputs, record.outputs, 1, record.n_samples)
-    size = np.sqrt(np.mean(np.asarray(products) ** 2, axis=1))
-    np.testing.assert_allclose(np.sqrt(wander) * size, 0.1 * record.outputs.std(), rtol=1e-9)
-
-
-def test_a_run_that_diverges_has_no_finite_error() -> None:
-    model = NarxModel.from_terms({"y(k-1)": 2.0, "u(k)": 1.0}, sample_time=STEP)
-    record = made_up(0.0, duration=60.0)
-    model = replace(model, operating=Fixed(terms=["u(k)"]).fit(record).model_.operating)
-    assert np.isinf(free_run_errors(model, [record])).all()
-
-
-def test_drift_is_followed_and_standing_still_is_not_made_worse() -> None:
-    drifting = follow_actuator("DEA 1", made_up(0.3), SMALL)
-    for kind in (drifting.seen, drifting.unseen, drifting.ahead):
-        assert kind[VARYING] < 0.5 * kind[CONSTANT]
-    still = follow_actuator("DEA 6", made_up(0.0), SMALL)
-    assert still.share == SHARES[0]
-    assert still.unseen[VARYING] < 1.02 * still.unseen[CONSTANT]
-    assert drifting.seen[LIKELIEST] <= drifting.seen[CONSTANT]
-    known = drifting.trajectory.theta[3]
-    # The gain grows by 0.3 of itself, and the constant and the linear term, which move along, take a part of it.
-    growth = drifting.trajectory.at(1000.0).theta @ [1, 0, 2.4, 2.4**2] - drifting.trajectory.at(100.0).theta @ [
-        1,
-        0,
-        2.4,
-        2.4**2,
-    ]
-    assert growth == pytest.approx(0.3 * 900 / 1100 * 1e-5 * 2.4**2, rel=0.15)
-    assert known.shape == drifting.trajectory.timepts.shape
-
-
-def test_a_window_is_seen_as_its_hann_weighted_transform() -> None:
-    values = np.random.default_rng(3).standard_normal(64) + 5.0
-    weights = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(64) / 64)
-    expected = np.fft.rfft(weights * (values - values.mean())) / weights.sum()
-    frequencies, found = short_time(values, 0.1)
-    np.testing.assert_allclose(frequencies, np.fft.rfftfreq(64, 0.1))
-    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-14)
-    tone = 3.0 * np.cos(2 * np.pi * 8 * np.arange(64) / 64)
-    assert np.abs(short_time(tone, 0.1)[1][8]) == pytest.approx(1.5)
-
-
-def test_a_periodic_recording_is_predicted_exactly() -> None:
-    model = NarxModel.from_terms(
-        {"1": 1e-5, "y(k-1)": 0.6, "u(k)": 2e-5, "u(k)u(k-1)": 1e-5, "u(k)^3": 3e-6, "u(k-1)^5": 1e-7}, sample_time=STEP
-    )
-    period = 2.4 + 0.5 * np.random.default_rng(4).standard_normal(166)
-    long = Recording.from_arrays(np.tile(period, 12), np.zeros(12 * 166), STEP)
-    steady = model.simulate(long).outputs[0]
-    record = replace(long, outputs=steady[None]).section(6 * 166, 12 * 166)
-    n = 6 * 166
-    trajectory = ThetaTrajectory(
-        model=model,
-        timepts=record.timepts,
-        theta=np.repeat(model.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, 6, 6)),
-        drift_variance=np.zeros(6),
-    )
-    windows = windows_of(record, 166 * STEP)
-    assert len(windows) == 11 and windows[1].start == pytest.approx(windows[0].start + 83 * STEP)
-    found = compare_windows(windows, {CONSTANT: model, VARYING: trajectory}, 2.4)
-    for way in (CONSTANT, VARYING):
-        for band in BANDS:
-            assert found.error(way, band) < 1e-9
-            np.testing.assert_allclose(found.power_ratio_dB(way, band), 0.0, atol=1e-8)
-    assert series_error(trajectory, windows[0], 2.4) < 1e-9
-    doubled = replace(found, predicted={VARYING: 2 * found.recorded})
-    np.testing.assert_allclose(doubled.power_ratio_dB(VARYING, BANDS[0]), 6.0206, atol=1e-4)
-    assert doubled.error(VARYING, BANDS[0]) == pytest.approx(1.0)
 
 
 def test_the_series_of_the_structure_ends_with_the_fifth_order() -> None:

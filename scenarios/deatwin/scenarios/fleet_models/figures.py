@@ -16,25 +16,12 @@ from deatwin.scenarios.fleet_models.choice import THRESHOLDS
 from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    complete,
-    draw_between,
-    filled,
-    key_of,
-    panels_of,
-    plain_numbers,
-    titled,
-)
+from deatwin.studies.report.panels import Hue, complete, draw_between, filled, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each
 
 Array = NDArray[np.float64]
-OF_METHOD = {SEMP: BEFORE, SVB: AFTER}
+OF_METHOD = {SEMP: Hue.BEFORE, SVB: Hue.AFTER}
 ZOOM, WINDOW = 20.0, 20.0
 """Length of the free runs that are drawn, and of the moving means, s."""
 STEADIEST = 6
@@ -67,14 +54,16 @@ def _orders(plan: Plan) -> Drawing:
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2, 3))
         places = np.arange(len(LAGS))
-        left.plot(places, errors[:, 0], "o", color=MEASURED, markersize=6)
+        left.plot(places, errors[:, 0], "o", color=Hue.MEASURED, markersize=6)
         left.set_xticks(places, names, rotation=50, ha="right", fontsize="small")
         left.set(ylabel="mean free-run error (%)", ylim=(0, None))
         titled(left, "linear")
         for i, name in enumerate(names):
-            colour, style = (AFTER, BEFORE, MARK)[LAGS[i][1]], "o-" if LAGS[i][0] == 1 else "s--"
+            colour, style = (Hue.AFTER, Hue.BEFORE, Hue.MARK)[LAGS[i][1]], "o-" if LAGS[i][0] == 1 else "s--"
             right.plot(DEGREES[1:], errors[i, 1:], style, color=colour, markersize=4, label=name)
-        right.plot(DEGREES[chosen[1]], errors[chosen], "o", markersize=13, fillstyle="none", color=INK, label="taken")
+        right.plot(
+            DEGREES[chosen[1]], errors[chosen], "o", markersize=13, fillstyle="none", color=Hue.INK, label="taken"
+        )
         right.set(xlabel="degree", yscale="log", xticks=DEGREES[1:])
         titled(right, "nonlinear")
         plain_numbers(right.yaxis, 1.0, 2.0, 5.0)
@@ -90,15 +79,15 @@ def _semp(benches: Iterable[Bench]) -> Drawing:
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
             search, key, found = bench.models[SEMP].search, key_of(bench.name), bench.models[SEMP].model
             number, left = np.arange(1.0, search.srr_.size + 1), search.msse_ / np.mean(bench.sections[0].outputs ** 2)
-            axes.plot(number, left, color=MEASURED, linewidth=1.2, label="free-run error after it, over mean y²")
+            axes.plot(number, left, color=Hue.MEASURED, linewidth=1.2, label="free-run error after it, over mean y²")
             gains = np.where(search.srr_ > 0, search.srr_, np.nan)
-            axes.plot(number, gains, "o", color=BEFORE, markersize=4, label="error reduction of an addition")
+            axes.plot(number, gains, "o", color=Hue.BEFORE, markersize=4, label="error reduction of an addition")
             pruned = np.array([bool(step.pruned) for step in search.path_])
-            axes.plot(number[pruned], left[pruned], "v", color=INK, markersize=5, label="then terms were pruned")
+            axes.plot(number[pruned], left[pruned], "v", color=Hue.INK, markersize=5, label="then terms were pruned")
             best = int(np.argmin(search.msse_))
-            axes.plot(number[best], left[best], "o", markersize=11, fillstyle="none", color=INK, label="taken")
+            axes.plot(number[best], left[best], "o", markersize=11, fillstyle="none", color=Hue.INK, label="taken")
             for threshold in THRESHOLDS[1:]:
-                axes.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
+                axes.axhline(threshold, color=Hue.INK, linewidth=0.7, linestyle=":")
             titled(axes, f"{bench.name}: {len(found.terms)} terms")
             columns |= {
                 f"{key}_step": number,
@@ -125,9 +114,9 @@ def free_runs(
             columns |= {f"{key}_time_s": timepts, f"{key}_mm": measured}
             if bands is not None:
                 low, high = (1e3 * end[0, part] for end in (bands[bench.name].lower, bands[bench.name].upper))
-                draw_between(axes, timepts, low, high, AFTER, "95 % band of SVB")
+                draw_between(axes, timepts, low, high, Hue.AFTER, "95 % band of SVB")
                 columns |= {f"{key}_low_mm": low, f"{key}_high_mm": high}
-            axes.plot(timepts, measured, ".", color=MEASURED, markersize=5, label="measured")
+            axes.plot(timepts, measured, ".", color=Hue.MEASURED, markersize=5, label="measured")
             for method in methods:
                 run = 1e3 * bench.models[method].model.simulate(section).outputs[0, part]
                 axes.plot(timepts, run, color=OF_METHOD[method], linewidth=1.0, label=method)
@@ -148,8 +137,8 @@ def _drift(study: Study) -> Drawing:
         for number, axes in enumerate(panels.T.ravel()):
             bench = study.recorded[number]
             for section, label, alpha in zip(bench.sections, ("training", "held out"), (0.15, 0.4), strict=True):
-                axes.axvspan(section.start, section.end, color=MARK, alpha=alpha, linewidth=0, label=label)
-            for variant, colour in ((STEADY, MEASURED), (RECORDED, BEFORE)):
+                axes.axvspan(section.start, section.end, color=Hue.MARK, alpha=alpha, linewidth=0, label=label)
+            for variant, colour in ((STEADY, Hue.MEASURED), (RECORDED, Hue.BEFORE)):
                 record = thinned(study.prepared[number].recordings[variant], study.plan.factor)
                 run = study.benches[variant][number].models[SEMP].model.simulate(record)
                 error = 1e6 * (record.outputs - run.outputs)[0]
@@ -179,9 +168,9 @@ def _tests(study: Study, number: int, counterpart: str) -> Drawing:
             found, other = bench.models[method].held_out, steady.models[method].held_out
             for axes, name in zip(column, TESTS, strict=True):
                 test, without = found.test(name), other.test(name)
-                axes.axhspan(-test.band, test.band, color=MEASURED, alpha=0.2, linewidth=0)
+                axes.axhspan(-test.band, test.band, color=Hue.MEASURED, alpha=0.2, linewidth=0)
                 axes.vlines(test.lags, 0, test.values, color=OF_METHOD[method], linewidth=1.6, label=RECORDED)
-                axes.plot(without.lags, without.values, ".", color=INK, markersize=3, label=STEADY)
+                axes.plot(without.lags, without.values, ".", color=Hue.INK, markersize=3, label=STEADY)
                 titled(axes, f"{method}: {'fails' if test in found.failed else 'passes'}", "small")
                 key = f"{method}_{name}".translate(str.maketrans("", "", "()'"))
                 columns |= {

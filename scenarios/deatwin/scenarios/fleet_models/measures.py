@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from deatwin.ident.frequency.dc import deviations
+from deatwin.ident.frequency.removal import remove
 from deatwin.ident.narx.fleet.records import FILM, STEADY
 from deatwin.ident.narx.predictive import one_step_band
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Study
+from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Study
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Each, Span
 
@@ -26,7 +26,8 @@ def judge_semp(study: Study) -> list[Measure]:
     """Hold the models of SEMP against what is demanded."""
     runs = [[float(b.models[m].training.free_run.rms[0]) for m in (SEMP, FRO)] for b in study.recorded]
     better = sum(own < other for own, other in runs)
-    worst = max(_moved(bench) for bench in study.recorded)
+    sound = [bench for bench in study.recorded if not bench.models[SEMP].held_out.diverged]
+    worst = max((remove(bench.models[SEMP].model, bench.sections[1]).error for bench in sound), default=0.0)
     return [
         *_of_method(study, SEMP),
         WORDS.measure("fro", better > len(runs) / 2, pairs=Each((1e6 * a, 1e6 * b) for a, b in runs)),
@@ -76,13 +77,3 @@ def _of_method(study: Study, method: str) -> Iterable[Measure]:
     losses = [one.error / film.error for one, film in zip(models[STEADY], models[FILM], strict=True)]
     median = float(np.median(losses))
     yield WORDS.measure("hysteresis", median > 1, method=method, losses=Span(losses), median=median)
-
-
-def _moved(bench: Bench) -> float:
-    """What removing the DC component changes of a free run, over its stroke; nothing if the run diverges."""
-    model, section = bench.models[SEMP].model, bench.sections[1]
-    shifted = deviations(model)
-    whole, part = model.simulate(section), shifted.model.simulate(shifted.seen(section))
-    if not whole.status.ok:
-        return 0.0
-    return float(np.abs(part.outputs + shifted.point.output - whole.outputs).max()) / float(np.ptp(whole.outputs))

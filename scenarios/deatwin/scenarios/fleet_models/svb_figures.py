@@ -15,7 +15,7 @@ from deatwin.scenarios.fleet_models.choice import THRESHOLDS, Choice
 from deatwin.scenarios.fleet_models.figures import correlation_tests, free_runs
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import AFTER, BEFORE, INK, filled, key_of, panels_of, plain_numbers, titled
+from deatwin.studies.report.panels import Hue, filled, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each
 
@@ -50,8 +50,8 @@ def _pruning(benches: Iterable[Bench]) -> Drawing:
             terms = np.array([len(step.terms) for step in path], dtype=np.float64)
             bounds = np.array([step.lower_bound for step in path])
             best = int(np.argmax(bounds))
-            axes.plot(terms, bounds - bounds[best], "o-", color=AFTER, markersize=3)
-            axes.plot(terms[best], 0.0, "o", markersize=11, fillstyle="none", color=INK)
+            axes.plot(terms, bounds - bounds[best], "o-", color=Hue.AFTER, markersize=3)
+            axes.plot(terms[best], 0.0, "o", markersize=11, fillstyle="none", color=Hue.INK)
             titled(axes, f"{bench.name}: {terms[best]:.0f} of {terms[0]:.0f} terms")
             columns |= {f"{key}_terms": terms, f"{key}_bound_nats": bounds}
         panels[0, 0].set(xscale="log", yscale="symlog", ylim=(None, 1.0))
@@ -62,7 +62,7 @@ def _posterior(bench: Bench) -> Drawing:
     """What each term adds to the next reading, with its interval, beside the same of SEMP."""
     models = {method: bench.models[method].model for method in (SVB, SEMP)}
     terms = sorted({t for model in models.values() for t in model.terms}, key=lambda term: (term.degree, term.factors))
-    kinds = {SVB: (AFTER, -0.15, "the posterior"), SEMP: (BEFORE, 0.15, "least squares")}
+    kinds = {SVB: (Hue.AFTER, -0.15, "the posterior"), SEMP: (Hue.BEFORE, 0.15, "least squares")}
     columns: dict[str, Array] = {}
     with draw((9.6, 1.4 + 0.24 * len(terms))) as figure:
         axes = figure.add_subplot()
@@ -81,7 +81,7 @@ def _posterior(bench: Bench) -> Drawing:
                 f"{method}_low_um": low,
                 f"{method}_high_um": high,
             }
-        axes.axvline(0.0, color=INK, linewidth=0.8)
+        axes.axvline(0.0, color=Hue.INK, linewidth=0.8)
         axes.set_yticks(range(len(terms)), [str(term) for term in terms], fontsize="small")
         axes.set(xlabel="share in the next reading (µm rms, sign of the parameter)", ylim=(len(terms) - 0.5, -0.5))
         axes.set_xscale("symlog", linthresh=10.0)
@@ -113,17 +113,17 @@ def _choice(choice: Choice, name: str) -> Drawing:
     }
     with draw((9.6, 5.4)) as figure:
         (left, right), below = figure.subplots(2, 2, sharex="col")
-        left.plot(terms, bounds - bounds.max(), "o-", color=AFTER, markersize=3)
-        left.plot(choice.by_bound, 0.0, "o", markersize=12, fillstyle="none", color=INK)
+        left.plot(terms, bounds - bounds.max(), "o-", color=Hue.AFTER, markersize=3)
+        left.plot(choice.by_bound, 0.0, "o", markersize=12, fillstyle="none", color=Hue.INK)
         left.set(ylabel="bound less the largest (nats)", yscale="symlog", title=f"SVB: {choice.by_bound} terms")
-        right.plot(number, choice.err, "o-", color=BEFORE, markersize=3)
+        right.plot(number, choice.err, "o-", color=Hue.BEFORE, markersize=3)
         for threshold in THRESHOLDS:
-            right.axhline(threshold, color=INK, linewidth=0.7, linestyle=":")
+            right.axhline(threshold, color=Hue.INK, linewidth=0.7, linestyle=":")
         right.set(ylabel="error reduction ratio", yscale="log", title=f"FRO: {counts:d} terms")
         finite = np.concatenate([bound_errors, err_errors])
         finite = finite[np.isfinite(finite)]
         for axes, x, errors, colour in zip(
-            below, (terms, number), (bound_errors, err_errors), (AFTER, BEFORE), strict=True
+            below, (terms, number), (bound_errors, err_errors), (Hue.AFTER, Hue.BEFORE), strict=True
         ):
             axes.plot(x, errors, "o", color=colour, markersize=3)
             axes.set(xlabel="terms", yscale="log", ylim=(0.8 * finite.min(), 1.2 * np.quantile(finite, 0.9)))

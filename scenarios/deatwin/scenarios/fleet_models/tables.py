@@ -17,6 +17,7 @@ from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table
+from deatwin.studies.report.tables import parameters_by_term
 
 TESTS = {"ee": "ee", "ue": "ue", "e(eu)": "e(eu)", "(u2)'e": "(u²)′e", "(u2)'e2": "(u²)′e²"}
 
@@ -156,8 +157,6 @@ def _estimate(model: NarxModel, term: str) -> str:
 def _dc(bench: Bench) -> Table:
     model = bench.models[SEMP].model
     shifted = deviations(model)
-    before, after = (dict(zip(m.terms, m.theta, strict=True)) for m in (model, shifted.model))
-    every = sorted({*before, *after}, key=lambda term: (term.degree, term.factors))
-    rows = [[str(t), *(f"{values[t]:.4g}" if t in values else "–" for values in (before, after))] for t in every]
     level, rest = float(shifted.point.operating_input[0]), 1e3 * shifted.point.output
+    rows = parameters_by_term(model, shifted.model)
     return WORDS.table("dc", rows, name=bench.name, level=level, rest=rest)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.frequency.output_responses.settled import Evaluated, evaluate, left_by_orders
+from deatwin.ident.frequency.removal import Removal, remove
 from deatwin.ident.frequency.tones import tone_response
-from deatwin.ident.narx import NarxModel, SvbNarx, Term
+from deatwin.ident.narx import NarxModel, SvbNarx
 from deatwin.ident.narx.fleet.alike import (
     BAND,
     OPERATING_INPUT,
@@ -29,7 +29,6 @@ from deatwin.ident.narx.fleet.alike import (
 from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
 from deatwin.ident.narx.refine import refine
-from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -51,29 +50,6 @@ TONES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Frequencies at which an actuator is asked for its own response, Hz."""
 SMALL, LARGE = 0.02, 0.3
 """Largest deviation of the tones from the operating input, V."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Removal:
-    """A model before and after its DC component is removed, with free runs over a held-out section."""
-
-    model: NarxModel
-    shifted: Deviations  # From the equilibrium at the mean of the training commands
-    section: Recording
-    run: Array
-    shifted_run: Array
-    deleted_run: Array  # With nothing but the constant left out
-
-    @property
-    def error(self) -> float:
-        """Largest difference that the removal makes, over the stroke."""
-        return float(np.abs(self.shifted_run - self.run).max() / np.ptp(self.run))
-
-    @property
-    def deleted_error(self) -> float:
-        """Root mean square of the difference that deleting makes, over that of the run about its mean; at most 100."""
-        difference = np.nan_to_num(self.deleted_run - self.run, nan=np.inf)
-        return min(float(np.sqrt(np.mean(np.clip(difference, -1, 1) ** 2)) / self.run.std()), 100.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,29 +176,6 @@ def anchor(alike: Alike, fleet: Fleet, frequency_Hz: tuple[float, ...] = TONES) 
         small=tone_response(gripped, frequency_Hz, SMALL, OPERATING_INPUT),
         large=tone_response(gripped, frequency_Hz, LARGE, OPERATING_INPUT),
         **{name: _first(model, np.array(frequency_Hz)) for name, model in models.items()},
-    )
-
-
-def remove(model: NarxModel, section: Recording) -> Removal:
-    """Remove the DC component in the right way and in the wrong one, and run all three models free."""
-    shifted = deviations(model)
-    moved, level = shifted.seen(section), shifted.point.output
-    kept = [place for place, term in enumerate(model.terms) if term != Term(())]
-    deleted = replace(
-        model,
-        terms=tuple(model.terms[i] for i in kept),
-        theta=model.theta[kept],
-        theta_cov=model.theta_cov[np.ix_(kept, kept)],
-        equations=(),
-        operating=None,
-    )
-    return Removal(
-        model=model,
-        shifted=shifted,
-        section=section,
-        run=model.simulate(section).outputs[0],
-        shifted_run=shifted.model.simulate(moved).outputs[0] + level,
-        deleted_run=deleted.simulate(moved).outputs[0] + level,
     )
 
 

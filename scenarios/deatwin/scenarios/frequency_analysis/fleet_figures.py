@@ -23,13 +23,9 @@ from deatwin.scenarios.frequency_analysis.actuators import (
 from deatwin.scenarios.frequency_analysis.known_figures import map_of
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
     STYLES,
     SUBSCRIPTS,
+    Hue,
     draw_between,
     filled,
     key_of,
@@ -79,11 +75,13 @@ def _removal(one: Analysed) -> Drawing:
     with draw((9.6, 5.0)) as figure:
         near, far = figure.subplots(2, 1, sharex=True)
         for axes in (near, far):
-            axes.plot(timepts, shown["measured"], ".", color=MEASURED, markersize=4, label="measured")
-            axes.plot(timepts, shown["model"], color=AFTER, linewidth=3.0, alpha=0.5, label="model")
-            axes.plot(timepts, shown["of_deviations"], color=INK, linewidth=0.8, label="model of deviations, put back")
+            axes.plot(timepts, shown["measured"], ".", color=Hue.MEASURED, markersize=4, label="measured")
+            axes.plot(timepts, shown["model"], color=Hue.AFTER, linewidth=3.0, alpha=0.5, label="model")
+            axes.plot(
+                timepts, shown["of_deviations"], color=Hue.INK, linewidth=0.8, label="model of deviations, put back"
+            )
             axes.set_ylabel("displacement (mm)")
-        far.plot(timepts, shown["not_expanded"], color=BEFORE, label="only a constant left out")
+        far.plot(timepts, shown["not_expanded"], color=Hue.BEFORE, label="only a constant left out")
         far.set_xlabel("time (s)")
         legend_above(figure, far, 4)
         columns = {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
@@ -108,7 +106,7 @@ def _first(each: Sequence[Analysed]) -> Drawing:
                 f"{key}_phase_deg": response.phase_deg,
             }
         for axes in (gain, phase):
-            axes.axvspan(BAND[1], FREQUENCIES[-1], color=MEASURED, alpha=0.12, linewidth=0)
+            axes.axvspan(BAND[1], FREQUENCIES[-1], color=Hue.MEASURED, alpha=0.12, linewidth=0)
             axes.set(xscale="log", xlabel="frequency (Hz)", xlim=(FREQUENCIES[0], FREQUENCIES[-1]))
             plain_numbers(axes.xaxis)
         gain.set(ylabel="|H₁| (µm/V)", ylim=(0, None))
@@ -145,10 +143,10 @@ def _test_signal(found: Actuators) -> Drawing:
     columns: dict[str, Array] = {"time_s": timepts, "random_V": side.random, "designed_V": equal}
     with draw((9.6, 6.2)) as figure:
         (left, *above), below = figure.subplots(2, 3)
-        left.plot(timepts, side.random, color=AFTER, label="random record")
-        left.plot(timepts, equal, color=INK, label="test signal")
+        left.plot(timepts, side.random, color=Hue.AFTER, label="random record")
+        left.plot(timepts, equal, color=Hue.INK, label="test signal")
         left.set(xlabel="time (s)", ylabel="deviation (V)")
-        inputs = {"random": (side.random_inputs, AFTER, "."), "designed": (side.designed_inputs, INK, "")}
+        inputs = {"random": (side.random_inputs, Hue.AFTER, "."), "designed": (side.designed_inputs, Hue.INK, "")}
         for axes, order in zip((*above, below[0]), (1, 2, 3), strict=True):
             for key, (spectra, colour, marker) in inputs.items():
                 u = spectra[order - 1]
@@ -157,7 +155,7 @@ def _test_signal(found: Actuators) -> Drawing:
                 columns |= {f"line{order}_Hz": u.frequency_Hz, f"{key}_U{order}": np.abs(u.values)}
             unit = "V" + ("", "", "²", "³")[order]
             axes.set(yscale="log", xlabel="frequency (Hz)", ylabel=f"|U{SUBSCRIPTS[order]}| ({unit})")
-        outputs = {"random": (side.by_random, AFTER, 4), "designed": (side.designed, INK, 0)}
+        outputs = {"random": (side.by_random, Hue.AFTER, 4), "designed": (side.designed, Hue.INK, 0)}
         for axes, order in zip(below[1:], (2, 3), strict=True):
             for key, (fit, colour, size) in outputs.items():
                 g = fit.orders[order - 1]
@@ -224,10 +222,10 @@ def _sampled(found: Actuators) -> Drawing:
                 MICRO * values for values in (response.gain, band.low, band.high, *drawn)
             )
             f = response.frequency_Hz[there]
-            draw_between(axes, f, low[there], high[there], AFTER, "95 % band, propagated", alpha=0.35)
-            axes.plot(f, gain[there], color=AFTER, label="posterior mean")
-            axes.plot(f, drawn_low[there], ":", color=INK, label="95 % of the draws")
-            axes.plot(f, drawn_high[there], ":", color=INK)
+            draw_between(axes, f, low[there], high[there], Hue.AFTER, "95 % band, propagated", alpha=0.35)
+            axes.plot(f, gain[there], color=Hue.AFTER, label="posterior mean")
+            axes.plot(f, drawn_low[there], ":", color=Hue.INK, label="95 % of the draws")
+            axes.plot(f, drawn_high[there], ":", color=Hue.INK)
             titled(axes, f"|Y{SUBSCRIPTS[n]}|")
             axes.set_ylim(0, None)
             columns |= {
@@ -246,14 +244,14 @@ def _sampled(found: Actuators) -> Drawing:
 def _anchor(one: Anchor) -> Drawing:
     f = one.frequency_Hz
     known = {
-        f"bare film, {1e3 * SMALL:.0f} mV": (one.film, INK, "o-"),
-        f"with hysteresis, {1e3 * SMALL:.0f} mV": (one.small, MEASURED, "s--"),
-        f"with hysteresis, {1e3 * LARGE:.0f} mV": (one.large, MEASURED, "o-"),
+        f"bare film, {1e3 * SMALL:.0f} mV": (one.film, Hue.INK, "o-"),
+        f"with hysteresis, {1e3 * SMALL:.0f} mV": (one.small, Hue.MEASURED, "s--"),
+        f"with hysteresis, {1e3 * LARGE:.0f} mV": (one.large, Hue.MEASURED, "o-"),
     }
     models = {
-        "model of the bare film, least squares": (one.least_squares, MARK),
-        "model of the bare film, least free-run error": (one.refined, AFTER),
-        "model of the actuator": (one.recorded, BEFORE),
+        "model of the bare film, least squares": (one.least_squares, Hue.MARK),
+        "model of the bare film, least free-run error": (one.refined, Hue.AFTER),
+        "model of the actuator": (one.recorded, Hue.BEFORE),
     }
     columns: dict[str, Array] = {"frequency_Hz": f}
     with draw((9.6, 4.2)) as figure:

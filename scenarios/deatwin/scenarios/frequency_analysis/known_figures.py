@@ -13,18 +13,7 @@ from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
 from deatwin.ident.frequency.output_responses.settled import Evaluated
 from deatwin.scenarios.frequency_analysis.known import BAND, Identified, Known, Ranges
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    SUBSCRIPTS,
-    draw_between,
-    filled,
-    panels_of,
-    titled,
-)
+from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, filled, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each, Words
 
@@ -33,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
-OF_ORDER = (AFTER, BEFORE, MARK)
+OF_ORDER = (Hue.AFTER, Hue.BEFORE, Hue.MARK)
 SMALLEST = 1e-10
 """Share of the largest line below which rounding is no longer drawn."""
 HELD = 0.1
@@ -69,7 +58,7 @@ def _ranges(found: Sequence[Ranges]) -> Drawing:
                 axes.plot(f, gain, "o", color=colour, markersize=3, label=f"order {n}, bar: its range")
                 columns[f"{key}_Y{n}"] = order.gain
             there, hollow = simulated > SMALLEST * size, {"fillstyle": "none", "markersize": 6, "markeredgewidth": 0.6}
-            axes.plot(f[there], simulated[there], "s", color=INK, label="simulated", **hollow)
+            axes.plot(f[there], simulated[there], "s", color=Hue.INK, label="simulated", **hollow)
             axes.set(yscale="log", ylim=(5e-12 * size, 4 * size))
             titled(axes, f"{one.system.name}: {one.system.shown}")
         panels[0].set_ylabel("Fourier coefficient of the output")
@@ -88,7 +77,7 @@ def _gfrfs() -> Drawing:
     columns: dict[str, Array] = {"f1_Hz": grid[:, 0], "f2_Hz": grid[:, 1]}
     with draw((9.6, 3.8)) as figure:
         left, *maps = figure.subplots(1, 3)
-        for system, colour in ((QUADRATIC, AFTER), (DUFFING, BEFORE)):
+        for system, colour in ((QUADRATIC, Hue.AFTER), (DUFFING, Hue.BEFORE)):
             gain = gfrf(system.model, 1, 2 * np.pi * line).gain
             left.plot(line, gain, color=colour, label=f"{system.name}: {system.shown}")
             columns |= {"f_Hz": line, f"{system.name}_H1": gain}
@@ -120,8 +109,8 @@ def _nofrfs(found: Mapping[ClosedForm, Evaluated]) -> Drawing:
                     f"{key}_least_squares": fitted.gain,
                 }
                 axes.plot(direct.frequency_Hz, direct.gain, color=OF_ORDER[place], label="from the model")
-                axes.plot(fitted.frequency_Hz, fitted.gain, ".", color=INK, markersize=2.5, label="least squares")
-                axes.axvline(n * BAND[1], color=MEASURED, linestyle=":", label="end of its range")
+                axes.plot(fitted.frequency_Hz, fitted.gain, ".", color=Hue.INK, markersize=2.5, label="least squares")
+                axes.axvline(n * BAND[1], color=Hue.MEASURED, linestyle=":", label="end of its range")
                 titled(axes, f"{system.name}: |G{SUBSCRIPTS[n]}|")
                 axes.set_ylim(*((0, None) if direct.gain.any() else (-0.05, 1.0)))
         legend_above(figure, rows[0, 0], 3)
@@ -138,9 +127,9 @@ def _identified(one: Identified) -> Drawing:
             f, true = found.frequency_Hz[there], truth.gain[there]
             low, high = (100 * (side[there] - true) / truth.gain.max() for side in (band.low, band.high))
             draw_between(relative, f, low, high, colour, alpha=0.35)
-            relative.axhline(0, color=INK, linewidth=0.9)
+            relative.axhline(0, color=Hue.INK, linewidth=0.9)
             draw_between(axes, f, band.low[there], band.high[there], colour, "95 % band", alpha=0.35)
-            axes.plot(f, true, color=INK, linewidth=0.9, label="true")
+            axes.plot(f, true, color=Hue.INK, linewidth=0.9, label="true")
             titled(axes, f"|Y{SUBSCRIPTS[n]}|")
             axes.set_ylim(0, None)
             columns |= {f"Y{n}": found.gain, f"Y{n}_low": band.low, f"Y{n}_high": band.high, f"Y{n}_true": truth.gain}

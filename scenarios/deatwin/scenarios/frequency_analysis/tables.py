@@ -8,6 +8,7 @@ from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, TABLED, Actuators, Analysed
 from deatwin.scenarios.frequency_analysis.known import Known
 from deatwin.studies.report.story import Table
+from deatwin.studies.report.tables import parameters_by_term
 from deatwin.studies.report.words import Each, Words
 
 WORDS = Words(__package__)
@@ -32,10 +33,7 @@ def _error(error: float | None) -> str:
 
 
 def _removal(one: Analysed) -> Table:
-    removal, point = one.removal, one.removal.shifted.point
-    before, after = (dict(zip(m.terms, m.theta, strict=True)) for m in (removal.model, removal.shifted.model))
-    every = sorted({*before, *after}, key=lambda term: (term.degree, term.factors))
-    rows = [[str(t), *(f"{values[t]:.4g}" if t in values else "–" for values in (before, after))] for t in every]
+    point, rows = one.removal.shifted.point, parameters_by_term(one.removal.model, one.removal.shifted.model)
     return WORDS.table("removal", rows, name=one.name, level=point.operating_input[0], rest=1e3 * point.output)
 
 

@@ -11,18 +11,7 @@ from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.tables import column_of
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    SUBSCRIPTS,
-    draw_between,
-    key_of,
-    panels_of,
-    titled,
-)
+from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, key_of, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
@@ -31,12 +20,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
-STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (MEASURED, "-"), (INK, "-"), (AFTER, "--"))
+STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
 """Colour and line of each of the six."""
 KINDS = {
-    Agreement.DIFFERENT: (BEFORE, 0.55, "differ by more than drift explains"),
-    Agreement.DRIFT: (MARK, 0.3, "differ, and drift within the records reaches that far"),
-    Agreement.ALIKE: (MEASURED, 0.08, "no significant difference"),
+    Agreement.DIFFERENT: (Hue.BEFORE, 0.55, "differ by more than drift explains"),
+    Agreement.DRIFT: (Hue.MARK, 0.3, "differ, and drift within the records reaches that far"),
+    Agreement.ALIKE: (Hue.MEASURED, 0.08, "no significant difference"),
 }
 MILLI = 1e3
 """Millimetres to the metre."""
@@ -119,10 +108,10 @@ def _table(axes: Axes, table: Comparison) -> None:
 def _spread(found: Consistency) -> Drawing:
     """Standard deviation over the six, beside what the tolerances predict."""
     bars = {
-        "predicted": (found.predicted, INK, "predicted from the tolerances"),
-        "same_commands": (found.spread("level"), MEASURED, "without histories, all under the same commands"),
-        "without_histories": (found.spread("steady"), AFTER, "without histories, each under its own"),
-        "as_recorded": (found.spread("fleet"), BEFORE, "as recorded"),
+        "predicted": (found.predicted, Hue.INK, "predicted from the tolerances"),
+        "same_commands": (found.spread("level"), Hue.MEASURED, "without histories, all under the same commands"),
+        "without_histories": (found.spread("steady"), Hue.AFTER, "without histories, each under its own"),
+        "as_recorded": (found.spread("fleet"), Hue.BEFORE, "as recorded"),
     }
     orders, low, high = (np.array(column, dtype=np.float64) for column in zip(*found.columns, strict=True))
     columns: dict[str, Array] = {"order": orders, "from_Hz": low, "to_Hz": high}
@@ -145,14 +134,14 @@ def _truth(found: Consistency) -> Drawing:
     every, width = found.contrasts, len(found.columns)
     orders = np.tile([float(order) for order, _, _ in found.columns], len(every) // width)
     measured, true, error = (100 * np.array([getattr(c, n) for c in every]) for n in ("measured", "true", "error"))
-    style = {"fmt": ".", "color": AFTER, "ecolor": MEASURED, "elinewidth": 0.8, "markersize": 4}
+    style = {"fmt": ".", "color": Hue.AFTER, "ecolor": Hue.MEASURED, "elinewidth": 0.8, "markersize": 4}
     with draw((9.6, 3.8)) as figure:
         panels = panels_of(figure, 1, len(set(orders)), "true difference (% of the gain)")[0]
         for axes, order in zip(panels, sorted(set(orders)), strict=True):
             chosen, label = orders == order, "pair of actuators in a band, ± two standard errors"
             axes.errorbar(true[chosen], measured[chosen], 2 * error[chosen], label=label, **style)
             ends = np.array([0.0, true[chosen].max()])
-            axes.plot(ends, ends, color=INK, linewidth=0.8, label="equal")
+            axes.plot(ends, ends, color=Hue.INK, linewidth=0.8, label="equal")
             titled(axes, f"H{SUBSCRIPTS[int(order)]}")
         panels[0].set_ylabel("measured difference (%)")
         legend_above(figure, panels[0], 2)
@@ -169,9 +158,9 @@ def _truth(found: Consistency) -> Drawing:
 def _p_values(found: Consistency) -> Drawing:
     """How the p-values are distributed where nothing differs, and where actuators do."""
     groups = {
-        "repeats": ("repeats of one stationary actuator", MEASURED),
-        "steady": ("six without histories", AFTER),
-        "fleet": ("six as recorded", BEFORE),
+        "repeats": ("repeats of one stationary actuator", Hue.MEASURED),
+        "steady": ("six without histories", Hue.AFTER),
+        "fleet": ("six as recorded", Hue.BEFORE),
     }
     axis = np.linspace(0, 1, 201)
     columns: dict[str, Array] = {"p_value": axis}
@@ -184,7 +173,7 @@ def _p_values(found: Consistency) -> Drawing:
                 axes.plot(axis, 100 * share, color=colour, label=label)
                 columns[f"{name}_{group}_share"] = share
         for axes, title in zip(panels, ("differences between records", "drifts within a record"), strict=True):
-            axes.plot([0, 1], [0, 100], ":", color=INK, label="where nothing differs")
+            axes.plot([0, 1], [0, 100], ":", color=Hue.INK, label="where nothing differs")
             titled(axes, title)
             axes.set(xlim=(-0.01, 1), ylim=(0, 101))
         panels[0].set_ylabel("tests with a smaller one (%)")

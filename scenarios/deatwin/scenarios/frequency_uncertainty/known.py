@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from time import process_time
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.many import Evaluated
-from deatwin.ident.frequency.uncertainty.beside_draws import DRAWS, Spread, departure, spread_of, symbol_of
+from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf
+from deatwin.ident.frequency.spectrum import inner_lines
+from deatwin.ident.frequency.uncertainty.beside_draws import Speed, Spread, Sweep, speed_of, spread_of, sweep_of
 from deatwin.ident.frequency.uncertainty.parameters import Quantity
-from deatwin.ident.frequency.uncertainty.propagate import UncertaintyWarning, propagate
-from deatwin.ident.frequency.uncertainty.sampling import sample
+from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 
@@ -38,12 +35,6 @@ SURFACE = 65
 """Frequencies of H_2 along each axis."""
 PERIOD, HARMONICS, AMPLITUDE = 64, range(3, 9), 0.1
 """Samples of the multisine, its harmonics, and the amplitude of each."""
-CHUNKS = 40
-"""Sets of `DRAWS` draws each, against which the error of the law is measured."""
-CALLS = 7
-"""Calls of propagation, of which the shortest counts."""
-LOOP = 100
-"""Draws that are computed one by one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,6 +49,11 @@ class Case:
     def identify(self, rng: np.random.Generator) -> NarxModel:
         """Estimate the true terms by least squares from a new recording."""
         return Fixed(terms=self.system.terms).fit(self.system.draw(rng, self.n_samples).recording).model_
+
+    @property
+    def short_name(self) -> str:
+        """Its name up to the first comma."""
+        return self.name.split(",")[0]
 
     def omega(self, order: int, points: int = POINTS) -> Array:
         """Frequencies of a response: all tones equal, their sum up to half the sampling rate. Shapes: returns (points,)
@@ -101,36 +97,6 @@ SHORT = _case("S6, from a short record", SYSTEMS["S6"], 0.05, 200, (1, 2, 3))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
-    """Propagation beside draws, with the parameters known better and worse."""
-
-    label: str
-    scales: Array  # shape (n,): of the parameters' deviations
-    ratios: Array  # shape (n,): the draws' variance over the propagated one, furthest from one
-    held: Array  # shape (n,): share of the draws in the 95 % region, furthest from 95 %
-    indices: Array  # shape (n,): the largest nonlinearity over the frequencies
-    holds: Flags  # shape (n,): whether propagation says that its law holds at all frequencies
-
-
-@dataclass(frozen=True, kw_only=True)
-class Speed:
-    """What propagation of one response costs, beside draws that say as much."""
-
-    label: str
-    propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
-    drawn: float
-    alone: float
-    error: float  # Largest relative error of propagation, and of 20,000 draws
-    drawn_error: float
-    equal: float  # Number of draws as accurate as propagation
-
-    @property
-    def ratio(self) -> float:
-        """Time of draws of equal accuracy, computed all at once, over that of propagation."""
-        return self.drawn * self.equal / DRAWS / self.propagated
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Known:
     """All that was done with the benchmark systems."""
 
@@ -164,24 +130,6 @@ def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[
     return dict(zip(case.orders, (np.array(flags) for flags in zip(*held, strict=True)), strict=True))
 
 
-def sweep(case: Case, order: int, seed: tuple[int, ...]) -> Sweep:
-    """Propagate and draw with the parameters known better and worse than they are."""
-    rng = np.random.default_rng(seed)
-    model = case.identify(rng)
-    rows = [
-        spread_of(case.name, replace(model, theta_cov=scale**2 * model.theta_cov), case.response(order), rng)
-        for scale in SCALES
-    ]
-    return Sweep(
-        label=f"{rows[0].symbol} of {case.name.split(',')[0]}",
-        scales=np.array(SCALES),
-        ratios=np.array([row.ratio for row in rows]),
-        held=np.array([row.held for row in rows]),
-        indices=np.array([row.propagated.nonlinearity.max() for row in rows]),
-        holds=np.array([bool(row.propagated.linear_law.all()) and row.propagated.lost == 0 for row in rows]),
-    )
-
-
 def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
     """Propagate to the orders of the output of a multisine, and draw."""
     rng = np.random.default_rng(seed)
@@ -189,7 +137,7 @@ def spectra(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
     phases = rng.uniform(0, 2 * np.pi, len(HARMONICS))
     angle = 2 * np.pi * np.arange(PERIOD) / PERIOD
     excitation = AMPLITUDE * sum(np.cos(n * angle + phase) for n, phase in zip(HARMONICS, phases, strict=True))
-    lines = [partial(_lines, excitation=excitation, order=order) for order in (1, 2, 3)]
+    lines = [partial(inner_lines, excitation=excitation, order=order, operating_input=AT) for order in (1, 2, 3)]
     return tuple(spread_of(case.name, model, quantity, rng) for quantity in lines)
 
 
@@ -200,60 +148,13 @@ def surface(case: Case, seed: tuple[int, ...]) -> FrequencyResponse:
     return gfrf(model, 2, frequency_grid(axis, axis), operating_input=AT)
 
 
+def sweep(case: Case, order: int, seed: tuple[int, ...]) -> Sweep:
+    """Propagate and draw with the parameters known better and worse than they are."""
+    rng = np.random.default_rng(seed)
+    return sweep_of(case.short_name, case.identify(rng), case.response(order), rng, SCALES)
+
+
 def speed(case: Case, order: int, seed: tuple[int, ...]) -> Speed:
     """Measure what propagation costs and how accurate it is."""
     rng = np.random.default_rng(seed)
-    model, quantity = case.identify(rng), case.response(order)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UncertaintyWarning)
-        propagated = propagate(model, quantity).covariance
-        own = min(_timed(lambda: propagate(model, quantity).covariance) for _ in range(CALLS))
-    begun = process_time()
-    drawn = np.array([sample(model, quantity, rng, DRAWS).covariance for _ in range(CHUNKS)])
-    together = (process_time() - begun) / CHUNKS
-    pooled: Array = drawn.mean(axis=0)
-    error = departure(pooled, propagated)
-    drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
-    floor = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
-    equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - floor**2, floor**2))) ** 2
-    thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
-    return Speed(
-        label=f"{symbol_of(quantity(model))} of {case.name.split(',')[0]}",
-        propagated=own,
-        drawn=together,
-        alone=_timed(lambda: [quantity(replace(model, theta=theta)) for theta in thetas]) / LOOP * DRAWS,
-        error=error,
-        drawn_error=drawn_error,
-        equal=float(equal),
-    )
-
-
-def _timed(work: Callable[[], object]) -> float:
-    begun = process_time()
-    work()
-    return process_time() - begun
-
-
-def _lines(model: NarxModel, excitation: Array, order: int) -> FrequencyResponse:
-    """An order of the output, at the lines where it is complex and not zero."""
-    whole = output_orders(model, excitation, order, operating_input=AT)[-1]
-    inner = np.arange(1, whole.values.size - 1)
-    kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]
-    return replace(
-        whole,
-        values=whole.values[kept],
-        omega=whole.omega[kept],
-        differentiate=partial(_slopes, whole, kept),
-        evaluate=partial(_drawn, whole, kept),
-    )
-
-
-def _slopes(whole: FrequencyResponse, kept: NDArray[np.intp]) -> NDArray[np.complex128]:
-    return whole.gradient[kept]
-
-
-def _drawn(whole: FrequencyResponse, kept: NDArray[np.intp], thetas: Array) -> Evaluated:
-    if whole.evaluate is None:
-        raise ValueError("an order of the output knows its values at many parameters")
-    found = whole.evaluate(thetas)
-    return replace(found, values=found.values[:, kept])
+    return speed_of(case.short_name, case.identify(rng), case.response(order), rng)

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread
-from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known, Sweep
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep
+from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED, draw_between, panels_of, titled
+from deatwin.studies.report.panels import Hue, draw_between, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
@@ -51,15 +51,15 @@ def _complex(spread: Spread) -> Drawing:
     density = np.exp(-0.5 * ((axis - gain) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2)
-        left.hist(np.abs(draws), bins=60, density=True, color=MEASURED, alpha=0.5)
-        left.plot(axis, density, color=AFTER)
-        left.axvspan(band.low[place], band.high[place], color=AFTER, alpha=0.12, linewidth=0)
+        left.hist(np.abs(draws), bins=60, density=True, color=Hue.MEASURED, alpha=0.5)
+        left.plot(axis, density, color=Hue.AFTER)
+        left.axvspan(band.low[place], band.high[place], color=Hue.AFTER, alpha=0.12, linewidth=0)
         left.set_axisbelow(True)
         left.set(xlabel=f"gain |H₁| at {response.frequency_Hz[place]:.3f} Hz", ylabel="density")
         titled(left, "a real quantity: an interval")
-        right.plot(draws[:CLOUD].real, draws[:CLOUD].imag, ".", color=MEASURED, markersize=3, label="draws")
-        right.plot(edge.real, edge.imag, color=AFTER, label="95 % region, propagated")
-        right.plot(circle.real, circle.imag, "--", color=INK, linewidth=0.9, label="as if both parts were alike")
+        right.plot(draws[:CLOUD].real, draws[:CLOUD].imag, ".", color=Hue.MEASURED, markersize=3, label="draws")
+        right.plot(edge.real, edge.imag, color=Hue.AFTER, label="95 % region, propagated")
+        right.plot(circle.real, circle.imag, "--", color=Hue.INK, linewidth=0.9, label="as if both parts were alike")
         right.set(xlabel="real part", ylabel="imaginary part", adjustable="datalim", aspect="equal")
         titled(right, "a complex one: an ellipse")
         legend_above(figure, right, 3)
@@ -100,13 +100,13 @@ def _gain_and_phase(linear: Spread, notch: Spread) -> Drawing:
             drawn = (sampled.gain_band(), sampled.phase_band())
             both = (response.gain, response.phase_deg)
             for axes, values, band, other in zip(column, both, bands, drawn, strict=True):
-                draw_between(axes, frequency, band.low, band.high, AFTER)
-                axes.plot(frequency, values, color=AFTER, label="identified, 95 % band propagated")
-                axes.plot(frequency, other.low, ".", color=INK, markersize=3.5, label="95 % of the draws")
-                axes.plot(frequency, other.high, ".", color=INK, markersize=3.5)
+                draw_between(axes, frequency, band.low, band.high, Hue.AFTER)
+                axes.plot(frequency, values, color=Hue.AFTER, label="identified, 95 % band propagated")
+                axes.plot(frequency, other.low, ".", color=Hue.INK, markersize=3.5, label="95 % of the draws")
+                axes.plot(frequency, other.high, ".", color=Hue.INK, markersize=3.5)
                 half, label = (frequency[1] - frequency[0]) / 2, "linear law fails"
                 for at in frequency[~band.linear_law]:
-                    axes.axvspan(at - half, at + half, color=MARK, alpha=0.2, linewidth=0, label=label)
+                    axes.axvspan(at - half, at + half, color=Hue.MARK, alpha=0.2, linewidth=0, label=label)
                     label = "_"
             titled(column[0], spread.case)
             column[0].set_ylim(0, None)
@@ -146,15 +146,15 @@ def _spectra(spectra: Sequence[Spread]) -> Drawing:
         panels = panels_of(figure, 2, len(spectra), "frequency (Hz)", sharex="col", sharey="row")
         for (above, below), spread in zip(panels.T, spectra, strict=True):
             frequency, gain = spread.propagated.frequency_Hz, spread.propagated.gain
-            above.plot(frequency, gain, "o", color=AFTER, markersize=3)
-            above.vlines(frequency, 1e-9, gain, color=AFTER, linewidth=0.8)
+            above.plot(frequency, gain, "o", color=Hue.AFTER, markersize=3)
+            above.vlines(frequency, 1e-9, gain, color=Hue.AFTER, linewidth=0.8)
             above.set(yscale="log", ylim=(1e-7, 1e-1))
             titled(above, spread.symbol)
             bands = (spread.propagated.gain_band(), spread.sampled.gain_band())
             band, drawn = ([100 * (limit / gain - 1) for limit in (one.low, one.high)] for one in bands)
-            below.vlines(frequency, *band, color=AFTER, alpha=0.4, linewidth=5, label="95 % band, propagated")
-            below.plot(frequency, drawn[0], "_", color=INK, markersize=6, label="95 % of the draws")
-            below.plot(frequency, drawn[1], "_", color=INK, markersize=6)
+            below.vlines(frequency, *band, color=Hue.AFTER, alpha=0.4, linewidth=5, label="95 % band, propagated")
+            below.plot(frequency, drawn[0], "_", color=Hue.INK, markersize=6, label="95 % of the draws")
+            below.plot(frequency, drawn[1], "_", color=Hue.INK, markersize=6)
         panels[0, 0].set_ylabel("amplitude")
         panels[1, 0].set_ylabel("band, about the amplitude (%)")
         legend_above(figure, panels[1, 0], 2)
@@ -166,7 +166,7 @@ def _law(sweeps: Sequence[Sweep]) -> Drawing:
     columns: dict[str, Array] = {}
     with draw((9.6, 4.0)) as figure:
         left, right = panels_of(figure, 1, 2, "nonlinearity")[0]
-        for sweep, colour in zip(sweeps, (AFTER, BEFORE, MARK), strict=True):
+        for sweep, colour in zip(sweeps, (Hue.AFTER, Hue.BEFORE, Hue.MARK), strict=True):
             for axes, values in ((left, 100 * sweep.held), (right, np.sqrt(sweep.ratios))):
                 axes.plot(sweep.indices, values, "-", color=colour, linewidth=1.0, label=sweep.label)
                 axes.plot(sweep.indices[sweep.holds], values[sweep.holds], "o", color=colour, markersize=5)
@@ -179,7 +179,7 @@ def _law(sweeps: Sequence[Sweep]) -> Drawing:
                 f"{key}_variance_ratio": sweep.ratios,
             }
         for axes, level in ((left, 95), (right, 1)):
-            axes.axhline(level, color=INK, linewidth=0.7, linestyle=":")
+            axes.axhline(level, color=Hue.INK, linewidth=0.7, linestyle=":")
             axes.set_xscale("log")
         left.set_ylabel("draws in the 95 % region (%)")
         right.set(ylabel="deviation of the draws over that propagated", yscale="log")
@@ -192,14 +192,14 @@ def _regions(axes: Axes, spread: Spread, shown: Sequence[int], cloud: int) -> No
     from matplotlib.collections import LineCollection
 
     places, curve = list(shown), spread.curve
-    axes.plot(curve.real, curve.imag, color=INK, linewidth=0.7)
+    axes.plot(curve.real, curve.imag, color=Hue.INK, linewidth=0.7)
     edges, values = spread.propagated.ellipse()[places], spread.propagated.values[places]
     draws = spread.sampled.draws[:cloud, places].ravel()
     if cloud:
-        axes.plot(draws.real, draws.imag, ".", color=MEASURED, markersize=2.5, label="draws")
+        axes.plot(draws.real, draws.imag, ".", color=Hue.MEASURED, markersize=2.5, label="draws")
     outlines = np.stack([edges.real, edges.imag], axis=-1)
-    axes.add_collection(LineCollection(list(outlines), colors=AFTER, label="95 % region, propagated"))
-    axes.plot(values.real, values.imag, ".", color=INK, markersize=3, label="identified")
+    axes.add_collection(LineCollection(list(outlines), colors=Hue.AFTER, label="95 % region, propagated"))
+    axes.plot(values.real, values.imag, ".", color=Hue.INK, markersize=3, label="identified")
     axes.autoscale_view()
     axes.set(xlabel="real part", ylabel="imaginary part")
 

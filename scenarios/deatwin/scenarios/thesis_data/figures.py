@@ -14,18 +14,7 @@ from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltag
 from deatwin.scenarios.thesis_data.measures import RIDGE
 from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    complete,
-    key_of,
-    panels_of,
-    plain_numbers,
-    titled,
-)
+from deatwin.studies.report.panels import Hue, complete, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tracks import envelope
 from deatwin.studies.report.words import Words
@@ -66,11 +55,11 @@ def _excitation(bench: Bench) -> Drawing:
     part = slice(0, round(ZOOM / step))
     with draw((9.6, 3.2)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(3, 2))
-        left.step(record.timepts[part], u[part], where="post", color=AFTER)
+        left.step(record.timepts[part], u[part], where="post", color=Hue.AFTER)
         for limit in (1.1, 3.75):
-            left.axhline(limit, color=INK, linestyle=":", linewidth=0.9)
+            left.axhline(limit, color=Hue.INK, linestyle=":", linewidth=0.9)
         left.set(xlabel="time (s)", ylabel=COMMAND, ylim=(0.9, 3.95))
-        right.plot(share.frequencies, share.inputs, color=AFTER)
+        right.plot(share.frequencies, share.inputs, color=Hue.AFTER)
         right.set(xlabel="frequency (Hz)", ylabel="spectral density (V²/Hz)", yscale="log", xlim=(0, 5), ylim=(1e-7, 2))
         columns = {"frequency_Hz": share.frequencies, "density_V2_per_Hz": share.inputs}
         clipped = 100 * share.above(1.0)[0] / share.above(0.0)[0]
@@ -84,9 +73,9 @@ def _curve(bench: Bench) -> Drawing:
     ends = np.array([levels[0], 2.9])
     with draw((6.4, 4.0)) as figure:
         axes = figure.add_subplot()
-        axes.plot(u[::20], y[::20], ".", markersize=1.5, color=MEASURED, label="readings")
-        axes.plot(levels, means, color=AFTER, linewidth=1.8, label="mean at each command")
-        axes.plot(ends, line.offset + line.gain * ends, "--", color=BEFORE, linewidth=1.4, label="line below 2.5 V")
+        axes.plot(u[::20], y[::20], ".", markersize=1.5, color=Hue.MEASURED, label="readings")
+        axes.plot(levels, means, color=Hue.AFTER, linewidth=1.8, label="mean at each command")
+        axes.plot(ends, line.offset + line.gain * ends, "--", color=Hue.BEFORE, linewidth=1.4, label="line below 2.5 V")
         axes.set(xlabel=COMMAND, ylabel=DISPLACEMENT)
         figure.legend(loc="outside upper left", ncols=3)
         columns = {"command_V": levels, "displacement_mm": means}
@@ -102,8 +91,8 @@ def _recordings(benches: Sequence[Bench]) -> Drawing:
             record = bench.recording
             y, timepts = 1e3 * record.outputs[0], record.timepts[::50]
             mean = moving_mean(y, round(WINDOW / record.sample_time))[::50]
-            axes.plot(*envelope(record.timepts, y), color=MEASURED, linewidth=0.4, label="readings")
-            axes.plot(timepts, mean, color=BEFORE, linewidth=1.8, label=f"moving mean, {WINDOW:.0f} s")
+            axes.plot(*envelope(record.timepts, y), color=Hue.MEASURED, linewidth=0.4, label="readings")
+            axes.plot(timepts, mean, color=Hue.BEFORE, linewidth=1.8, label=f"moving mean, {WINDOW:.0f} s")
             titled(axes, bench.actuator.name)
             columns |= {"time_s": timepts, f"{_key(bench)}_mean_mm": mean}
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
@@ -114,9 +103,9 @@ def _recordings(benches: Sequence[Bench]) -> Drawing:
 def _drifts(benches: Sequence[Bench]) -> Drawing:
     columns: dict[str, Array] = {}
     styles = (
-        (f"readings, over {WINDOW:.0f} s", BEFORE, 1.0),
-        (f"at the same input, over {WINDOW:.0f} s", AFTER, 2.0),
-        (f"and over {SHORT:.0f} s", MEASURED, 0.7),
+        (f"readings, over {WINDOW:.0f} s", Hue.BEFORE, 1.0),
+        (f"at the same input, over {WINDOW:.0f} s", Hue.AFTER, 2.0),
+        (f"and over {SHORT:.0f} s", Hue.MEASURED, 0.7),
     )
     with draw((9.6, 6.0)) as figure:
         label = "moving mean less the mean of all (µm)"
@@ -144,11 +133,11 @@ def _ridge(bench: Bench) -> Drawing:
     inside = (y > 1e3 * between[0]) & (y < 1e3 * between[1])
     with draw((9.6, 4.0)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True)
-        upper.plot(timepts, y, color=AFTER, linewidth=0.9)
-        upper.fill_between(window, *(1e3 * np.array(between)), color=MARK, alpha=0.3, linewidth=0)
+        upper.plot(timepts, y, color=Hue.AFTER, linewidth=0.9)
+        upper.fill_between(window, *(1e3 * np.array(between)), color=Hue.MARK, alpha=0.3, linewidth=0)
         upper.set_ylabel(DISPLACEMENT)
-        lower.plot(timepts[inside], fast[inside], ".", markersize=4, color=BEFORE)
-        lower.axvspan(*window, color=MARK, alpha=0.3, linewidth=0)
+        lower.plot(timepts[inside], fast[inside], ".", markersize=4, color=Hue.BEFORE)
+        lower.axvspan(*window, color=Hue.MARK, alpha=0.3, linewidth=0)
         lower.set(xlabel="time (s)", ylabel="above 5 Hz (µm)")
         figure.align_ylabels()
         columns = {"time_s": timepts, "displacement_mm": y, "fast_um": fast}
@@ -162,11 +151,11 @@ def _spectra(benches: Sequence[Bench]) -> Drawing:
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
             record = bench.recording
             share = linear_share(record.inputs[0], 1e6 * record.outputs[0], record.sample_time)
-            axes.plot(share.frequencies, share.outputs, color=MEASURED, linewidth=1.6, label="output")
-            axes.plot(share.frequencies, share.explained, color=AFTER, linewidth=0.9, label="best linear model")
+            axes.plot(share.frequencies, share.outputs, color=Hue.MEASURED, linewidth=1.6, label="output")
+            axes.plot(share.frequencies, share.explained, color=Hue.AFTER, linewidth=0.9, label="best linear model")
             noise = 2 * record.sample_time * (1e6 * bench.actuator.plant.rig.noise) ** 2
-            axes.axhline(noise, color=INK, linestyle=":", linewidth=0.9, label="sensor noise")
-            axes.axvline(1.0, color=MARK, linewidth=0.9)
+            axes.axhline(noise, color=Hue.INK, linestyle=":", linewidth=0.9, label="sensor noise")
+            axes.axvline(1.0, color=Hue.MARK, linewidth=0.9)
             titled(axes, bench.actuator.name)
             columns |= {
                 "frequency_Hz": share.frequencies,
@@ -200,7 +189,7 @@ def _areas(study: Study) -> Drawing:
             columns[f"{label.replace(' ', '_')}_percent"] = areas
             axes.plot(rates, areas, style, markersize=5, label=label)
         six = [100 * bench.loop.area for bench in study.benches]
-        axes.plot(np.full(len(six), 1e3 * LOOP_RATE), six, "_", color=INK, markersize=12, label="the six")
+        axes.plot(np.full(len(six), 1e3 * LOOP_RATE), six, "_", color=Hue.INK, markersize=12, label="the six")
         _logarithmic(axes, "rate (mHz)", "area over rectangle (%)")
         return WORDS.drawing(figure, "areas", columns)
 
@@ -214,7 +203,7 @@ def _small(rests: Mapping[str, SmallVoltages], step: float) -> Drawing:
             points = axes.plot(volts, shown, marker, markersize=5, label=label)
             axes.plot(volts, shown[0] * (volts / volts[0]) ** 2, "--", color=points[0].get_color(), linewidth=0.9)
             columns |= {"film_voltage_V": volts, f"{label.replace(' ', '_')}_um": shown}
-        axes.axhline(1e6 * step, color=INK, linestyle=":", label="one step of the reading")
+        axes.axhline(1e6 * step, color=Hue.INK, linestyle=":", label="one step of the reading")
         _logarithmic(axes, "film voltage (V)", "displacement (µm)")
         return WORDS.drawing(figure, "small", columns, visible=rests[SPECIFIED].visible, step=1e6 * step)
 
@@ -226,14 +215,14 @@ def _side_bands(bands: SideBands) -> Drawing:
     with draw((6.4, 3.6)) as figure:
         axes = figure.add_subplot()
         for name, shift, colour, label in (
-            ("input", -beside, MEASURED, "input"),
-            ("output", beside, AFTER, "output of a linear plant of drifting gain"),
+            ("input", -beside, Hue.MEASURED, "input"),
+            ("output", beside, Hue.AFTER, "output of a linear plant of drifting gain"),
         ):
             seen = columns[name] > 1e-3
             places, heights = columns["frequency_Hz"][seen] + shift, columns[name][seen]
             axes.vlines(places, 1e-4, heights, color=colour, linewidth=2.5, label=label)
         sides = beside + bands.line + bands.drift * np.array([-1, 1])
-        axes.plot(sides, bands.expected, "x", color=BEFORE, label="closed form")
+        axes.plot(sides, bands.expected, "x", color=Hue.BEFORE, label="closed form")
         axes.set(xlabel="frequency (Hz)", ylabel="amplitude", yscale="log", ylim=(1e-3, 2))
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         found = {"line": bands.line, "drift": bands.drift, "superposition": bands.superposition}

@@ -18,12 +18,8 @@ from deatwin.scenarios.time_varying.known_figures import QUANTILE, map_columns, 
 from deatwin.scenarios.time_varying.study import LEVEL, Driven, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
     STYLES,
+    Hue,
     complete,
     draw_between,
     draw_map,
@@ -38,7 +34,7 @@ from deatwin.studies.report.words import Words
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
-OF_WAY = {CONSTANT: BEFORE, REFINED: MARK, VARYING: AFTER, LIKELIEST: MEASURED}
+OF_WAY = {CONSTANT: Hue.BEFORE, REFINED: Hue.MARK, VARYING: Hue.AFTER, LIKELIEST: Hue.MEASURED}
 SPREAD = 20.0
 """Window of the moving mean of free-run errors, s."""
 PARAMETER_COLUMNS = 4
@@ -76,8 +72,8 @@ def _sliding(study: Study) -> Drawing:
             columns["time_s"] = s.timepts
             for axes, name, p in zip(row, ("mean", "gain"), (s.p_mean, s.p_gain), strict=True):
                 middle, low, high = (MICRO * getattr(s, f"{name}{end}") for end in ("", "_low", "_high"))
-                draw_between(axes, s.timepts, low, high, AFTER)
-                axes.plot(s.timepts, middle, color=AFTER, linewidth=1.2)
+                draw_between(axes, s.timepts, low, high, Hue.AFTER)
+                axes.plot(s.timepts, middle, color=Hue.AFTER, linewidth=1.2)
                 titled(axes, f"{one.name}, {name}: {'p < 0.001' if p < 1e-3 else f'p = {p:.2g}'}", "small")
                 key = f"{key_of(one.name)}_{name}_um"
                 columns |= {key: middle, f"{key}_low": low, f"{key}_high": high}
@@ -107,7 +103,7 @@ def _wander(driven: Sequence[Driven]) -> Drawing:
         places, width = np.arange(len(driven)), 0.15
         for number, (kind, way, where, hatch) in enumerate(bars):
             values, label = 100 * np.array([getattr(one.track, kind)[way] for one in driven]), f"{way}, {where}"
-            how = {"color": OF_WAY[way], "hatch": hatch, "edgecolor": INK, "linewidth": 0.4, "label": label}
+            how = {"color": OF_WAY[way], "hatch": hatch, "edgecolor": Hue.INK, "linewidth": 0.4, "label": label}
             right.bar(places + (number - 2.5) * width, np.minimum(values, 100.0), width, **how)
             columns[label.replace(", ", "_").replace(" ", "_") + "_percent"] = values
         right.set_axisbelow(True)
@@ -126,7 +122,7 @@ def _parameters(shown: Sequence[Driven]) -> Drawing:
     with draw((9.6, 1.6 * rows)) as figure:
         label = "parameter (µm per power of a volt)"
         panels = panels_of(figure, rows, PARAMETER_COLUMNS, y=label, sharex=True).ravel()
-        for (one, _, theta, deviation), colour in zip(sides, (AFTER, BEFORE, MARK), strict=False):
+        for (one, _, theta, deviation), colour in zip(sides, (Hue.AFTER, Hue.BEFORE, Hue.MARK), strict=False):
             timepts, key = one.equilibrium.timepts, key_of(one.name)
             columns[f"{key}_time_s"] = timepts
             for number, (axes, term) in enumerate(zip(panels, terms, strict=False)):
@@ -161,8 +157,8 @@ def _equilibria(driven: Sequence[Driven]) -> Drawing:
         for axes, one in zip(panels.T.ravel(), driven, strict=True):
             found, key = one.equilibrium, key_of(one.name)
             middle, half = MICRO * found.equilibria, MICRO * QUANTILE * found.equilibrium_std
-            draw_between(axes, found.timepts, middle - half, middle + half, AFTER)
-            axes.plot(found.timepts, middle, color=AFTER, linewidth=1.2)
+            draw_between(axes, found.timepts, middle - half, middle + half, Hue.AFTER)
+            axes.plot(found.timepts, middle, color=Hue.AFTER, linewidth=1.2)
             titled(axes, one.name)
             columns |= {"time_s": found.timepts, f"{key}_um": middle, f"{key}_half_um": half}
         return WORDS.drawing(figure, "equilibria", columns)
@@ -180,7 +176,7 @@ def _free_runs(driven: Sequence[Driven]) -> Drawing:
                 mean = moving_mean(error, round(SPREAD / record.sample_time))[::step]
                 axes.plot(record.timepts[::step], mean, color=OF_WAY[way], linewidth=1.1, label=f"{way} parameters")
                 columns |= {"time_s": record.timepts[::step], f"{key_of(one.name)}_{way}_um": mean}
-            axes.axhline(0, color=INK, linewidth=0.6)
+            axes.axhline(0, color=Hue.INK, linewidth=0.6)
             fits = ", ".join(f"{100 * (1 - one.track.seen[way]):.1f} % {way}" for way in (CONSTANT, VARYING))
             titled(axes, f"{one.name}: fit {fits}", "small")
         legend_above(figure, panels[0, 0], 2)
@@ -199,7 +195,7 @@ def _bands(driven: Sequence[Driven]) -> Drawing:
                     label = f"{way} parameters" if number == 1 else f"_{way}"
                     axes.plot(np.full(ratios.size, number + shift), ratios, ".", label=label, **how)
                     columns[f"{key_of(one.name)}_{way}_{band[0]:g}_to_{band[1]:g}_Hz_dB"] = ratios
-            axes.axhline(0, color=INK, linewidth=0.6)
+            axes.axhline(0, color=Hue.INK, linewidth=0.6)
             axes.set_xticks(range(1, len(driven) + 1))
             titled(axes, f"{band[0]:g} to {band[1]:g} Hz")
         panels[0].set_yscale("symlog", linthresh=1.0)

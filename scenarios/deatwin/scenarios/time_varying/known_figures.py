@@ -10,20 +10,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx import Term
 from deatwin.scenarios.time_varying.known import LINES, ORDERS, Followed, FrozenRun, Known
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
-    AFTER,
-    BEFORE,
-    INK,
-    MARK,
-    MEASURED,
-    draw_between,
-    draw_map,
-    filled,
-    ink_on,
-    panels_of,
-    share_bar,
-    titled,
-)
+from deatwin.studies.report.panels import Hue, draw_between, draw_map, filled, ink_on, panels_of, share_bar, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
@@ -33,7 +20,7 @@ QUANTILE = 1.959963984540054
 """97.5 % quantile of the normal law."""
 EVERY = 20
 """Every so many samples of a trajectory are drawn."""
-OF_ORDER = {1: AFTER, 2: BEFORE, 3: MARK}
+OF_ORDER = {1: Hue.AFTER, 2: Hue.BEFORE, 3: Hue.MARK}
 
 
 def known_drawings(known: Known) -> list[Drawing]:
@@ -85,9 +72,9 @@ def _parameters(followed: Sequence[Followed]) -> Drawing:
             every = zip(column, found.terms, found.theta, found.std, one.truth.theta, strict=False)
             for axes, term, whole, std, whole_truth in every:
                 theta, half, truth = whole[::EVERY], QUANTILE * std[::EVERY], whole_truth[places]
-                draw_between(axes, timepts, theta - half, theta + half, AFTER)
-                axes.plot(timepts, theta, color=AFTER, linewidth=1.2, label="smoother, 95 % band")
-                axes.plot(timepts, truth, color=INK, linewidth=1.0, linestyle="--", label="truth")
+                draw_between(axes, timepts, theta - half, theta + half, Hue.AFTER)
+                axes.plot(timepts, theta, color=Hue.AFTER, linewidth=1.2, label="smoother, 95 % band")
+                axes.plot(timepts, truth, color=Hue.INK, linewidth=1.0, linestyle="--", label="truth")
                 titled(axes, f"{one.name}: {'constant' if term == Term(()) else term}", "small")
                 columns |= {f"{key}_{term}": theta, f"{key}_{term}_half": half, f"{key}_{term}_truth": truth}
                 low, high = axes.get_ylim()
@@ -127,8 +114,8 @@ def _dc(known: Known) -> Drawing:
     columns: dict[str, Array] = {"time_s": first.timepts, "equilibrium": first.equilibria}
     with draw((9.6, 3.6)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2, 3))
-        left.plot(first.timepts, first.equilibria, color=INK, label="solved for at each time")
-        left.plot(first.timepts, known.held[1].equilibria, color=MEASURED, linestyle="--", label="held")
+        left.plot(first.timepts, first.equilibria, color=Hue.INK, label="solved for at each time")
+        left.plot(first.timepts, known.held[1].equilibria, color=Hue.MEASURED, linestyle="--", label="held")
         left.set(xlabel="time (s)", ylabel="equilibrium")
         for order in ORDERS:
             solved, held = known.solved[order], known.held[order]
@@ -146,9 +133,9 @@ def _frozen(every: Sequence[FrozenRun]) -> Drawing:
     columns: dict[str, Array] = {}
     kinds = sorted({(run.system, run.response) for run in every})
     styles = {
-        "error": ("o-", INK, "error of frozen time"),
-        "estimate": ("x--", BEFORE, "its estimate"),
-        "corrected": ("s-", AFTER, "left after correction"),
+        "error": ("o-", Hue.INK, "error of frozen time"),
+        "estimate": ("x--", Hue.BEFORE, "its estimate"),
+        "corrected": ("s-", Hue.AFTER, "left after correction"),
     }
     with draw((9.6, 3.8)) as figure:
         panels = panels_of(figure, 1, len(kinds), "cycles of the parameters in 300 s", sharex=True, sharey=True)[0]

@@ -17,8 +17,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-STYLES = tuple((colour, line) for line in ("-", "--") for colour in (AFTER, BEFORE, MARK))
+
+
+class Hue:
+    """Colours by the role of what is drawn."""
+
+    INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[r][0] for r in ("ink", "measured", "before", "after", "mark"))
+
+
+STYLES = tuple((colour, line) for line in ("-", "--") for colour in (Hue.AFTER, Hue.BEFORE, Hue.MARK))
 """Colour and line of each of six curves."""
 SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈"
 
