@@ -17,7 +17,7 @@ from deatwin.scenarios.control_check.tables import MICRO, trials_csv, verdicts_s
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED, filled, titled
+from deatwin.studies.report.panels import Hue, filled, titled
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -27,19 +27,23 @@ if TYPE_CHECKING:
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (MEASURED, "-"), (INK, "-"), (AFTER, "--"))
+STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
 """Of the six actuators."""
 STRETCH = 10.0
 """Length of the tones that is drawn, s."""
 SHOWN = {
-    "PI": (BEFORE, "-", "PI alone"),
-    "inverse": (AFTER, "-", "PI behind the inverse"),
-    "inverse with dynamics": (MARK, "-", "the same, with dynamics"),
-    "oracle: inverse with dynamics": (INK, ":", "oracle, with dynamics"),
+    "PI": (Hue.BEFORE, "-", "PI alone"),
+    "inverse": (Hue.AFTER, "-", "PI behind the inverse"),
+    "inverse with dynamics": (Hue.MARK, "-", "the same, with dynamics"),
+    "oracle: inverse with dynamics": (Hue.INK, ":", "oracle, with dynamics"),
 }
 TRUTHS: dict[bool | None, str] = {True: "sound", False: "not sound", None: "no controller"}
 """Verdicts of the true rig."""
-MARKS: dict[bool | None, tuple[str, str]] = {True: (AFTER, "o"), False: (BEFORE, "X"), None: (MEASURED, "s")}
+MARKS: dict[bool | None, tuple[str, str]] = {
+    True: (Hue.AFTER, "o"),
+    False: (Hue.BEFORE, "X"),
+    None: (Hue.MEASURED, "s"),
+}
 JITTER = 0.28
 """Of a row of the verdicts, so that trials do not lie upon each other."""
 
@@ -80,8 +84,8 @@ def _tracking(every: Sequence[Tracking]) -> Drawing:
             columns |= {"time_s": longest.timepts, f"{where}_reference_um": MICRO * longest.reference}
             for name, one in tracking.tracked.items():
                 key = name.replace(": ", "_").replace(" ", "_")
-                columns[f"{where}_{key}_error_um"] = MICRO * _filled(one.run.error, longest.timepts.size)
-        return WORDS.drawing(figure, "tracking", columns, settled=SETTLED)
+                columns[f"{where}_{key}_error_um"] = MICRO * one.run.error
+        return WORDS.drawing(figure, "tracking", filled(columns), settled=SETTLED)
 
 
 def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
@@ -92,7 +96,7 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
         values = np.array([MICRO * tracking.tracked[name].rms for name in names])
         rows = np.arange(len(names)) + (place - 0.5 * (len(every) - 1)) * height
         shown = np.where(np.isfinite(values), values, 0.0)
-        colour = (AFTER, MEASURED)[place % 2]
+        colour = (Hue.AFTER, Hue.MEASURED)[place % 2]
         axes.barh(rows, shown, height=0.92 * height, color=colour, alpha=0.8, label=tracking.name)
         for row, value in zip(rows, values, strict=True):
             text, end = (f"{value:.3g}", value) if np.isfinite(value) else ("failed", 0.1)
@@ -117,7 +121,7 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
 
 def _reference(axes: Axes, run: ClosedLoop, shown: slice | NDArray[np.bool_] = slice(None)) -> None:
     reference = MICRO * run.reference[shown]
-    axes.plot(run.timepts[shown], reference, color=INK, linewidth=2.4, alpha=0.3, label="reference")
+    axes.plot(run.timepts[shown], reference, color=Hue.INK, linewidth=2.4, alpha=0.3, label="reference")
 
 
 def _fleet(runs: Sequence[FleetRun]) -> Drawing:
@@ -159,7 +163,7 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 f"{one.effect}_time_s": longest.timepts,
                 f"{one.effect}_reference_um": MICRO * longest.reference,
             }
-            for designed, colour in zip(one.designs, (BEFORE, AFTER), strict=True):
+            for designed, colour in zip(one.designs, (Hue.BEFORE, Hue.AFTER), strict=True):
                 run, label = designed.runs.steps, f"design from the {designed.source} model"
                 axes.plot(run.timepts, MICRO * run.output, color=colour, label=label)
                 columns[f"{one.effect}_{designed.source}_output_um"] = MICRO * run.output
@@ -175,11 +179,6 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
         return WORDS.drawing(figure, "concealed", filled(columns))
 
 
-def _filled(values: Array, length: int) -> Array:
-    """Make it as long as the others, NaN where there is nothing."""
-    return np.concatenate([values, np.full(length - values.size, np.nan)])
-
-
 # --- predictions ----------------------------------------------------------------------------------------------------
 
 
@@ -191,9 +190,9 @@ def _models(matters: Matters) -> Drawing:
         for axes, quantity in zip(panels, QUANTITIES, strict=True):
             for promise in (p for p in matters.promises if p.quantity is quantity):
                 row, p = names.index(promise.model), promise.predicted
-                axes.plot([p.low, p.high], [row, row], color=AFTER, linewidth=5, alpha=0.4, solid_capstyle="butt")
-                axes.plot(p.value, row, "|", color=AFTER, markersize=10, markeredgewidth=2)
-                axes.plot(promise.achieved, row, "D", color=INK if promise.kept else BEFORE, markersize=5)
+                axes.plot([p.low, p.high], [row, row], color=Hue.AFTER, linewidth=5, alpha=0.4, solid_capstyle="butt")
+                axes.plot(p.value, row, "|", color=Hue.AFTER, markersize=10, markeredgewidth=2)
+                axes.plot(promise.achieved, row, "D", color=Hue.INK if promise.kept else Hue.BEFORE, markersize=5)
             axes.set(xscale="log", xlabel=quantity.label)
             _decades(axes)
             axes.margins(x=0.12)
@@ -218,9 +217,9 @@ def _handles() -> list[object]:
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], color=AFTER, linewidth=5, alpha=0.4, label="predicted, 95 % interval"),
-        Line2D([], [], linestyle="", marker="D", color=INK, markersize=5, label="achieved, inside"),
-        Line2D([], [], linestyle="", marker="D", color=BEFORE, markersize=5, label="achieved, outside"),
+        Line2D([], [], color=Hue.AFTER, linewidth=5, alpha=0.4, label="predicted, 95 % interval"),
+        Line2D([], [], linestyle="", marker="D", color=Hue.INK, markersize=5, label="achieved, inside"),
+        Line2D([], [], linestyle="", marker="D", color=Hue.BEFORE, markersize=5, label="achieved, outside"),
     ]
 
 
@@ -254,7 +253,7 @@ def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[
             if count:
                 passed = verdict == Verdict.PASS.value
                 caution = truth is None or (truth and not passed)
-                colour = MEASURED if caution else AFTER if passed is truth else BEFORE
+                colour = Hue.MEASURED if caution else Hue.AFTER if passed is truth else Hue.BEFORE
                 depth = 0.2 + 0.5 * count / len(outcomes)
                 axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
             axes.text(column, row, str(count), ha="center", va="center")

@@ -13,7 +13,7 @@ from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.scenarios.svb_benchmark.tables import COVERAGE, exact, kept, oracles
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import AFTER, BEFORE, INK, MARK, MEASURED
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import COLOURS, draw
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 WORDS = Words(__package__)
 STYLES = {
-    "fro": (MEASURED, "v"),
-    "fro-told": (MEASURED, "^"),
-    "lasso": (MARK, "D"),
-    "semp": (BEFORE, "s"),
-    "svb": (AFTER, "o"),
-    "svb-clean": (AFTER, "*"),
+    "fro": (Hue.MEASURED, "v"),
+    "fro-told": (Hue.MEASURED, "^"),
+    "lasso": (Hue.MARK, "D"),
+    "semp": (Hue.BEFORE, "s"),
+    "svb": (Hue.AFTER, "o"),
+    "svb-clean": (Hue.AFTER, "*"),
 }
-COVER_STYLES = ((MEASURED, "v"), (AFTER, "o"), (BEFORE, "s"), (MARK, "D"))
+COVER_STYLES = ((Hue.MEASURED, "v"), (Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MARK, "D"))
 """Of the estimators, in their order."""
 COLOURED = ["S5"]
 MOST_SHOWN = 12
@@ -77,14 +77,14 @@ def _rates(study: Study) -> Drawing:
                     rows.append((system, method, words, *_percent(rate)))
                 near = oracles(study, system)[1]
                 limit = 100 * (near.exact if what is exact else near.kept).share
-                axes.plot([limit, limit], [number - 0.4, number + 0.4], color=INK, linewidth=1.1, linestyle=":")
+                axes.plot([limit, limit], [number - 0.4, number + 0.4], color=Hue.INK, linewidth=1.1, linestyle=":")
                 axes.axhline(number + 0.5, color=COLOURS["grid"][0], linewidth=0.6)
             _names(axes, plan.systems)
             axes.set(xlabel=f"{words} (% of draws)", xlim=(-4, 104), ylim=(len(plan.systems) - 0.5, -0.5))
         for method in plan.methods:
             colour, marker = STYLES[method]
             panels[0].plot([], [], marker, color=colour, label=METHODS[method].label, markersize=5)
-        panels[0].plot([], [], color=INK, linestyle=":", label="oracle from the true terms")
+        panels[0].plot([], [], color=Hue.INK, linestyle=":", label="oracle from the true terms")
         figure.legend(loc="outside upper left", ncols=4, markerscale=1)
         return WORDS.drawing(figure, "rates", csv_text(("system", "method", "what", *SHARES), rows), draws=plan.draws)
 
@@ -93,10 +93,10 @@ def _outcomes(study: Study) -> Drawing:
     """Draw what became of the draws of E1, or of the last system where E1 is not among them."""
     system = SWEPT if SWEPT in study.plan.systems else study.plan.systems[-1]
     outcomes: dict[str, tuple[str, Callable[[Trial], bool]]] = {
-        "exact": (AFTER, lambda t: t.exact),
-        "one false term": (MARK, lambda t: t.kept and t.false == 1),
-        "more false terms": (MEASURED, lambda t: t.kept and t.false > 1),
-        "a true term missed": (BEFORE, lambda t: not t.kept),
+        "exact": (Hue.AFTER, lambda t: t.exact),
+        "one false term": (Hue.MARK, lambda t: t.kept and t.false == 1),
+        "more false terms": (Hue.MEASURED, lambda t: t.kept and t.false > 1),
+        "a true term missed": (Hue.BEFORE, lambda t: not t.kept),
     }
     methods, rows = study.plan.methods, []
     with draw((8.0, 1.0 + 0.5 * len(methods))) as figure:
@@ -130,7 +130,7 @@ def _coverage(study: Study) -> Drawing:
             estimators = [VARIATIONAL] if systems is white else list(ESTIMATORS)
             labels = [f"{system} {term}" for system in systems for term in system_of(system).terms]
             for place, estimator in enumerate(estimators):
-                colour, marker = (AFTER, "o") if systems is white else COVER_STYLES[place]
+                colour, marker = (Hue.AFTER, "o") if systems is white else COVER_STYLES[place]
                 flags = [f for system in systems for f in study.covered.get((system, estimator), np.zeros((0, 0))).T]
                 offset = (place + 0.5) / len(estimators) - 0.5
                 for number, (label, inside) in enumerate(zip(labels, flags, strict=False)):
@@ -138,8 +138,8 @@ def _coverage(study: Study) -> Drawing:
                     _dot(axes, rate, number + 0.8 * offset, colour, marker)
                     rows.append((label, estimator, *_percent(rate)))
                 axes.plot([], [], marker, color=colour, label=estimator, markersize=5)
-            axes.axvspan(*(100 * end for end in COVERAGE), color=MARK, alpha=0.25, linewidth=0)
-            axes.axvline(95, color=INK, linestyle=":", linewidth=0.9)
+            axes.axvspan(*(100 * end for end in COVERAGE), color=Hue.MARK, alpha=0.25, linewidth=0)
+            axes.axvline(95, color=Hue.INK, linestyle=":", linewidth=0.9)
             axes.set_yticks(range(len(labels)), labels, fontsize="small")
             axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
             axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
@@ -171,9 +171,9 @@ def _sweep(study: Study) -> Drawing:
             note(f"{method} exact structure", found)
             note(f"{method} every true term kept", rates(method, lambda t: t.kept))
         covers = [Rate.of(level.covered.ravel().tolist()) for level in study.levels]
-        _line(right, variances, covers, VARIATIONAL, AFTER, "o")
+        _line(right, variances, covers, VARIATIONAL, Hue.AFTER, "o")
         note("intervals that cover", covers)
-        right.axhspan(*(100 * end for end in COVERAGE), color=MARK, alpha=0.25, linewidth=0)
+        right.axhspan(*(100 * end for end in COVERAGE), color=Hue.MARK, alpha=0.25, linewidth=0)
         left.set(ylabel="exact structure (% of draws)", ylim=(-3, 103))
         right.set(ylabel="intervals that cover (%)", ylim=(85, 100.5))
         for axes in (left, right):
@@ -208,20 +208,20 @@ def _sampler(study: Study) -> Drawing:
     with draw((9.6, 4.0)) as figure:
         left, right = figure.subplots(1, 2)
         for place, i in enumerate(shown):
-            colour, marker = (AFTER, "o") if first.terms[i] in first.chosen else (MEASURED, "D")
+            colour, marker = (Hue.AFTER, "o") if first.terms[i] in first.chosen else (Hue.MEASURED, "D")
             left.plot(first.inclusion[i], place, marker, color=colour, markersize=6)
-        left.axvline(0.5, color=INK, linestyle=":", linewidth=0.9)
+        left.axvline(0.5, color=Hue.INK, linestyle=":", linewidth=0.9)
         left.set(xlabel="probability that the term is in", xscale="log", xlim=(None, 1.5))
         _names(left, [first.terms[i] for i in shown], fontsize="small")
         ends = {
-            "SVB": (-0.13, AFTER, first.low, first.high),
-            "sampler, over all structures": (0.13, BEFORE, first.sampled_low, first.sampled_high),
+            "SVB": (-0.13, Hue.AFTER, first.low, first.high),
+            "sampler, over all structures": (0.13, Hue.BEFORE, first.sampled_low, first.sampled_high),
         }
         for place, term in enumerate(first.common):
             for label, (offset, colour, low, high) in ends.items():
                 shift = np.array((low[place], high[place])) - true.get(term, 0.0)
                 right.plot(shift, [place + offset] * 2, color=colour, linewidth=3, label=None if place else label)
-        right.axvline(0, color=INK, linestyle=":", linewidth=0.9)
+        right.axvline(0, color=Hue.INK, linestyle=":", linewidth=0.9)
         right.set_xlabel("95 % interval less the true parameter")
         _names(right, first.common, fontsize="small")
         figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
