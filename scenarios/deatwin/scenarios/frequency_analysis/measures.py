@@ -38,11 +38,11 @@ def _known(known: Known) -> Iterable[Measure]:
     closed = max(error for errors in known.errors.values() for error in errors.values())
     yield WORDS.measure("closed", closed < ROUNDING, ROUNDING=ROUNDING, closed=closed)
 
-    own, simulated = max(one.outside for one in known.ranges), known.ranges[0].simulated_outside
-    names = dict(zip(("finite", "endless"), (one.system.name for one in known.ranges), strict=True))
+    (finite, three), (endless, duffing) = known.evaluated.items()
+    own, simulated = max(one.outside for one in known.ranges.values()), known.ranges[finite].simulated_outside
+    names = {"finite": finite.name, "endless": endless.name}
     yield WORDS.measure("ranges", max(own, simulated) < EMPTY, EMPTY=EMPTY, own=own, simulated=simulated, **names)
 
-    (finite, three), (endless, duffing) = known.evaluated.items()
     error, sum_error = float(three.line_errors.max()), three.sum_error
     numbers = {"SOLVED": SOLVED, "error": error, "sum_error": sum_error}
     yield WORDS.measure("finite", max(error, sum_error) < SOLVED, name=finite.name, **numbers)
