@@ -23,12 +23,10 @@ from deatwin.plant.fleet import fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.scenarios import unexplained_drift
 from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed, study
-from deatwin.scenarios.unexplained_drift.examine import Finding, Track
-from deatwin.scenarios.unexplained_drift.recordings import VISITS, Case, case_of
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
-from deatwin.scenarios.unexplained_drift.study import Answers, Study, carry_out
+from deatwin.scenarios.unexplained_drift.study import VISITS, Answers, Case, Finding, Study, Track, carry_out, case_of
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 from deatwin.studies.sweep import SweepSeal

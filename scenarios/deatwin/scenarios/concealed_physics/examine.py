@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.discrepancy import gaussian_process, narx, sparse_dynamics, track_of
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch import Diagnosis, diagnose
@@ -25,8 +26,10 @@ from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
+
+BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
+"""Models of the residual that do not ask which physics is missing, in the order of the tables."""
 
 
 def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:

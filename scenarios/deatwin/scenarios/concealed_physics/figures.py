@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,22 +15,25 @@ from deatwin.scenarios.concealed_physics.score import brier_score, expected_cali
 from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, standalone
+from deatwin.studies.report.panels import Hue, titled
+from deatwin.studies.report.svg import draw, standalone
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
-    "detected": (lambda c: c.detected, MEASURED, "s"),
-    "truth in the answer": (lambda c: c.inside, MARK, "D"),
-    "first cause right": (lambda c: c.first_right, AFTER, "o"),
-    "confident wrong name": (lambda c: c.confidently_wrong, BEFORE, "X"),
+    "detected": (lambda c: c.detected, Hue.MEASURED, "s"),
+    "truth in the answer": (lambda c: c.inside, Hue.MARK, "D"),
+    "first cause right": (lambda c: c.first_right, Hue.AFTER, "o"),
+    "confident wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
 }
-FAMILY_STYLES = ((AFTER, "o"), (BEFORE, "s"), (MEASURED, "D"), (MARK, "^"), (INK, "v"))
+FAMILY_STYLES = ((Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MEASURED, "D"), (Hue.MARK, "^"), (Hue.INK, "v"))
+SHARES = ("cases", "share_percent", "low_percent", "high_percent")
 Cells = list[tuple[object, ...]]
 
 
@@ -54,7 +57,7 @@ def summary(study: Opened) -> str:
             fourth: "free run on unseen data",
         }
         for axes, title in titles.items():
-            axes.set_title(title, loc="left", fontsize="medium")
+            titled(axes, title)
         return standalone(figure)
 
 
@@ -65,21 +68,14 @@ def _families(study: Opened) -> Drawing:
     table = by_family(study)
     with draw((6.4, 4.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "medium")
-        return Drawing.of(
-            figure,
-            "confusion_family",
-            "Confusion of families",
-            "Family of the first cause; none or one effect is concealed. Blue is right, orange wrong, grey neither.",
-            table.csv(),
-        )
+        return WORDS.drawing(figure, "confusion_family", table.csv())
 
 
 def _mechanisms(study: Opened) -> Drawing:
     table = by_effect(study)
     with draw((11.0, 9.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "x-small")
-        caption = "First cause; cases with no or one concealed effect, of all strengths."
-        return Drawing.of(figure, "confusion_effect", "Confusion of effects", caption, table.csv())
+        return WORDS.drawing(figure, "confusion_effect", table.csv())
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
@@ -89,12 +85,12 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
     causes, crowded = len(table.answers) - 3, len(table.answers) > 12
     for (row, column), count in np.ndenumerate(table.counts):
         if count:
-            colour = AFTER if table.right[row, column] else BEFORE if column < causes else MEASURED
+            colour = Hue.AFTER if table.right[row, column] else Hue.BEFORE if column < causes else Hue.MEASURED
             depth = 0.15 + 0.6 * (count / table.counts[row].sum())
             axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
             axes.text(column, row, str(count), ha="center", va="center", fontsize=size)
-    axes.axvline(causes - 0.5, color=INK, linewidth=0.8)
-    axes.axhline(len(table.truths) - 2.5, color=INK, linewidth=0.8)
+    axes.axvline(causes - 0.5, color=Hue.INK, linewidth=0.8)
+    axes.axhline(len(table.truths) - 2.5, color=Hue.INK, linewidth=0.8)
     axes.set_xticks(range(len(table.answers)), [a.replace("_", " ") for a in table.answers], fontsize=size)
     axes.tick_params(axis="x", labelrotation=90 if crowded else 40)
     for label in axes.get_xticklabels():
@@ -120,16 +116,9 @@ def _power(study: Opened) -> Drawing:
             rows += [(f"truth in the answer, {family.value}", f"{x:.3g}", *_cells(r)) for x, r in points]
         right.set(xscale="log", xlabel="structural residual over noise")
         _plain_ratios(right, 3)
-        left.set_title("all effects", loc="left", fontsize="medium")
-        right.set_title("truth in the answer, by family", loc="left", fontsize="medium")
-        return Drawing.of(
-            figure,
-            "power",
-            "Power curves",
-            "One concealed effect, by the residual that it leaves after the base plant was refitted, over the noise. "
-            "Bars are 95 % intervals.",
-            csv_text(("what", "ratio", "cases", "share_percent", "low_percent", "high_percent"), rows),
-        )
+        titled(left, "all effects")
+        titled(right, "truth in the answer, by family")
+        return WORDS.drawing(figure, "power", csv_text(("what", "ratio", *SHARES), rows))
 
 
 def _draw_power(axes: Axes, study: Opened) -> Cells:
@@ -184,24 +173,18 @@ def _plain_ratios(axes: Axes, columns: int) -> None:
 def _reliability(study: Opened) -> Drawing:
     with draw((4.8, 4.2)) as figure:
         rows = _draw_reliability(figure.add_subplot(), study)
-        return Drawing.of(
-            figure,
-            "reliability",
-            "Are stated probabilities borne out?",
-            "Every cause of every case, in tenths of its stated probability; 95 % intervals and numbers of causes.",
-            csv_text(("stated", "causes", "right_percent", "low_percent", "high_percent"), rows),
-        )
+        return WORDS.drawing(figure, "reliability", csv_text(("stated", "causes", "right_percent", *SHARES[2:]), rows))
 
 
 def _draw_reliability(axes: Axes, study: Opened) -> Cells:
     stated = [pair for case in study.cases for pair in case.stated]
     bins = reliability(stated)
-    axes.plot([0, 100], [0, 100], ":", color=INK, linewidth=0.9)
+    axes.plot([0, 100], [0, 100], ":", color=Hue.INK, linewidth=0.9)
     for b in bins:
         place, share = 100 * b.stated, 100 * b.came_true.share
-        axes.plot([place] * 2, [100 * end for end in b.came_true.interval], color=AFTER, linewidth=1.0, alpha=0.7)
-        axes.plot(place, share, "o", color=AFTER, markersize=5)
-        beside = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
+        axes.plot([place] * 2, [100 * end for end in b.came_true.interval], color=Hue.AFTER, linewidth=1.0, alpha=0.7)
+        axes.plot(place, share, "o", color=Hue.AFTER, markersize=5)
+        beside: dict[str, Any] = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
         axes.annotate(str(b.came_true.count), (place, share), **beside)
     label = "stated (%)"
     if stated:
@@ -217,14 +200,7 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
 def _errors(study: Opened) -> Drawing:
     with draw((7.2, 3.4)) as figure:
         rows = _draw_errors(figure.add_subplot(), study)
-        return Drawing.of(
-            figure,
-            "errors",
-            "Free run on unseen data",
-            "Rms error on the check record over that of the oracle, which is told the effect; one concealed effect at "
-            "least as large as the noise. Bars reach from 5 to 95 % of the cases, dots are medians.",
-            csv_text(("case", "who", "error_over_oracle"), rows),
-        )
+        return WORDS.drawing(figure, "errors", csv_text(("case", "who", "error_over_oracle"), rows))
 
 
 def _draw_errors(axes: Axes, study: Opened) -> Cells:
@@ -240,13 +216,13 @@ def _draw_errors(axes: Axes, study: Opened) -> Cells:
         ratios = np.array([ratio for _, ratio in found])
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
-        colour = AFTER if name == "diagnosis" else BEFORE if name == "base" else MEASURED
+        colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
         axes.plot(middle, place, "o", color=colour, markersize=6)
-        above = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
+        above: dict[str, Any] = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
         axes.annotate(f"{middle:.2f}", (middle, place), **above)
-    axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
+    axes.axvline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")
     ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if bottom / 1.3 <= t <= 1.3 * top]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])

@@ -163,5 +163,5 @@ TERM_NAMES = {
     "v s": _names("quadratic_damping", _RUB),
     "w s": _names(_RUB, "amplifier_slew"),
 }
-"""For each term of the sparse dynamics of a residual (`baselines`), every effect that it may stand for: its best case,
+"""For each term of the sparse dynamics of a residual, every effect that it may stand for: its best case,
 since the term counts as right if any of them is."""

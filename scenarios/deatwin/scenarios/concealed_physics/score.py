@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -163,8 +164,8 @@ def brier_score(stated: Sequence[tuple[float, bool]]) -> float:
     return float(np.mean([(p - happened) ** 2 for p, happened in stated])) if stated else float("nan")
 
 
-def _holds(row: dict[str, float]) -> bool:
-    return row["low"] <= row["true"] <= row["high"]
+def _holds(row: Mapping[str, Any]) -> bool:
+    return bool(row["low"] <= row["true"] <= row["high"])
 
 
 def _ahead(case: Case) -> bool:

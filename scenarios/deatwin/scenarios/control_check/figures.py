@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,27 +17,33 @@ from deatwin.scenarios.control_check.tables import MICRO, trials_csv, verdicts_s
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue, filled, titled
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
-INK, GREY, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-STYLES = ((AFTER, "-"), (BEFORE, "-"), (MARK, "-"), (GREY, "-"), (INK, "-"), (AFTER, "--"))
+STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
 """Of the six actuators."""
 STRETCH = 10.0
 """Length of the tones that is drawn, s."""
 SHOWN = {
-    "PI": (BEFORE, "-", "PI alone"),
-    "inverse": (AFTER, "-", "PI behind the inverse"),
-    "inverse with dynamics": (MARK, "-", "the same, with dynamics"),
-    "oracle: inverse with dynamics": (INK, ":", "oracle, with dynamics"),
+    "PI": (Hue.BEFORE, "-", "PI alone"),
+    "inverse": (Hue.AFTER, "-", "PI behind the inverse"),
+    "inverse with dynamics": (Hue.MARK, "-", "the same, with dynamics"),
+    "oracle: inverse with dynamics": (Hue.INK, ":", "oracle, with dynamics"),
 }
 TRUTHS: dict[bool | None, str] = {True: "sound", False: "not sound", None: "no controller"}
 """Verdicts of the true rig."""
-MARKS: dict[bool | None, tuple[str, str]] = {True: (AFTER, "o"), False: (BEFORE, "X"), None: (GREY, "s")}
+MARKS: dict[bool | None, tuple[str, str]] = {
+    True: (Hue.AFTER, "o"),
+    False: (Hue.BEFORE, "X"),
+    None: (Hue.MEASURED, "s"),
+}
 JITTER = 0.28
 """Of a row of the verdicts, so that trials do not lie upon each other."""
 
@@ -65,8 +71,8 @@ def _tracking(every: Sequence[Tracking]) -> Drawing:
                     part = slice(*np.searchsorted(run.timepts, (SETTLED, SETTLED + STRETCH)))
                     axes.plot(run.timepts[part], MICRO * run.error[part], line, color=colour, label=label)
             axes.set_ylabel("error (µm)")
-        above.set_title(f"{nominal.name}: all", loc="left", fontsize="medium")
-        below.set_title("the two smallest, enlarged", loc="left", fontsize="medium")
+        titled(above, f"{nominal.name}: all")
+        titled(below, "the two smallest, enlarged")
         below.set_xlabel("time (s)")
         above.tick_params(labelbottom=False)
         _rms(figure.add_subplot(grid[:, 1]), every)
@@ -78,16 +84,8 @@ def _tracking(every: Sequence[Tracking]) -> Drawing:
             columns |= {"time_s": longest.timepts, f"{where}_reference_um": MICRO * longest.reference}
             for name, one in tracking.tracked.items():
                 key = name.replace(": ", "_").replace(" ", "_")
-                columns[f"{where}_{key}_error_um"] = MICRO * _filled(one.run.error, longest.timepts.size)
-        return Drawing.of(
-            figure,
-            "tracking",
-            "Tracking tones of 0.1 to 0.8 Hz",
-            f"Reference minus the noise-free output, and its rms from {SETTLED:g} s on. All controllers have the same "
-            "feedback rule; those named oracle are designed on the true plant's static curve and linear model. The "
-            "specification has hysteresis, which no static curve inverts.",
-            columns,
-        )
+                columns[f"{where}_{key}_error_um"] = MICRO * one.run.error
+        return WORDS.drawing(figure, "tracking", filled(columns), settled=SETTLED)
 
 
 def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
@@ -98,11 +96,16 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
         values = np.array([MICRO * tracking.tracked[name].rms for name in names])
         rows = np.arange(len(names)) + (place - 0.5 * (len(every) - 1)) * height
         shown = np.where(np.isfinite(values), values, 0.0)
-        colour = (AFTER, GREY)[place % 2]
+        colour = (Hue.AFTER, Hue.MEASURED)[place % 2]
         axes.barh(rows, shown, height=0.92 * height, color=colour, alpha=0.8, label=tracking.name)
         for row, value in zip(rows, values, strict=True):
             text, end = (f"{value:.3g}", value) if np.isfinite(value) else ("failed", 0.1)
-            beside = {"xytext": (3, 0), "textcoords": "offset points", "va": "center", "fontsize": "small"}
+            beside: dict[str, Any] = {
+                "xytext": (3, 0),
+                "textcoords": "offset points",
+                "va": "center",
+                "fontsize": "small",
+            }
             axes.annotate(text, (end, row), **beside)
         largest = max(largest, float(shown.max()))
     axes.set(xscale="log", xlim=(0.1, 4.0 * largest), xlabel="rms error (µm)")
@@ -118,7 +121,7 @@ def _rms(axes: Axes, every: Sequence[Tracking]) -> None:
 
 def _reference(axes: Axes, run: ClosedLoop, shown: slice | NDArray[np.bool_] = slice(None)) -> None:
     reference = MICRO * run.reference[shown]
-    axes.plot(run.timepts[shown], reference, color=INK, linewidth=2.4, alpha=0.3, label="reference")
+    axes.plot(run.timepts[shown], reference, color=Hue.INK, linewidth=2.4, alpha=0.3, label="reference")
 
 
 def _fleet(runs: Sequence[FleetRun]) -> Drawing:
@@ -139,21 +142,13 @@ def _fleet(runs: Sequence[FleetRun]) -> Drawing:
                 above.plot(run.timepts[part], MICRO * run.output[part], line, label=name, **style)
                 below.plot(run.timepts[part], MICRO * run.error[part], line, **style)
                 columns[f"{kind}_{name.replace(' ', '').lower()}_output_um"] = MICRO * run.output
-            above.set_title(kind, loc="left", fontsize="medium")
+            titled(above, kind)
             below.set_xlabel("time (s)")
         panels[0, 0].set_ylabel("displacement (µm)")
         panels[1, 0].set_ylabel("error (µm)")
         figure.align_ylabels(panels[:, 0])
         legend_above(figure, panels[0, 0], 7)
-        return Drawing.of(
-            figure,
-            "fleet",
-            "The scheduled design on the six actuators",
-            "One gain schedule, made on the identified model of the specification, which is none of the six: they are "
-            "fabricated beside it, and drift as they are used. Outputs without noise; of the tones "
-            f"{STRETCH:g} of {longest.timepts[-1]:.0f} s.",
-            _of_one_length(columns),
-        )
+        return WORDS.drawing(figure, "fleet", filled(columns), stretch=STRETCH, whole=longest.timepts[-1])
 
 
 def _concealed(every: Sequence[Concealed]) -> Drawing:
@@ -168,7 +163,7 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 f"{one.effect}_time_s": longest.timepts,
                 f"{one.effect}_reference_um": MICRO * longest.reference,
             }
-            for designed, colour in zip(one.designs, (BEFORE, AFTER), strict=True):
+            for designed, colour in zip(one.designs, (Hue.BEFORE, Hue.AFTER), strict=True):
                 run, label = designed.runs.steps, f"design from the {designed.source} model"
                 axes.plot(run.timepts, MICRO * run.output, color=colour, label=label)
                 columns[f"{one.effect}_{designed.source}_output_um"] = MICRO * run.output
@@ -177,29 +172,11 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 for kind in ("check", "truth")
             )
             title = f"{one.effect.replace('_', ' ')} concealed. Check: {said}. True rig: {was}"
-            axes.set_title(title, loc="left", fontsize="medium")
+            titled(axes, title)
             axes.set_ylabel("displacement (µm)")
         panels[-1].set_xlabel("time (s)")
         legend_above(figure, panels[0], 3)
-        return Drawing.of(
-            figure,
-            "concealed",
-            "What a concealed effect does to a design",
-            "Steps on the true rig, which no check sees. Both designs follow one rule; one is made on the plant "
-            "without the effect, as well as it can be fitted, the other on the plant that the diagnosis of the "
-            "recording amended.",
-            _of_one_length(columns),
-        )
-
-
-def _of_one_length(columns: dict[str, Array]) -> dict[str, Array]:
-    length = max(values.size for values in columns.values())
-    return {name: _filled(values, length) for name, values in columns.items()}
-
-
-def _filled(values: Array, length: int) -> Array:
-    """Make it as long as the others, NaN where there is nothing."""
-    return np.concatenate([values, np.full(length - values.size, np.nan)])
+        return WORDS.drawing(figure, "concealed", filled(columns))
 
 
 # --- predictions ----------------------------------------------------------------------------------------------------
@@ -213,9 +190,9 @@ def _models(matters: Matters) -> Drawing:
         for axes, quantity in zip(panels, QUANTITIES, strict=True):
             for promise in (p for p in matters.promises if p.quantity is quantity):
                 row, p = names.index(promise.model), promise.predicted
-                axes.plot([p.low, p.high], [row, row], color=AFTER, linewidth=5, alpha=0.4, solid_capstyle="butt")
-                axes.plot(p.value, row, "|", color=AFTER, markersize=10, markeredgewidth=2)
-                axes.plot(promise.achieved, row, "D", color=INK if promise.kept else BEFORE, markersize=5)
+                axes.plot([p.low, p.high], [row, row], color=Hue.AFTER, linewidth=5, alpha=0.4, solid_capstyle="butt")
+                axes.plot(p.value, row, "|", color=Hue.AFTER, markersize=10, markeredgewidth=2)
+                axes.plot(promise.achieved, row, "D", color=Hue.INK if promise.kept else Hue.BEFORE, markersize=5)
             axes.set(xscale="log", xlabel=quantity.label)
             _decades(axes)
             axes.margins(x=0.12)
@@ -231,14 +208,8 @@ def _models(matters: Matters) -> Drawing:
             )
             for p in matters.promises
         ]
-        return Drawing.of(
-            figure,
-            "models",
-            "Does the model matter? What each promised, and what it got",
-            "One design rule on five models of one actuator, each judged on the true plant. Bandwidth and gain margin "
-            "are promised by the linearised model and measured with sines as large as the steps; overshoot and error "
-            "are of the steps, promised by closed loops on draws of the model with the residual of its free run.",
-            csv_text(("model", "quantity", "predicted", "low", "high", "achieved", "inside"), rows),
+        return WORDS.drawing(
+            figure, "models", csv_text(("model", "quantity", "predicted", "low", "high", "achieved", "inside"), rows)
         )
 
 
@@ -246,9 +217,9 @@ def _handles() -> list[object]:
     from matplotlib.lines import Line2D
 
     return [
-        Line2D([], [], color=AFTER, linewidth=5, alpha=0.4, label="predicted, 95 % interval"),
-        Line2D([], [], linestyle="", marker="D", color=INK, markersize=5, label="achieved, inside"),
-        Line2D([], [], linestyle="", marker="D", color=BEFORE, markersize=5, label="achieved, outside"),
+        Line2D([], [], color=Hue.AFTER, linewidth=5, alpha=0.4, label="predicted, 95 % interval"),
+        Line2D([], [], linestyle="", marker="D", color=Hue.INK, markersize=5, label="achieved, inside"),
+        Line2D([], [], linestyle="", marker="D", color=Hue.BEFORE, markersize=5, label="achieved, outside"),
     ]
 
 
@@ -269,15 +240,7 @@ def _trials(outcomes: Sequence[Outcome]) -> Drawing:
         _draw_confusion(left, outcomes, verdicts)
         _draw_times(right, outcomes, verdicts)
         legend_above(figure, right, 4)
-        return Drawing.of(
-            figure,
-            "trials",
-            "Did the verdict keep its word?",
-            "Random rigs, most with physics that their specification does not have, random designs. Sound: the true "
-            "rig keeps every limit of the check. Left: numbers of trials; blue is a verdict that was right, orange a "
-            "passed design that was not sound, grey caution. Right: hollow marks left the predicted band.",
-            trials_csv(outcomes),
-        )
+        return WORDS.drawing(figure, "trials", trials_csv(outcomes))
 
 
 def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]) -> None:
@@ -290,7 +253,7 @@ def _draw_confusion(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[
             if count:
                 passed = verdict == Verdict.PASS.value
                 caution = truth is None or (truth and not passed)
-                colour = GREY if caution else AFTER if passed is truth else BEFORE
+                colour = Hue.MEASURED if caution else Hue.AFTER if passed is truth else Hue.BEFORE
                 depth = 0.2 + 0.5 * count / len(outcomes)
                 axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
             axes.text(column, row, str(count), ha="center", va="center")
@@ -306,7 +269,12 @@ def _draw_times(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]
     for outcome, place in zip(outcomes, places, strict=True):
         colour, marker = MARKS[outcome.sound]
         hollow = outcome.inside is not None and outcome.inside < 1.0
-        style = {"color": colour, "markersize": 6, "markerfacecolor": "none" if hollow else colour, "linestyle": ""}
+        style: dict[str, Any] = {
+            "color": colour,
+            "markersize": 6,
+            "markerfacecolor": "none" if hollow else colour,
+            "linestyle": "",
+        }
         axes.plot(outcome.closed_loop_time, verdicts.index(outcome.verdict) + place, marker, label="_", **style)
     for truth, words in TRUTHS.items():
         if any(outcome.sound is truth for outcome in outcomes):

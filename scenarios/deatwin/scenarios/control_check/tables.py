@@ -17,7 +17,9 @@ from deatwin.studies.rates import Rate
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
+WORDS = Words(__package__)
 LOWER = 5.0
 """Demanded ratio of the error of PI alone to that behind the inverse."""
 NEAR = 2.0
@@ -46,29 +48,11 @@ def judge(study: Study) -> list[Measure]:
         _pays(nominal),
         _near(nominal),
         _scheduled(study.fleet),
-        Measure(
-            "electrode_rc concealed: verdict on the design from the base model",
-            "not pass",
-            _both(base),
-            base.check.verdict is not Verdict.PASS,
-        ),
-        Measure(
-            "the same: verdict on the design from the model that the diagnosis amended",
-            "pass",
-            _both(amended),
-            amended.check.verdict is Verdict.PASS,
-        ),
-        Measure(
-            "random rigs and designs with the verdict pass: true steps wholly inside the predicted simultaneous 95 % band",
-            f"at least {100 * KEPT:.0f} %",
-            in_words(kept),
-            kept.count > 0 and kept.share >= KEPT,
-        ),
-        Measure(
-            "random rigs and designs that are unstable or break a limit on the true rig: the verdict was not pass",
-            f"at least {100 * CAUGHT:.0f} %",
-            in_words(unsound),
-            unsound.count > 0 and unsound.share >= CAUGHT,
+        WORDS.measure("base", base.check.verdict is not Verdict.PASS, said=_both(base)),
+        WORDS.measure("amended", amended.check.verdict is Verdict.PASS, said=_both(amended)),
+        WORDS.measure("kept", kept.count > 0 and kept.share >= KEPT, least=100 * KEPT, rate=in_words(kept)),
+        WORDS.measure(
+            "caught", unsound.count > 0 and unsound.share >= CAUGHT, least=100 * CAUGHT, rate=in_words(unsound)
         ),
     ]
 
@@ -77,16 +61,14 @@ def _pays(tracking: Tracking) -> Measure:
     alone = tracking.tracked["PI"]
     factors = {name: tracking.ratio("PI", name) for name in INVERSES}
     same = all(_alike(alone, tracking.tracked[name]) for name in INVERSES)
-    margins = (
-        f"gain margin {float(alone.margins.gain[0]):.3g}, phase margin {float(alone.margins.phase_deg[0]):.0f}° "
-        + ("of all three" if same else "of PI alone, others of the other two")
-    )
-    return Measure(
-        "tones of 0.1 to 0.8 Hz on the nominal rig: rms error of PI alone over that of PI behind the inverse, bare and "
-        "with dynamics, at equal margins",
-        f"at least {LOWER:g} times, margins equal",
-        f"{', '.join(f'{name} {factor:.1f} times' for name, factor in factors.items())}; {margins}",
+    return WORDS.measure(
+        "pays",
         same and min(factors.values()) >= LOWER,
+        least=LOWER,
+        factors=", ".join(f"{name} {factor:.1f} times" for name, factor in factors.items()),
+        gain=float(alone.margins.gain[0]),
+        phase=float(alone.margins.phase_deg[0]),
+        whose="of all three" if same else "of PI alone, others of the other two",
     )
 
 
@@ -97,25 +79,20 @@ def _alike(one: Tracked, other: Tracked) -> bool:
 
 def _near(tracking: Tracking) -> Measure:
     factors = {name: tracking.ratio(name, f"oracle: {name}") for name in INVERSES}
-    return Measure(
-        "the same, rms error over that of the oracle: the same design on the true plant's own static curve and linear "
-        "model",
-        f"at most {NEAR:g} times",
-        ", ".join(f"{name} {factor:.2f} times" for name, factor in factors.items()),
-        max(factors.values()) <= NEAR,
-    )
+    said = ", ".join(f"{name} {factor:.2f} times" for name, factor in factors.items())
+    return WORDS.measure("near", max(factors.values()) <= NEAR, most=NEAR, factors=said)
 
 
 def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
     unstable = [run.actuator.name for run in fleet if not run.stable]
     ripple = max((run.steps.ripple for run in fleet), default=0.0)
     calm = f"; late after a step at most {100 * ripple:.2g} % of it moves"
-    return Measure(
-        "the scheduled design, made on a model of their specification, on the six actuators: steps and tones",
-        "no instability: all runs reach their end, and nothing rings late after a step",
-        f"{len(fleet) - len(unstable)} of {len(fleet)} stable"
-        + (f" (not {', '.join(unstable)})" if unstable else calm),
+    return WORDS.measure(
+        "scheduled",
         bool(fleet) and not unstable,
+        stable=len(fleet) - len(unstable),
+        count=len(fleet),
+        but=f" (not {', '.join(unstable)})" if unstable else calm,
     )
 
 

@@ -53,7 +53,8 @@ class Trial:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Read what `dataclasses.asdict` made, from a file too."""
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in data.items()})
+        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**given)
 
     @property
     def kept(self) -> bool:
@@ -225,8 +226,8 @@ def contrast(name: str, seed: int, number: int) -> Contrast:
 
 
 def _candidates(system: BenchmarkSystem, draw: Draw) -> Regression:
-    lags = {"output_lags": system.output_lags, "input_lags": system.input_lags}
-    return Regression.of(draw.recording, **lags, degree=system.degree)
+    output_lags, input_lags = system.output_lags, system.input_lags
+    return Regression.of(draw.recording, output_lags=output_lags, input_lags=input_lags, degree=system.degree)
 
 
 def consult(margins: Sequence[Margin]) -> Oracle:

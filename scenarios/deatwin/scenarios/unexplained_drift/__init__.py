@@ -15,10 +15,9 @@ from typing import Any
 from deatwin.plant.fleet import fleet
 from deatwin.scenarios.unexplained_drift import figures
 from deatwin.scenarios.unexplained_drift.argument import numbers, rows_of, sentence_of, table_of
-from deatwin.scenarios.unexplained_drift.recordings import VISITS
 from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
-from deatwin.scenarios.unexplained_drift.study import CASES, Answers, carry_out
+from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, carry_out
 from deatwin.studies.parallel import between
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity, with_interval

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from deatwin.scenarios.unexplained_drift.repeatability import AGES, CREEP, HELD, RELAXATION, RESTS, SPAN, Group
 from deatwin.studies.report.story import Measure, Table
+from deatwin.studies.report.words import Words
+
+WORDS = Words(__package__)
 
 
 def sentence_of(groups: Sequence[Group]) -> str:
@@ -31,18 +34,14 @@ def rows_of(groups: Sequence[Group]) -> list[Measure]:
         one_sign = bool(np.all(same.sizes > 0) or np.all(same.sizes < 0))
         ratio, limit = (other.spread[0] / spread) ** 2, _limit(same.sizes.size)
         rows += [
-            Measure(
-                f"{same.name.capitalize()} repeats over six fabrications while histories are the same",
-                "all shifts of one sign, spread below half their mean",
-                f"{_range(same)}, spread {100 * spread / mean:.0f} % of the mean",
+            WORDS.measure(
+                "repeats",
                 one_sign and bool(spread < mean / 2),
+                name=same.name.capitalize(),
+                shifts=_range(same),
+                share=100 * spread / mean,
             ),
-            Measure(
-                f"Once histories differ, {same.name} of the same size no longer repeats",
-                f"variance up by more than {limit:.1f} (F test, 2.5 %)",
-                f"{_range(other)}, variance up by {ratio:.3g}",
-                ratio > limit,
-            ),
+            WORDS.measure("differs", ratio > limit, name=same.name, limit=limit, shifts=_range(other), ratio=ratio),
         ]
     return rows
 

@@ -8,10 +8,12 @@ from enum import Enum
 from typing import Any, Self
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
-from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
+from deatwin.scenarios.unexplained_drift.study import Finding
 from deatwin.studies.report.story import Measure
+from deatwin.studies.report.words import Words
 
+WORDS = Words(__package__)
 OUTSIDE = frozenset({"grease_ridge"})
 """Concealed, but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
 
@@ -117,26 +119,9 @@ def measures(scores: Sequence[Judged]) -> list[Measure]:
     covered = sum(e.covered for e in estimates)
     allowed = int(binom.ppf(0.025, len(estimates), 0.95)) if estimates else 0
     return [
-        Measure(
-            "All that drifts is named, and nothing else", f"{count} of {count}", f"{right} of {count}", right == count
-        ),
-        Measure("Named with confidence what is not there", "0", str(wrong), not wrong),
-        Measure(
-            "All that drifts is among what is named or listed",
-            f"{count} of {count}",
-            f"{inside} of {count}",
-            inside == count,
-        ),
-        Measure(
-            "Where something is built in, the error on unseen data falls",
-            f"{len(claimed)} of {len(claimed)}",
-            str(better),
-            better == len(claimed),
-        ),
-        Measure(
-            "Intervals of rightly named drifts that hold the truth",
-            f"at least {allowed} of {len(estimates)} (95 % each)",
-            str(covered),
-            covered >= allowed,
-        ),
+        WORDS.measure("named", right == count, count=count, reached=right),
+        WORDS.measure("wrong", not wrong, reached=wrong),
+        WORDS.measure("inside", inside == count, count=count, reached=inside),
+        WORDS.measure("better", better == len(claimed), count=len(claimed), reached=better),
+        WORDS.measure("covered", covered >= allowed, allowed=allowed, count=len(estimates), reached=covered),
     ]

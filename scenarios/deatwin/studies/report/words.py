@@ -65,7 +65,7 @@ class Words:
         return Measure(measure, demanded, reached, bool(passed))
 
     def drawing(
-        self, figure: Figure, name: str, columns: Mapping[str, ArrayLike], called: str = "", /, **numbers: Any
+        self, figure: Figure, name: str, columns: Mapping[str, ArrayLike] | str, called: str = "", /, **numbers: Any
     ) -> Drawing:
         """A figure with its title, caption and data; several may share their words and be called differently."""
         title, caption = (self.text(f"figure.{name}.{part}", **numbers) for part in ("title", "caption"))

@@ -35,9 +35,13 @@ class Rigging:
 
     def in_usual_form(self) -> Rigging:
         """Hold the ball and take readings as most rigs do: rigs of one form share their compiled equations."""
-        usual = {"ball": Diaphragm.ball, "ball_is_known": True, "reading": Diaphragm.reading}
-        named = {"nominal": self.nominal, "actual": self.actual, "reduced": self.reduced}
-        return replace(self, **{k: p.with_rig(replace(_diaphragm(p), **usual)) for k, p in named.items()})
+        nominal, actual, reduced = map(_in_usual_form, (self.nominal, self.actual, self.reduced))
+        return replace(self, nominal=nominal, actual=actual, reduced=reduced)
+
+
+def _in_usual_form(plant: Plant) -> Plant:
+    rig = replace(_diaphragm(plant), ball=Diaphragm.ball, ball_is_known=True, reading=Diaphragm.reading)
+    return plant.with_rig(rig)
 
 
 def drawn_rig(rng: np.random.Generator) -> Rigging:

@@ -1,15 +1,13 @@
-"""Baselines: models of the residual that do not ask which physics is missing.
+"""Models of a plant's residual that do not ask which physics is missing: sparse dynamics, a Gaussian process, NARX.
 
-Each learns the residual of the calibrated base plant on the recordings from that plant's free run, and corrects its free
-run of the check. None sees a reading of the check, but for the first lags of a NARX run.
+Each learns from recordings and the plant's free run over them, and corrects its free run of a later record. None sees
+a reading of that record, but for the first lags of a NARX run.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from deatwin.plant.recording import Experiment, Recording
 
 Array = np.ndarray
 HELD_OUT = 0.3
-"""Share of what is learned from, its end, by which a baseline chooses its own settings."""
+"""Last share of the samples to learn from, by which a model chooses its own settings."""
 BEFORE = 10
 """Samples before the judged ones whose mean says where the residual is then."""
 DIVERGED = 20.0
@@ -28,7 +26,7 @@ DIVERGED = 20.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Scaled signals on one clock: first those that a baseline learns from, then those that it is judged on."""
+    """Scaled signals on one clock: first the samples to learn from, then those to be judged on."""
 
     residual: Array  # shape (n,): Measured minus simulated
     reading: Array  # shape (n,): Simulated
@@ -61,7 +59,7 @@ class Track:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correction:
-    """The residual as a baseline predicts it."""
+    """A predicted residual."""
 
     predicted: Array
     term: str = ""  # Strongest term of the model, where it has terms
@@ -238,7 +236,7 @@ def narx(track: Track) -> Correction:
     end = record.section(round((1 - HELD_OUT) * record.n_samples), record.n_samples)
     best, least = None, np.inf
     for output_lags, input_lags, degree in CANDIDATES:
-        lags = {"output_lags": output_lags, "input_lags": input_lags, "degree": degree}
+        lags: dict[str, Any] = {"output_lags": output_lags, "input_lags": input_lags, "degree": degree}
         frols = Frols(**lags, max_terms=MOST_TERMS, criterion="free_run", held_out=HELD_OUT)
         found = frols.fit(record).model_
         run = found.simulate(end)
@@ -259,9 +257,3 @@ def _as_recording(track: Track) -> Recording:
         input_names=("drive", "reading"),
         output_names=("residual",),
     )
-
-
-BASELINES: Mapping[str, Callable[[Track], Correction]] = MappingProxyType(
-    {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
-)
-"""By name, in the order of the tables."""
