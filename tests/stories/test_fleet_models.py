@@ -15,11 +15,10 @@ from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, insp
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
-from deatwin.scenarios.fleet_models.choice import Choice
-from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
-from deatwin.scenarios.fleet_models.svb_figures import shares
+from deatwin.scenarios.fleet_models.svb_figures import Choice, shares
+from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 
 NOISE = 1e-6
