@@ -1,4 +1,4 @@
-"""Drifts and roughness of a recording as numbers, simulated or measured."""
+"""Means, drifts and roughness of a recording, simulated or measured."""
 
 from __future__ import annotations
 
@@ -49,6 +49,11 @@ def moving_mean(values: ArrayLike, samples: int) -> Array:
         first = samples // 2
         mean[first : first + v.size - samples + 1] = (sums[samples:] - sums[:-samples]) / samples
     return mean
+
+
+def root_mean_square(values: ArrayLike) -> float:
+    """Root mean square of the magnitudes of all values."""
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
 def mean_shift(

@@ -15,6 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx import NarxModel
 
 Array = NDArray[np.float64]
@@ -37,6 +38,17 @@ class ClosedForm:
     def model(self) -> NarxModel:
         """The system, at a sample time of 1 s."""
         return NarxModel.from_terms(self.equation, sample_time=SAMPLE_TIME)
+
+    def errors(self) -> dict[int, float]:
+        """Largest errors of computed responses on grids over both signs of all frequencies, over the largest gain."""
+        errors = {}
+        for order, response in self.responses.items():
+            axis = np.linspace(-3.0, 3.1, 401 if order == 1 else 11 if order < 4 else 7)
+            grid = frequency_grid(*[axis] * order)
+            values = gfrf(self.model, order, grid[:, 0] if order == 1 else grid).values
+            expected = response(grid)
+            errors[order] = float(np.abs(values - expected).max() / (np.abs(expected).max() or 1.0))
+        return errors
 
 
 def _turn(angles: Array, lag: int = 1) -> Complex:

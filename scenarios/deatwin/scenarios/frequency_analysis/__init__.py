@@ -18,8 +18,7 @@ from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL,
 from deatwin.scenarios.frequency_analysis.fleet_figures import fleet_drawings
 from deatwin.scenarios.frequency_analysis.known import known_systems
 from deatwin.scenarios.frequency_analysis.known_figures import known_drawings
-from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread
-from deatwin.scenarios.frequency_analysis.tables import tables
+from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
 from deatwin.studies.parallel import between
 from deatwin.studies.report.panels import key_of
 from deatwin.studies.report.prose import notes

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
-from deatwin.scenarios.frequency_uncertainty.tables import column_of
+from deatwin.scenarios.frequency_uncertainty.measures import column_of
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, key_of, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above

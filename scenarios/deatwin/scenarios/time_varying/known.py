@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import hold_equilibrium
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import Structure

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory, generate_terms

@@ -46,8 +46,3 @@ class Map:
     def change_dB(self) -> Array:
         """Gain over its mean along time at each frequency, shape (n_times, n)."""
         return np.asarray(20 * np.log10(self.gain / self.gain.mean(axis=0)))
-
-
-def root_mean_square(values: NDArray[np.complex128] | Array) -> float:
-    """Root mean square of the magnitudes of all values."""
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))

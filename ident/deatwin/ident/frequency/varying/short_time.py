@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import output_spectrum, remove_dc
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
-from deatwin.ident.frequency.varying.maps import root_mean_square
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
