@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,14 +25,6 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord
-
-
-class Candidates(TypedDict):
-    """Terms that compete."""
-
-    output_lags: int
-    input_lags: tuple[int, ...]
-    degree: int
 
 
 HELD_OUT = 0.3
@@ -130,6 +122,7 @@ def identify(
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.recording import label
     from deatwin.plant.rigs.base import ReadingTime
     from deatwin.studies.folder import ResultFolder, require_place
     from deatwin.studies.provenance import RunRecord, hashes
@@ -159,7 +152,7 @@ def identify(
         records, notes = fewer.records, [*notes, *fewer.notes]
         pieces = [_split(record) for record in records]
         chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
-        lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
+        lags = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
         with voice.progress("choosing terms") as progress:
             progress(0.0, "choosing terms")
@@ -173,7 +166,7 @@ def identify(
         model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
         model.save(out)
         errors = [_errors(model, unseen) for _, unseen in pieces]
-        _say(voice, model, errors, _labels(records))
+        _say(voice, model, errors, [label(record) for record in records])
         for note in identifier.notes_:
             voice.say(f"note: {note}")
         for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
@@ -236,16 +229,13 @@ def _write_report(
     record.save(folder)
 
 
-def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
+def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:
     from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
 
     if method is Method.SVB:
         return SvbNarx(**lags)
-    if method is Method.FROLS:
-        return Frols(**lags, max_terms=max_terms)
-    if method is Method.LASSO:
-        return Lasso(**lags, max_terms=max_terms)
-    return Semp(**lags, max_terms=max_terms)
+    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp}
+    return searches[method](**lags, max_terms=max_terms)
 
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
@@ -351,9 +341,3 @@ def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
         "failed_tests": [test.name for test in found.failed],
         "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
     }
-
-
-def _labels(records: list[Recording]) -> list[str]:
-    from deatwin.plant.recording import label
-
-    return [label(record) for record in records]
