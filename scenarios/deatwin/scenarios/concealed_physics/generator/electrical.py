@@ -35,7 +35,7 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
     times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)
     """Relative to the centre."""
     parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)
-    """Of the share."""
+    """Parts of the share."""
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, centre = self.symbols(build)
@@ -127,7 +127,7 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
     ratio: float = spread(0.2, 1.5)  # Falling rate over rising rate
 
     width: ClassVar[float] = 5.0
-    """How far behind the amplifier is when it rises at its full rate, V."""
+    """Lag of the amplifier when it rises at its full rate, V."""
     fastest: ClassVar[float] = 1e-6
     """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
 
@@ -144,7 +144,7 @@ class HardClip(Mechanism, largest=0.5):
     """An output that stops dead at a level."""
 
     depth: float  # Share of the command's range that is cut off
-    top: float  # Of that range, V
+    top: float  # Ends of that range, V
     bottom: float
 
     @classmethod

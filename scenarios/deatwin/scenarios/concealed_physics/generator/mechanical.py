@@ -121,7 +121,7 @@ class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
     mass: float = part()
-    frequency: float = uniform(4.0, 12.0)  # Of the lower, Hz
+    frequency: float = uniform(4.0, 12.0)  # Frequency of the lower mode, Hz
     damping_ratio: float = uniform(0.01, 0.04)
 
     def rewrite(self, signal: Any, build: Any) -> Any:

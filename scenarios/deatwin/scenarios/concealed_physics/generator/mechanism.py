@@ -25,7 +25,7 @@ def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What a mechanism is drawn for: a clean recording of the same film."""
+    """A clean recording of the same film, for which a mechanism is drawn."""
 
     seconds: float  # Length of the records that are diagnosed, on the clock, s
     commands: np.ndarray  # shape (n,): Commands of these records, V

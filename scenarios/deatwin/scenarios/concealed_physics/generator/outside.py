@@ -103,7 +103,7 @@ class InterferenceBursts(Mechanism, largest=3e-4):
 class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0):
     """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
-    coefficient: float = part()  # Of the way up, N s/m
+    coefficient: float = part()  # On the way up, N s/m
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (coefficient,) = self.symbols(build)

@@ -31,8 +31,7 @@ class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", or
     def rewrite(self, signal: Any, build: Any) -> Any:
         time, ratio = self.symbols(build)
         shown = build.state("shown", scale=1e-3)
-        # T times its rate.
-        rising = build.state("rising", scale=1e-3)
+        rising = build.state("rising", scale=1e-3)  # T times the rate of what is shown
         build.rate(shown, rising, mass=time)
         build.rate(rising, signal - shown - 2 * ratio * rising, mass=time)
         return shown
@@ -53,7 +52,7 @@ class WarmingSensor(Mechanism, largest=1e-4):
 class KnockedSensor(Mechanism, largest=1e-4):
     """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
-    change: float  # That stays, m
+    change: float  # Lasting part, m
     at: float  # s
 
     @classmethod
