@@ -8,9 +8,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from deatwin.studies.stories import Setting
 
 # What a property test draws follows from its code alone: every run sees the same examples.
 settings.register_profile("fixed", derandomize=True, database=None)
@@ -36,3 +40,14 @@ def as_loud_as_before() -> Iterator[None]:
     level = logger.level
     yield
     logger.setLevel(level)
+
+
+@pytest.fixture
+def setting(tmp_path: Path) -> Setting:
+    """Give a story a temporary folder, seed 0 and one process."""
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.stories import Setting
+
+    return Setting(
+        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
+    )

@@ -15,12 +15,10 @@ from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, insp
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
-from deatwin.scenarios.fleet_models.choice import Choice
-from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
-from deatwin.scenarios.fleet_models.svb_figures import shares
-from deatwin.studies.folder import ResultFolder
+from deatwin.scenarios.fleet_models.svb_figures import Choice, shares
+from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 
 NOISE = 1e-6
@@ -139,14 +137,11 @@ PAGES = {
 
 @pytest.mark.parametrize("name", PAGES)
 def test_the_page_shows_what_fails(
-    name: str, sound: Bench, drifting: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, sound: Bench, drifting: Bench, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module, tables, figures = PAGES[name]
     study = whole(drifting, sound, module.PROGRAMME.methods)
     monkeypatch.setattr(module, "carry_out", lambda *_, **__: study)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = story(name).run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "fails, " in page and "passes" in page

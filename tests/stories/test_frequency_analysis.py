@@ -18,7 +18,6 @@ from deatwin.scenarios import frequency_analysis
 from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor
 from deatwin.scenarios.frequency_analysis.known import Known, known_systems
 from deatwin.scenarios.frequency_analysis.measures import judge, spread
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 PERIOD, STEP, NOISE = 60, 0.12, 1e-6
@@ -92,15 +91,12 @@ def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
 
 
 def test_the_page_and_what_fails_on_it(
-    made: Fleet, found: Actuators, known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: Fleet, found: Actuators, known: Known, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frequency_analysis, "identify_fleet", lambda *_, **__: made)
     monkeypatch.setattr(frequency_analysis, "known_systems", lambda *_: known)
     monkeypatch.setattr(frequency_analysis, "actuators", lambda *_, **__: found)
     monkeypatch.setattr(frequency_analysis, "anchor", lambda one, fleet: anchor(one, fleet, (0.2, 0.4, 1.0)))
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = frequency_analysis.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (

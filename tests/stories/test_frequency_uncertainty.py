@@ -27,7 +27,6 @@ from deatwin.scenarios.frequency_uncertainty.fleet import (
 )
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, CASES, LINEAR, spectra
 from deatwin.scenarios.frequency_uncertainty.study import Plan
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 SAMPLE_TIME = 0.12
@@ -167,16 +166,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
+def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
-    setting = Setting(
-        folder=ResultFolder(tmp_path),
-        data=None,
-        command=["test"],
-        jobs=1,
-        seed=0,
-        progress=lambda share, text: told.append((share, text)),
-    )
+    setting = replace(setting, progress=lambda share, text: told.append((share, text)))
     result = frequency_uncertainty.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     figures = (

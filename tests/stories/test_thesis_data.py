@@ -13,7 +13,6 @@ from deatwin.scenarios import thesis_data
 from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
 from deatwin.scenarios.thesis_data.measures import judge
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 STEP = 0.02
@@ -65,16 +64,13 @@ def test_actuators_that_do_nothing_of_it_do_not_pass(straight: Study) -> None:
 
 
 def test_the_page_says_what_was_demanded_and_what_not_reached(
-    straight: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    straight: Study, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     volts = np.array([40.0, 80.0, 160.0])
     rest = SmallVoltages(voltages=volts, displacements=1e-10 * volts**2, visible=140.0)
     np.testing.assert_allclose(rest.exponents, 2.0)
     monkeypatch.setattr(thesis_data, "carry_out", lambda *_, **__: straight)
     monkeypatch.setattr(thesis_data, "small_voltages", lambda *_: rest)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = story("thesis-data").run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("<figure>") == page.count("<svg ") == 10

@@ -16,7 +16,6 @@ from deatwin.scenarios.time_varying import known, study
 from deatwin.scenarios.time_varying.known import covered, follow, frozen_run
 from deatwin.scenarios.time_varying.measures import judge
 from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 STEP = 0.12
@@ -138,11 +137,10 @@ def test_what_does_not_hold_fails(made: Study) -> None:
     assert [row.passed for row in judge(swapped) if "last tenth" in row.measure] == [False]
 
 
-def test_the_page_shows_all_of_it(made: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_shows_all_of_it(
+    made: Study, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(time_varying, "carry_out", lambda *_, **__: made)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = time_varying.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (

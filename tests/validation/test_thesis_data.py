@@ -3,6 +3,7 @@
 What is demanded is stated in `deatwin.scenarios.thesis_data.measures`.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +13,14 @@ from deatwin.app.stories import story
 from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.plant.fleet import fleet, specification
 from deatwin.scenarios.thesis_data.counterevidence import small_voltages
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2)]
 
 
 @pytest.mark.parametrize("seed", [0, *OTHER_SEEDS])
-def test_all_stated_measures_are_reached(seed: int, tmp_path: Path) -> None:
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=2, seed=seed, progress=lambda share, text: None
-    )
+def test_all_stated_measures_are_reached(seed: int, setting: Setting, tmp_path: Path) -> None:
+    setting = replace(setting, jobs=2, seed=seed)
     result = story("thesis-data").run(setting)
     assert len(result["measures"]) >= 20
     assert not [row for row in result["measures"] if not row["passed"]]

@@ -29,17 +29,17 @@ class LinearShare:
     inputs: Array  # shape (n,): Spectral density of the input, unit² / Hz
     outputs: Array
     explained: Array
-    width: float  # Of a band, Hz
+    width: float  # Width of a band, Hz
 
     def above(self, frequency: float) -> tuple[float, float, float]:
-        """Powers above a frequency. `frequency` hz."""
+        """Powers of input, output and explained output above a frequency, Hz."""
         there = self.frequencies > frequency
         return tuple(float(p[there].sum() * self.width) for p in (self.inputs, self.outputs, self.explained))  # type: ignore[return-value]
 
 
 def mean_curve(commands: ArrayLike, readings: ArrayLike, width: float = 0.05, least: int = 20) -> tuple[Array, Array]:
-    """Mean reading for each command, as a recording shows it. `commands, readings` samples, V and m; `width` of a bin
-    of commands, V; returns (m,), Mean command, V, and mean reading, m, of each bin.
+    """Mean command, V, and mean reading, m, in each bin of commands of some width, V, with enough samples. Shapes:
+    returns (m,), (m,).
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     number = np.floor((u - u.min()) / width + 1e-9).astype(int)
@@ -49,9 +49,7 @@ def mean_curve(commands: ArrayLike, readings: ArrayLike, width: float = 0.05, le
 
 
 def straight_line(levels: ArrayLike, displacements: ArrayLike, below: float = 2.5) -> Line:
-    """The straight line that fits a voltage-displacement curve best in its lower part. `levels, displacements` the
-    curve, V and m, for example of `mean_curve`; `below` end of the lower part, V.
-    """
+    """Fit a straight line to the lower part of a voltage-displacement curve, V and m, up to `below`, V."""
     u, y = np.asarray(levels, dtype=np.float64), np.asarray(displacements, dtype=np.float64)
     lower = u <= below
     if lower.sum() < 3:
@@ -62,9 +60,8 @@ def straight_line(levels: ArrayLike, displacements: ArrayLike, below: float = 2.
 
 
 def local_gain(commands: ArrayLike, readings: ArrayLike, at: float, width: float = 0.2) -> float:
-    """Slope of the voltage-displacement curve at a command: that of a parabola through the samples about it.
-    `commands, readings` samples or a curve, V and m; `at` command, V; `width` largest distance of a sample's
-    command from it, V; returns m/V.
+    """Slope of the voltage-displacement curve at a command, m/V: that of a parabola through the samples within
+    `width` of it, V.
     """
     u, y = np.asarray(commands, dtype=np.float64) - at, np.asarray(readings, dtype=np.float64)
     near = np.abs(u) <= width
@@ -76,7 +73,7 @@ def local_gain(commands: ArrayLike, readings: ArrayLike, at: float, width: float
 def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
     r"""Area :math:`\oint u\,dy` of a closed loop, over the rectangle around it."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
-    # Where the command sets out upwards from its lowest, a cycle begins.
+    # A cycle begins where the command leaves its lowest value.
     lowest = np.isclose(u, u.min())
     cycles = max(1, int(np.sum(lowest & ~np.roll(lowest, 1))))
     area = 0.5 * np.sum(u * np.roll(y, -1) - np.roll(u, -1) * y)
@@ -89,7 +86,7 @@ def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, w
     Source: R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley 2012,
     chapter 3 (best linear approximation).
 
-    `width` of a band, Hz.
+    `width` is that of a band, Hz.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size

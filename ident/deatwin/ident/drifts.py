@@ -1,4 +1,4 @@
-"""Drifts and roughness of a recording as numbers, simulated or measured."""
+"""Means, drifts and roughness of a recording, simulated or measured."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from deatwin.plant.errors import DataError
 Array = np.ndarray
 Window = tuple[float, float]
 DEGREE, DEGREE_OF_RATE = 6, 3
-"""Of the polynomials that say what a reading is to be expected at a command and its rate."""
+"""Degrees of the polynomials that predict a reading from a command and its rate."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
-    """How far the mean has moved from one time to another, at the same input."""
+    """A shift of the mean from one time to another, at the same input."""
 
-    size: float  # Shift and its standard error, m
-    error: float
+    size: float  # m
+    error: float  # Standard error, m
 
     @property
     def significance(self) -> float:
@@ -32,16 +32,16 @@ class Shift:
 
 @dataclass(frozen=True, kw_only=True)
 class GainChange:
-    """How gain and nonlinearity have changed from one time to another."""
+    """Relative changes of gain and nonlinearity from one time to another, with their standard errors."""
 
-    gain: float  # Relative change of the gain over all commands, and its standard error
+    gain: float  # Over all commands
     gain_error: float
-    bend: float  # Relative change of the ratio of the slopes at an upper and a lower command, and its standard error
+    bend: float  # Of the ratio of the slopes at an upper and a lower command
     bend_error: float
 
 
 def moving_mean(values: ArrayLike, samples: int) -> Array:
-    """Mean of as many neighbours to either side."""
+    """Centred moving mean; NaN where its window is not whole."""
     v = np.asarray(values, dtype=np.float64)
     mean = np.full(v.size, np.nan)
     if samples <= v.size:
@@ -49,6 +49,11 @@ def moving_mean(values: ArrayLike, samples: int) -> Array:
         first = samples // 2
         mean[first : first + v.size - samples + 1] = (sums[samples:] - sums[:-samples]) / samples
     return mean
+
+
+def root_mean_square(values: ArrayLike) -> float:
+    """Root mean square of the magnitudes of all values."""
+    return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
 def mean_shift(
@@ -59,8 +64,6 @@ def mean_shift(
     The mean of 100 s of the thesis' noise wanders of itself, by several per cent of the stroke, and a drift of the
     gain shows the more the larger the commands happen to be. So in each window a line is laid through the readings
     over what command and rate explain (`at_same_input`), and taken where that has its mean over the whole record.
-
-    `commands, readings` of the whole record, V and m.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
@@ -74,9 +77,7 @@ def mean_shift(
 
 
 def at_same_input(commands: ArrayLike, readings: ArrayLike, sample_time: float) -> Array:
-    """Readings without what the command and its rate explain, on average over the record. `commands, readings` of the
-    whole record, V and m.
-    """
+    """Readings less what the command and its rate explain on average over the whole record, V and m."""
     y = np.asarray(readings, dtype=np.float64)
     return y - _expected(np.asarray(commands, dtype=np.float64), y, sample_time)
 
@@ -90,8 +91,8 @@ def gain_change(
     at: tuple[float, float] = (2.0, 3.0),
     blocks: int = 10,
 ) -> GainChange:
-    """Change of gain and of nonlinearity from one time to another. `commands, readings` of the whole record, V and m;
-    `at` lower and upper command, V.
+    """Change of gain and of nonlinearity from one time to another, from the whole record, V and m; the nonlinearity
+    is the ratio of the slopes at an upper and a lower command, V.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
@@ -108,7 +109,7 @@ def gain_change(
 
 
 def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Array:
-    """What is fast in a reading, without delay. `above` frequency above which a motion is fast, Hz."""
+    """Part of a reading above a frequency, Hz, without delay."""
     from scipy.signal import butter, sosfiltfilt
 
     passed = butter(4, above, "highpass", fs=1 / sample_time, output="sos")
@@ -126,7 +127,7 @@ def roughness(readings: ArrayLike, sample_time: float, window: Window, between: 
 
 
 def _blocks(values: Array, sample_time: float, window: Window, length: float) -> Array:
-    """The whole blocks of a window, one a row."""
+    """Cut a window into whole blocks, one a row."""
     first, last = (round(edge / sample_time) for edge in window)
     size = round(length / sample_time)
     inside = values[first:last]
@@ -134,7 +135,7 @@ def _blocks(values: Array, sample_time: float, window: Window, length: float) ->
 
 
 def _expected(u: Array, y: Array, sample_time: float) -> Array:
-    """What a polynomial in the command, and one times the command's rate, make of it."""
+    """Predict readings by a polynomial in the command, and another one times the command's rate."""
     level = (u - u.mean()) / u.std()
     rate = np.gradient(level, sample_time)
     terms = [level**k for k in range(DEGREE + 1)] + [rate * level**k for k in range(DEGREE_OF_RATE + 1)]
@@ -150,7 +151,7 @@ def _jackknife(estimate: Callable[[Array, Array], Any], f: Array, r: Array) -> t
 
 
 def _level(expected: Array, readings: Array) -> Any:
-    """Where a line through the readings has the value for an expected one of 0."""
+    """Value of a line through the readings at an expected one of 0."""
     return np.polynomial.Polynomial.fit(expected.ravel(), readings.ravel(), 1)(0.0)
 
 

@@ -13,7 +13,7 @@ from deatwin.app.check_report import View, write_check_report
 from deatwin.control import Check, ControlError, Specification, excited_band
 from deatwin.control import check as check_design
 from deatwin.control.design.named import Wanted, design_named
-from deatwin.control.stability.excited import BAND_KEY
+from deatwin.control.stability.excited import highest_excited_Hz
 from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
@@ -79,7 +79,9 @@ class CheckTask:
             model=self.model,
             reading=rig.reading,
             closed_loop_time=self.closed_loop_time,
-            band_Hz=self._band_Hz(),
+            band_Hz=highest_excited_Hz(self.model.provenance)
+            if self.recording is None
+            else excited_band(self.recording),
             operating_range=self.operating_range,
         )
         check = check_design(
@@ -102,15 +104,6 @@ class CheckTask:
         folder.remove_former(r"figures/\w+\.csv")
         record.save(folder)
         return check
-
-    def _band_Hz(self) -> float | None:
-        if self.recording is not None:
-            return excited_band(self.recording)
-        written = self.model.provenance.get(BAND_KEY)
-        try:
-            return None if written is None else float(written)
-        except ValueError:
-            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
 
     def _operating_input(self) -> float | None:
         if self.operating_input is not None or self.operating_range is None:

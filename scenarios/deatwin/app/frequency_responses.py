@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.stability.excited import BAND_KEY
+from deatwin.control.stability.excited import highest_excited_Hz
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
@@ -177,7 +177,7 @@ def respond(
 ) -> Responses:
     """Compute the frequency responses of a model up to an order."""
     highest = np.pi / model.sample_time
-    excited = _excited(model)
+    excited = highest_excited_Hz(model.provenance)
     band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
     first = gfrf(model, 1, omega, operating_input=operating_input)
@@ -263,15 +263,6 @@ def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: fl
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)
         return nofrf(model, signal, order, operating_input=operating_input)
-
-
-def _excited(model: NarxModel) -> float | None:
-    """Below what the training input has 99 % of its power, Hz, as the model's provenance tells."""
-    written = model.provenance.get(BAND_KEY)
-    try:
-        return None if written is None else float(written)
-    except ValueError:
-        raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
 
 
 def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | None) -> tuple[float, float]:

@@ -15,8 +15,9 @@ from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
-from deatwin.studies.report.svg import COLOURS, draw
+from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
 from deatwin.studies.report.tracks import envelope
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "before", "after"))
 MOST = 6
 """Recordings that have a figure of their own."""
 ROW = 0.3
@@ -127,11 +127,11 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
     input_unit = f" ({part.input_units[0]})" if part.input_units[0] not in ("", "1") else ""
     with draw((7.4, 5.0)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
-        upper.plot(*envelope(timepts, measured), color=MEASURED, linewidth=2.2, label="measured")
-        upper.plot(*envelope(timepts, simulated), color=AFTER, linewidth=1.0, label=f"{found.judged} of the model")
-        middle.plot(*envelope(timepts, measured - simulated), color=BEFORE, linewidth=0.8)
-        middle.axhline(0, color=INK, linewidth=0.6)
-        lower.plot(*envelope(timepts, command), color=INK, linewidth=0.8)
+        upper.plot(*envelope(timepts, measured), color=Hue.MEASURED, linewidth=2.2, label="measured")
+        upper.plot(*envelope(timepts, simulated), color=Hue.AFTER, linewidth=1.0, label=f"{found.judged} of the model")
+        middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
+        middle.axhline(0, color=Hue.INK, linewidth=0.6)
+        lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
         upper.set_ylabel(f"{found.model.output_names[0].replace('_', ' ')}{unit}")
         middle.set_ylabel(f"residual{unit}")
         lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
@@ -154,8 +154,8 @@ def _terms(found: Identified) -> Drawing:
     with draw((7.4, 1.1 + ROW * len(model.terms))) as figure:
         axes = figure.add_subplot()
         places = np.arange(order.size)
-        axes.plot(certainty[order], places, "o", color=AFTER, markersize=5)
-        axes.axvline(1.96, color=INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
+        axes.plot(certainty[order], places, "o", color=Hue.AFTER, markersize=5)
+        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -76,7 +76,7 @@ def case(folder: Path) -> Case:
         plant=Plant(rig=Coupon(length=LENGTH)),
         fitted=fitted,
         held_out=(
-            HeldOut(name="The pull to 2 at 0.03 1/s", experiment=higher, rival=_black_box(fitted, higher)),
+            HeldOut(name="The pull to 2 at 0.03 1/s", experiment=higher, black_box=_black_box(fitted, higher)),
             HeldOut(name="The pull to 1.5 at 0.03 1/s", experiment=lower),
             HeldOut(name="Half an hour at a stretch of 2", experiment=pull(relaxed)),
         ),
@@ -117,8 +117,6 @@ def _black_box(fitted: Sequence[Experiment], judged: Experiment) -> DataSet:
         title="VHB 4910",
         unit="N",
         scale=1.0,
-        files=(),
-        note="",
         train=coarse(fitted),
         test=coarse([judged]),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=10),

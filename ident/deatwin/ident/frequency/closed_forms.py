@@ -15,6 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
 from deatwin.ident.narx import NarxModel
 
 Array = NDArray[np.float64]
@@ -27,8 +28,8 @@ SAMPLE_TIME = 1.0
 class ClosedForm:
     """A system and its frequency responses."""
 
-    name: str  # What it is called, and its equation as a person writes it
-    shown: str
+    name: str
+    shown: str  # Its equation as a person writes it
     equation: Mapping[str, float]  # Parameter of each term
     responses: Mapping[int, Response]
     highest: int | None  # The highest order of its output; None where there is none
@@ -38,9 +39,20 @@ class ClosedForm:
         """The system, at a sample time of 1 s."""
         return NarxModel.from_terms(self.equation, sample_time=SAMPLE_TIME)
 
+    def errors(self) -> dict[int, float]:
+        """Largest errors of computed responses on grids over both signs of all frequencies, over the largest gain."""
+        errors = {}
+        for order, response in self.responses.items():
+            axis = np.linspace(-3.0, 3.1, 401 if order == 1 else 11 if order < 4 else 7)
+            grid = frequency_grid(*[axis] * order)
+            values = gfrf(self.model, order, grid[:, 0] if order == 1 else grid).values
+            expected = response(grid)
+            errors[order] = float(np.abs(values - expected).max() / (np.abs(expected).max() or 1.0))
+        return errors
+
 
 def _turn(angles: Array, lag: int = 1) -> Complex:
-    """E to the power of a lag."""
+    """E of the module's text, to the power of a lag."""
     return np.asarray(np.exp(-1j * lag * angles.sum(axis=1)))
 
 

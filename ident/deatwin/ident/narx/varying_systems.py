@@ -1,4 +1,4 @@
-"""Benchmark systems whose parameters are known at every instant, and what they would have been recorded as."""
+"""Benchmark systems whose parameters are known at every instant, and their recordings."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ NOISE = 0.01
 class KnownSystem:
     """A NARX model whose parameters are given functions of time."""
 
-    name: str  # What it is called
-    terms: Mapping[str, Callable[[Array], Array]]
+    name: str
+    terms: Mapping[str, Callable[[Array], Array]]  # Parameter of each term by the phase of the cycle, 0 to 1
     amplitude: float  # Standard deviation of its excitation
     band: float  # Highest frequency of its excitation, Hz
 
     @property
     def structure(self) -> tuple[Term, ...]:
-        """Its terms."""
+        """Terms of the model."""
         return tuple(Term.parse(text) for text in self.terms)
 
     @property
     def is_linear(self) -> bool:
-        """Whether no term is of higher degree than one."""
+        """True if no term has a higher degree than one."""
         return all(term.degree <= 1 for term in self.structure)
 
     def truth(self, speed: float = 1.0, duration: float = DURATION) -> ThetaTrajectory:

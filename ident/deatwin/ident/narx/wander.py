@@ -1,4 +1,4 @@
-"""The parameters of an actuator along its record, how much they may wander, and what that is worth on unseen samples.
+"""Parameters of an actuator along its record: how far they may wander, judged on unseen samples.
 
 A walk of likeliest variances follows whatever the structure does not hold, hysteresis first of all: it reproduces the
 record that it was fitted to, and is of no use beside it. So the wander is chosen, and judged, on blocks left out.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.varying.maps import root_mean_square
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.narx import Fixed, NarxModel, Recording, Term, TermTable, ThetaSmoother, ThetaTrajectory, refine
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import regressor_sizes
@@ -25,10 +25,10 @@ BLOCK = 20.0
 """Length of a block of the record, s: some twenty times as long as a reading is correlated, and a hundredth of what the
 slowest histories take."""
 CYCLE = 4
-"""Of so many blocks one is for choosing and one for judging."""
+"""Blocks of which one is for choosing and one for judging."""
 CHOOSING, JUDGING = 2, 0
 SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""Of the reading's deviation, by which the contribution of each term may wander over the whole record."""
+"""Shares of the reading's deviation by which the contribution of each term may wander over the whole record."""
 CONSTANT, REFINED, VARYING, LIKELIEST = "constant", "constant, least free-run error", "varying", "varying, likeliest"
 PAST = 5
 """Blocks that are seen before the first forecast."""
@@ -42,14 +42,14 @@ class Track:
 
     name: str
     recording: Recording  # Whole, thinned
-    share: float
+    share: float  # One of `SHARES`
     choosing: Array  # shape (n_shares,): Errors on the blocks for choosing, of each of `SHARES`
-    seen: Mapping[str, float]
-    unseen: Mapping[str, float]  # Errors of these four on the blocks for judging, parameters of all others
+    seen: Mapping[str, float]  # Errors on the record that was fitted, by way
+    unseen: Mapping[str, float]  # Errors on the blocks for judging, with parameters of all others
     ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, parameters of what came before it
     runs: Mapping[str, Array]  # shape (n,): Free runs of `CONSTANT` and `VARYING` over the whole record, m
-    trajectory: ThetaTrajectory  # Of the whole record, and without the blocks for judging; every second
-    held: ThetaTrajectory
+    trajectory: ThetaTrajectory  # Fitted to the whole record, every second
+    held: ThetaTrajectory  # Fitted without the blocks for judging
     held_constant: NarxModel  # Least squares without the blocks for judging
     judged: tuple[Recording, ...]  # The blocks for judging
 
@@ -91,7 +91,7 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
 
 
 def _choice_errors(structure: Structure, recording: Recording) -> Array:
-    """Error on the blocks for choosing of each of `SHARES`, which have seen neither these nor those for judging."""
+    """Error of each of `SHARES` on the blocks for choosing; the fits use neither these nor those for judging."""
     training = stretches(recording, (CHOOSING, JUDGING))
     blocks = _within(blocks_of(recording, CHOOSING), training)
     walks = (walked(structure, training, share, recording).trajectory_ for share in SHARES)
@@ -99,7 +99,7 @@ def _choice_errors(structure: Structure, recording: Recording) -> Array:
 
 
 def chosen_share(errors: Array) -> float:
-    """Of `SHARES`, the one of least error. Shapes: `errors` (n_shares,)."""
+    """Return the share of least error. Shapes: `errors` (n_shares,)."""
     return SHARES[int(np.argmin(errors))]
 
 
@@ -151,7 +151,7 @@ def blocks_of(recording: Recording, kind: int) -> list[Recording]:
 
 
 def stretches(recording: Recording, left_out: Sequence[int]) -> list[Recording]:
-    """What is left of a record without some blocks, neighbours joined."""
+    """Stretches that remain of a record without some kinds of blocks, neighbours joined."""
     size, count = _block_size(recording), len(_cut(recording))
     kept = np.array([number % CYCLE not in left_out for number in range(count)])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))
@@ -170,5 +170,5 @@ def _block_size(recording: Recording) -> int:
 
 
 def _within(blocks: Iterable[Recording], training: Recordings) -> list[Recording]:
-    """Those between the first and the last training sample, where parameters are known."""
+    """Blocks between the first and the last training sample, where parameters are known."""
     return [b for b in blocks if b.start > training[0].start and b.end < training[-1].end]

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from deatwin.app.check_report.loops import Loops
 from deatwin.app.check_report.run_figures import Columns
-from deatwin.app.check_report.view import AFTER, BEFORE, INK, MARK, View, header
+from deatwin.app.check_report.view import View, header
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.controllers.base import Controller
 from deatwin.plant.amplitudes import amount
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw
 
 if TYPE_CHECKING:
@@ -129,8 +130,8 @@ def _draw_source(axes: Axes, view: View, source: str, places: Array, own: Array,
 def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axes.axhline(limit.good, color=INK, linestyle="--", linewidth=0.9, label="good from here on")
-    axes.axhline(limit.poor, color=INK, linestyle=":", linewidth=1.1, label="fails below")
+    axes.axhline(limit.good, color=Hue.INK, linestyle="--", linewidth=0.9, label="good from here on")
+    axes.axhline(limit.poor, color=Hue.INK, linestyle=":", linewidth=1.1, label="fails below")
     if low > 0.0:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -175,7 +176,7 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
                 at = int(np.argmin(np.abs(loops.frequency_Hz - known)))
                 label = f"{known:.3g} Hz: excited up to here" if source == "model" else "_"
                 axes.plot(values[at].real, values[at].imag, "D", markersize=5, color=look.colour, label=label)
-        axes.plot(-1.0, 0.0, "+", color=INK, markersize=10, markeredgewidth=1.5, label="−1")
+        axes.plot(-1.0, 0.0, "+", color=Hue.INK, markersize=10, markeredgewidth=1.5, label="−1")
         axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
@@ -196,7 +197,10 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
 def _draw_disks(axes: Axes, view: View) -> None:
     """A symmetric disk margin alpha is a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
-    for margin, colour, label in ((limit.good, MARK, "disk of a good margin"), (limit.poor, BEFORE, "of a poor one")):
+    for margin, colour, label in (
+        (limit.good, Hue.MARK, "disk of a good margin"),
+        (limit.poor, Hue.BEFORE, "of a poor one"),
+    ):
         far = (2.0 + margin) / (2.0 - margin)
         centre, radius = -0.5 * (far + 1.0 / far), 0.5 * (far - 1.0 / far)
         axes.fill(
@@ -217,4 +221,6 @@ def _draw_ellipses(axes: Axes, loops: Loops) -> None:
     shown = near[np.searchsorted(length, np.linspace(0.0, length[-1], _ELLIPSES)).clip(max=near.size - 1)]
     outlines = loops.band.ellipse()[shown]
     lines = list(np.stack([outlines.real, outlines.imag], axis=-1))
-    axes.add_collection(LineCollection(lines, colors=AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model"))
+    axes.add_collection(
+        LineCollection(lines, colors=Hue.AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model")
+    )

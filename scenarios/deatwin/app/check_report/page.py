@@ -39,6 +39,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         "check.html.j2",
         drawn,
         origin,
+        __package__,
         verdict=check.verdict.value,
         tone=TONES[check.verdict],
         sentence=sentence,

@@ -14,10 +14,9 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.model import Plant
-from deatwin.studies.report.svg import COLOURS
+from deatwin.studies.report.panels import Hue
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 _DRAWN = 1000  # points of a line: a picture shows no more
 
 
@@ -42,8 +41,11 @@ class View:
     @property
     def looks(self) -> dict[str, Look]:
         """Look of each source of margins and runs; variants of a source share its colour."""
-        styles = cycle(product(("-", "--", "-."), (MARK, MEASURED, INK)))
-        found = {"model": Look(label="model", colour=AFTER), "plant": Look(label="physics plant", colour=BEFORE)}
+        styles = cycle(product(("-", "--", "-."), (Hue.MARK, Hue.MEASURED, Hue.INK)))
+        found = {
+            "model": Look(label="model", colour=Hue.AFTER),
+            "plant": Look(label="physics plant", colour=Hue.BEFORE),
+        }
         for name in self.plants:
             if name not in found:
                 line, colour = next(styles)

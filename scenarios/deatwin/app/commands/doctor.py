@@ -16,6 +16,8 @@ from deatwin.studies.voice import Voice
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from deatwin.plant.model import Plant
+
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
@@ -142,18 +144,28 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _warm(voice: Voice, jobs: int) -> int:
     """Compile the plants that a diagnosis of a diaphragm asks for; how many there are."""
-    from deatwin.app.warming import compile_plant, usual_plants
     from deatwin.ident.parallel import run_jobs
+    from deatwin.plant.effects import catalogue
     from deatwin.plant.integrator.compiled import compiler
+    from deatwin.plant.model import Plant
+    from deatwin.plant.rigs.diaphragm import Diaphragm
 
     if compiler() is None:
         return 0
-    plants = usual_plants()
+    plants = []
+    for ball in ("bonded", "sliding"):
+        rig = Diaphragm(ball=ball)
+        plants += [Plant(rig=rig), Plant(rig=rig.finer()), *(Plant(rig=rig, effects=(e,)) for e in catalogue())]
     with voice.progress("compiling") as progress:
         run_jobs(
-            compile_plant,
+            _compile,
             [(plant,) for plant in plants],
             workers=jobs,
             finished=lambda count: progress(count / len(plants), f"compiled {count} of {len(plants)}"),
         )
     return len(plants)
+
+
+def _compile(plant: Plant) -> None:
+    """Have the plant's equations compiled into the user's cache."""
+    plant.simulator  # noqa: B018  (building it compiles it)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,14 +25,6 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord
-
-
-class Candidates(TypedDict):
-    """Terms that compete."""
-
-    output_lags: int
-    input_lags: tuple[int, ...]
-    degree: int
 
 
 HELD_OUT = 0.3
@@ -122,7 +114,6 @@ def identify(
     With a report: deatwin identify noise.csv --out narx.json --report identified
     """
     from contextlib import nullcontext
-    from functools import partial
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
@@ -130,6 +121,7 @@ def identify(
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.recording import label
     from deatwin.plant.rigs.base import ReadingTime
     from deatwin.studies.folder import ResultFolder, require_place
     from deatwin.studies.provenance import RunRecord, hashes
@@ -142,47 +134,31 @@ def identify(
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
-        read = partial(
-            read_recordings,
-            input_column=input_column,
-            output_column=output_column,
-            time_column=time_column,
-            allow_gaps=allow_gaps,
-            dt=dt,
-            resample=resample,
-            reading=reading,
-        )
-        records = [record for path in recordings for record in read(path)]
+        columns = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
+        asked: dict[str, Any] = {**columns, "allow_gaps": allow_gaps, "dt": dt, "resample": resample}
+        records = [record for path in recordings for record in read_recordings(path, reading=reading, **asked)]
         notes = clock_notes(records)
         require_excitation(records)
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
         records, notes = fewer.records, [*notes, *fewer.notes]
-        pieces = [_split(record) for record in records]
-        chosen = choose_input_lags([fitted for fitted, _ in pieces], first_input_lag, input_lags)
-        lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
+        fitted, unseen = map(list, zip(*map(_split, records), strict=True))
+        chosen = choose_input_lags(fitted, first_input_lag, input_lags)
+        lags = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
-        with voice.progress("choosing terms") as progress:
-            progress(0.0, "choosing terms")
-            try:
-                identifier.fit([fitted for fitted, _ in pieces], progress=progress)
-            except KeyboardInterrupt:
-                complain("interrupted before a model was found; nothing was written")
-                raise typer.Exit(130) from None
+        _fit(identifier, fitted, voice)
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
-        model = _for_check(identifier.model_, records, [unseen for _, unseen in pieces])
+        model = _for_check(identifier.model_, records, unseen)
         model.save(out)
-        errors = [_errors(model, unseen) for _, unseen in pieces]
-        _say(voice, model, errors, _labels(records))
-        for note in identifier.notes_:
-            voice.say(f"note: {note}")
-        for remark in remarks_on_levels([fitted for fitted, _ in pieces], degree):
-            voice.say(remark)
+        errors = [_errors(model, part) for part in unseen]
+        _say(voice, model, errors, [label(record) for record in records])
+        for line in (*(f"note: {note}" for note in identifier.notes_), *remarks_on_levels(fitted, degree)):
+            voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, [unseen for _, unseen in pieces], identifier, notes)
+            _write_report(folder, record, model, method, unseen, identifier, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -200,6 +176,16 @@ def identify(
         )
         if not identifier.status_.ok:
             raise typer.Exit(130)
+
+
+def _fit(identifier: NarxIdentifier, fitted: list[Recording], voice: Voice) -> None:
+    with voice.progress("choosing terms") as progress:
+        progress(0.0, "choosing terms")
+        try:
+            identifier.fit(fitted, progress=progress)
+        except KeyboardInterrupt:
+            complain("interrupted before a model was found; nothing was written")
+            raise typer.Exit(130) from None
 
 
 def _write_report(
@@ -236,16 +222,13 @@ def _write_report(
     record.save(folder)
 
 
-def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
+def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:
     from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
 
     if method is Method.SVB:
         return SvbNarx(**lags)
-    if method is Method.FROLS:
-        return Frols(**lags, max_terms=max_terms)
-    if method is Method.LASSO:
-        return Lasso(**lags, max_terms=max_terms)
-    return Semp(**lags, max_terms=max_terms)
+    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp}
+    return searches[method](**lags, max_terms=max_terms)
 
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
@@ -351,9 +334,3 @@ def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
         "failed_tests": [test.name for test in found.failed],
         "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
     }
-
-
-def _labels(records: list[Recording]) -> list[str]:
-    from deatwin.plant.recording import label
-
-    return [label(record) for record in records]

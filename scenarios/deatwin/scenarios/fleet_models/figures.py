@@ -12,8 +12,7 @@ from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
 from deatwin.ident.narx.fleet.records import RECORDED, STEADY, thinned
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.choice import THRESHOLDS
-from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, Bench, Study
+from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, THRESHOLDS, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, complete, draw_between, filled, key_of, panels_of, plain_numbers, titled
@@ -129,7 +128,7 @@ def free_runs(
 
 
 def _drift(study: Study) -> Drawing:
-    """Where the free run of a model goes astray, over the whole recording."""
+    """Error of the free run of a model over the whole recording."""
     columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         error_label = f"free-run error of SEMP, mean over {WINDOW:.0f} s (µm)"

@@ -15,9 +15,9 @@ from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Each, Span
 
 HALF = 0.5
-"""Of the linear model's error: what a nonlinear one has to be better than."""
+"""Share of the linear model's error that a nonlinear one must stay below."""
 AS_GOOD = 1.1
-"""Times the error of SEMP, that of SVB."""
+"""Error of SVB that is allowed, over that of SEMP."""
 RISE = 1e-9
 """Share of itself by which a lower bound may seem to fall, by rounding."""
 
@@ -55,7 +55,7 @@ def judge_svb(study: Study) -> list[Measure]:
 
 
 def _of_method(study: Study, method: str) -> Iterable[Measure]:
-    """What is demanded of both methods."""
+    """Demands on either method."""
     models = {variant: [bench.models[method] for bench in benches] for variant, benches in study.benches.items()}
     found = [bench.models[method] for bench in study.recorded]
     finite = [not one.held_out.diverged for one in found]

@@ -48,7 +48,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _choices(study: Study) -> dict[str, Any]:
-    """What was chosen on the training sections, and what the held-out ones say of it, in words."""
+    """Choices on the training sections, and errors on the held-out ones, in words."""
     plan, step = study.plan, study.prepared[0].recordings[RECORDED].sample_time
     asked = sorted({one.sampling.factor * step for one in study.prepared})
     tried = [f"{100 * one.least.mean():.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import Frols, NarxModel, SvbNarx
+from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.ident.narx.predictive import free_run_band, regressors
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.choice import THRESHOLDS, Choice
 from deatwin.scenarios.fleet_models.figures import correlation_tests, free_runs
-from deatwin.scenarios.fleet_models.study import SEMP, SVB, Bench, Study
+from deatwin.scenarios.fleet_models.study import SEMP, SVB, THRESHOLDS, Bench, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, filled, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw, legend_above
@@ -59,7 +62,7 @@ def _pruning(benches: Iterable[Bench]) -> Drawing:
 
 
 def _posterior(bench: Bench) -> Drawing:
-    """What each term adds to the next reading, with its interval, beside the same of SEMP."""
+    """Share of each term in the next reading, with its interval, for SVB and SEMP."""
     models = {method: bench.models[method].model for method in (SVB, SEMP)}
     terms = sorted({t for model in models.values() for t in model.terms}, key=lambda term: (term.degree, term.factors))
     kinds = {SVB: (Hue.AFTER, -0.15, "the posterior"), SEMP: (Hue.BEFORE, 0.15, "least squares")}
@@ -130,3 +133,40 @@ def _choice(choice: Choice, name: str) -> Drawing:
             plain_numbers(axes.yaxis, 1.0, 2.0, 5.0)
         below[0].set_ylabel("free-run error, held out (µm)")
         return WORDS.drawing(figure, "choice", filled(columns), name=name, counts=counts, thresholds=Each(THRESHOLDS))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """Structures of all sizes along the two paths."""
+
+    terms: Array  # shape (n_steps,): number of terms of each step of SVB
+    bounds: Array  # shape (n_steps,): lower bound, nats
+    bound_errors: Array  # shape (n_steps,): free-run error over the held-out section, m
+    err: Array  # shape (n_path,): error reduction ratio of the 1st, 2nd, ... term of FRO
+    err_errors: Array  # shape (n_path,): free-run error of the first 1, 2, ... terms, m
+
+    @property
+    def by_bound(self) -> int:
+        """Number of terms that the largest bound takes."""
+        return int(self.terms[np.argmax(self.bounds)])
+
+    def by_threshold(self, threshold: float) -> int:
+        """Number of terms that a threshold of the error reduction ratio takes."""
+        below = np.flatnonzero(self.err < threshold)
+        return max(int(below[0]) if below.size else self.err.size, 1)
+
+
+def compare(svb: SvbNarx, fro: Frols, training: Recording, held_out: Recording) -> Choice:
+    """Follow both paths."""
+    return Choice(
+        terms=np.array([len(step.terms) for step in svb.path_], dtype=np.float64),
+        bounds=np.array([step.lower_bound for step in svb.path_]),
+        bound_errors=np.array([_error(step.terms, training, held_out) for step in svb.path_]),
+        err=fro.path_err_,
+        err_errors=np.array([_error(fro.path_[:k], training, held_out) for k in range(1, len(fro.path_) + 1)]),
+    )
+
+
+def _error(terms: tuple[Term, ...], training: Recording, held_out: Recording) -> float:
+    run = Fixed(terms=terms).fit(training).model_.simulate(held_out)
+    return run.rms_error if run.status.ok else np.inf

@@ -12,10 +12,9 @@ from typing import Any
 
 from deatwin.ident.narx import Frols
 from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.choice import Choice, compare
 from deatwin.scenarios.fleet_models.measures import judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, candidates, carry_out, save
-from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
+from deatwin.scenarios.fleet_models.svb_figures import Choice, compare, svb_drawings
 from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, svb_tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity
@@ -25,7 +24,7 @@ from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))
 LONGEST_PATH = 40
-"""Of FRO, in terms, where it is held against SVB."""
+"""Terms of the path of FRO that is held against SVB."""
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
@@ -57,7 +56,7 @@ def _choice(study: Study) -> Choice:
 
 
 def _kept(study: Study) -> dict[str, Any]:
-    """What SVB keeps of the candidates, and what it would make of more of them."""
+    """Terms that SVB keeps, and its fits with more candidates."""
     step = study.plan.factor * study.prepared[0].recordings[RECORDED].sample_time
     free = [bench.models[FREE] for bench in study.recorded]
     counts = {m: ", ".join(str(len(bench.models[m].model.terms)) for bench in study.recorded) for m in study.methods}

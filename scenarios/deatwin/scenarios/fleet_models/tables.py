@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from statistics import median
+from types import MappingProxyType
 from typing import Any
 
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.fleet.orders import Plan
 from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
+from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.ident.narx.validate import Validation
+from deatwin.ident.narx.refine import refine
+from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.validate import Validation, validate
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.estimators import estimate_all
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table
@@ -135,7 +144,7 @@ def _parameters(benches: Iterable[Bench], method: str) -> Iterator[list[str]]:
 
 
 def _estimators(bench: Bench) -> Table:
-    """The same terms, estimated in several ways, with errors and tests."""
+    """One structure, estimated in several ways, with errors and tests."""
     terms = bench.models[SEMP].model.terms
     estimated = estimate_all(terms, *bench.sections)
     noise = sorted({t for e in estimated for t in e.model.terms} - set(terms), key=str)
@@ -160,3 +169,50 @@ def _dc(bench: Bench) -> Table:
     level, rest = float(shifted.point.operating_input[0]), 1e3 * shifted.point.output
     rows = parameters_by_term(model, shifted.model)
     return WORDS.table("dc", rows, name=bench.name, level=level, rest=rest)
+
+
+Terms = Sequence[Term]
+NOISE_LAGS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimated:
+    """A structure with the parameters of one estimator."""
+
+    name: str
+    model: NarxModel  # The structure's terms first; those of the noise after them
+    training: Validation
+    held_out: Validation
+
+
+def _with_noise(terms: Terms, section: Recording) -> NarxModel:
+    process = Fixed(terms=terms)
+    return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
+
+
+ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxyType(
+    {
+        "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
+        "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
+        "total least squares": lambda terms, section: (
+            Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_
+        ),
+        "least prediction error": _with_noise,
+        "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
+    }
+)
+"""Estimators of the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
+
+
+def estimate_all(terms: Terms, training: Recording, held_out: Recording) -> tuple[Estimated, ...]:
+    """Estimate a structure with each of `ESTIMATORS`."""
+    found = []
+    for name, estimate in ESTIMATORS.items():
+        try:
+            model = estimate(terms, training)
+        except ModelError:
+            continue
+        found.append(
+            Estimated(name=name, model=model, training=validate(model, training), held_out=validate(model, held_out))
+        )
+    return tuple(found)

@@ -18,8 +18,7 @@ from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL,
 from deatwin.scenarios.frequency_analysis.fleet_figures import fleet_drawings
 from deatwin.scenarios.frequency_analysis.known import known_systems
 from deatwin.scenarios.frequency_analysis.known_figures import known_drawings
-from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread
-from deatwin.scenarios.frequency_analysis.tables import tables
+from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
 from deatwin.studies.parallel import between
 from deatwin.studies.report.panels import key_of
 from deatwin.studies.report.prose import notes
@@ -60,41 +59,27 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _numbers(found: Actuators, truth: Anchor) -> dict[str, Any]:
-    """Numbers of the notes; gains in µm/V."""
-    fleet, rival, own = found.fleet, found.rival, found.shown
+    """Numbers of the notes."""
     low, high = spread(found.each, LOW), spread(found.each, HIGH)
     rests = np.array([1e3 * one.first.point.output for one in found.each])
     far, gains = int(rests.argmax()), np.array([one.first.gain for one in found.each])
     cautions = [(one.name, one.nofrfs.fitted.status) for one in found.each if not one.nofrfs.fitted.status.ok]
     return {
-        "fleet": fleet,
-        "step": quantity(fleet.actuators[0].model.sample_time, "s"),
-        "fits": Span(one.fit_percent for one in fleet.actuators),
+        "found": found,
+        "truth": truth,
+        "step": quantity(found.fleet.actuators[0].model.sample_time, "s"),
+        "fits": Span(one.fit_percent for one in found.fleet.actuators),
         "at": OPERATING_INPUT,
-        "rival": rival,
-        "rival_fits": Span(rival.fits),
-        "rival_left": Span(100 * rival.left[:, -1]),
-        "low_Hz": LOW,
-        "high_Hz": HIGH,
-        "low": 100 * low,
-        "high": 100 * high,
+        "rival_fits": Span(found.rival.fits),
+        "rival_left": Span(100 * found.rival.left[:, -1]),
+        "rival_gain": found.rival.first[found.each.index(found.shown)].gain[0],
+        "low": (LOW, low),
+        "high": (HIGH, high),
         "alike": low <= HALF * high,
         "rests": Span(rests),
         "furthest": found.each[far].name,
         "largest": bool(np.all(gains[far] >= gains)),
-        "truth": truth,
-        "film": 1e6 * np.abs(truth.film),
-        "small": 1e6 * np.abs(truth.small),
-        "large": 1e6 * np.abs(truth.large),
-        "model": 1e6 * truth.recorded.gain,
-        "sizes": (1e3 * SMALL, 1e3 * LARGE),
-        "shown": own.name,
-        "rival_gain": 1e6 * rival.first[found.each.index(own)].gain[0],
-        "gain": 1e6 * own.first.gain[0],
-        "gain_band": 1.96e6 * own.first.gain_deviation[0],
-        "side": found.side,
-        "signal": found.signal,
-        "highest": found.each[0].nofrfs.fitted.highest,
+        "sizes": (SMALL, LARGE),
         "orders": ORDERS,
         "cautions": "; ".join(f"{name}: {status.value}" for name, status in cautions),
     }

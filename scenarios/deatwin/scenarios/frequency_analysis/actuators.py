@@ -138,7 +138,7 @@ class Actuators:
 
     fleet: Fleet
     each: tuple[Analysed, ...]
-    signal: TestSignal  # Of all NOFRFs
+    signal: TestSignal  # The same for all NOFRFs
     side: Side
     sampled: Sampled  # The actuator that is shown, by SVB
     rival: Rival

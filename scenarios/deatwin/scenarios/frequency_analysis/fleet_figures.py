@@ -190,7 +190,7 @@ def _nofrfs(found: Actuators) -> Drawing:
 
 
 def _series(found: Actuators) -> Drawing:
-    """What is left of the free run by more and more orders, of two common structures."""
+    """Share of the free run that more and more orders leave, for two common structures."""
     orders = np.arange(1.0, MOST_ORDERS + 1)
     columns: dict[str, Array] = {"orders": orders}
     every = {"linear in the output": [one.left for one in found.each], "with products": list(found.rival.left)}

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
+from deatwin.ident.frequency import FrequencyResponse, output_orders
 from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.output_responses.ranges import output_frequencies
-from deatwin.ident.frequency.output_responses.settled import Evaluated, evaluate, power_outside, settled
+from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges, evaluate, order_ranges
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
 
@@ -30,29 +29,6 @@ NAME = "S2"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ranges:
-    """The output of a system whose input has a narrow band."""
-
-    system: ClosedForm
-    signal: TestSignal
-    frequency_Hz: Array  # shape (n_lines,)
-    simulated: Complex  # shape (n_lines,): Fourier coefficients of the settled free run
-    orders: tuple[FrequencyResponse, ...]  # Y_1, Y_2, ...
-    bands_Hz: tuple[Array, ...]  # shape (k, 2): predicted ranges of each order
-
-    @property
-    def outside(self) -> float:
-        """Largest share of an order's energy outside its range."""
-        every = zip(self.orders, self.bands_Hz, strict=True)
-        return max(power_outside(y.values, self.frequency_Hz, band) for y, band in every)
-
-    @property
-    def simulated_outside(self) -> float:
-        """Share of the simulated output's energy outside all these ranges."""
-        return power_outside(self.simulated, self.frequency_Hz, np.concatenate(self.bands_Hz))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
     """A system identified from one recording by SVB, and by least squares from many."""
 
@@ -66,8 +42,8 @@ class Identified:
 class Known:
     """All benchmark systems."""
 
-    errors: Mapping[str, Mapping[int, float]]  # Of each system and order against its closed form
-    ranges: tuple[Ranges, ...]
+    errors: Mapping[str, Mapping[int, float]]  # Error of each order against the closed form, by system
+    ranges: Mapping[ClosedForm, OrderRanges]
     evaluated: Mapping[ClosedForm, Evaluated]
     identified: Identified
 
@@ -76,41 +52,19 @@ def known_systems(rng: np.random.Generator, *, recordings: int = REALISATIONS) -
     """Analyse the benchmark systems."""
     chosen = (HAMMERSTEIN, DUFFING)
     return Known(
-        errors={system.name: _errors(system) for system in SYSTEMS},
-        ranges=tuple(_ranges(system) for system in chosen),
+        errors={system.name: system.errors() for system in SYSTEMS},
+        ranges={system: order_ranges(system.model, _signal(system, NARROW), ORDERS) for system in chosen},
         evaluated={system: _evaluated(system) for system in chosen},
         identified=_identified(rng, recordings),
     )
 
 
-def _errors(system: ClosedForm) -> dict[int, float]:
-    """Largest errors of each order on grids over both signs of all frequencies, over its largest gain."""
-    errors = {}
-    for order, response in system.responses.items():
-        axis = np.linspace(-3.0, 3.1, 401 if order == 1 else 11 if order < 4 else 7)
-        grid = frequency_grid(*[axis] * order)
-        values = gfrf(system.model, order, grid[:, 0] if order == 1 else grid).values
-        expected = response(grid)
-        errors[order] = float(np.abs(values - expected).max() / (np.abs(expected).max() or 1.0))
-    return errors
-
-
-def _ranges(system: ClosedForm) -> Ranges:
-    signal = design_excitation(NARROW, system.model.sample_time, amplitude=PEAK, period=PERIOD)
-    orders = output_orders(system.model, signal.values, ORDERS)
-    band = 2 * np.pi * np.array(signal.band_Hz)
-    return Ranges(
-        system=system,
-        signal=signal,
-        frequency_Hz=orders[0].frequency_Hz,
-        simulated=settled(system.model, signal.values),
-        orders=orders,
-        bands_Hz=tuple(output_frequencies(band, n) / (2 * np.pi) for n in range(1, ORDERS + 1)),
-    )
+def _signal(system: ClosedForm, band_Hz: tuple[float, float]) -> TestSignal:
+    return design_excitation(band_Hz, system.model.sample_time, amplitude=PEAK, period=PERIOD)
 
 
 def _evaluated(system: ClosedForm) -> Evaluated:
-    signal = design_excitation(BAND, system.model.sample_time, amplitude=PEAK, period=PERIOD)
+    signal = _signal(system, BAND)
     return evaluate(system.model, signal, nofrf(system.model, signal, ORDERS), ORDERS)
 
 

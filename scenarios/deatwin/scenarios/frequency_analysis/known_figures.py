@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.frequency.closed_forms import DUFFING, QUADRATIC, ClosedForm
-from deatwin.ident.frequency.output_responses.settled import Evaluated
-from deatwin.scenarios.frequency_analysis.known import BAND, Identified, Known, Ranges
+from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges
+from deatwin.scenarios.frequency_analysis.known import BAND, Identified, Known
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, filled, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
@@ -42,12 +42,12 @@ def map_of(axes: Axes, axis: Array, decibels: Array, levels: Array) -> object:
     return drawn
 
 
-def _ranges(found: Sequence[Ranges]) -> Drawing:
+def _ranges(found: Mapping[ClosedForm, OrderRanges]) -> Drawing:
     columns: dict[str, Array] = {}
     with draw((9.6, 4.6)) as figure:
         panels = panels_of(figure, 1, len(found), "frequency (Hz)", sharey=True)[0]
-        for axes, one in zip(panels, found, strict=True):
-            f, simulated, key = one.frequency_Hz, np.abs(one.simulated), one.system.name
+        for axes, (system, one) in zip(panels, found.items(), strict=True):
+            f, simulated, key = one.frequency_Hz, np.abs(one.simulated), system.name
             size = simulated.max()
             columns |= {"frequency_Hz": f, f"{key}_simulated": simulated}
             for n, (order, bands, colour) in enumerate(zip(one.orders, one.bands_Hz, OF_ORDER, strict=True), start=1):
@@ -60,10 +60,10 @@ def _ranges(found: Sequence[Ranges]) -> Drawing:
             there, hollow = simulated > SMALLEST * size, {"fillstyle": "none", "markersize": 6, "markeredgewidth": 0.6}
             axes.plot(f[there], simulated[there], "s", color=Hue.INK, label="simulated", **hollow)
             axes.set(yscale="log", ylim=(5e-12 * size, 4 * size))
-            titled(axes, f"{one.system.name}: {one.system.shown}")
+            titled(axes, f"{system.name}: {system.shown}")
         panels[0].set_ylabel("Fourier coefficient of the output")
         legend_above(figure, panels[0], 4)
-        low, high = found[0].signal.band_Hz
+        low, high = next(iter(found.values())).signal.band_Hz
         return WORDS.drawing(figure, "ranges", columns, low=low, high=high)
 
 

@@ -1,4 +1,4 @@
-"""What is known of a frequency response, and where six actuators of one specification differ.
+"""How well frequency responses are known, and where six actuators of one specification differ.
 
 The uncertainty of a model's parameters is propagated to its frequency responses of every order and held against Monte
 Carlo, for systems whose equations are known: where the law of propagation holds, and where it fails. Then the thesis'
@@ -19,9 +19,8 @@ from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
 from deatwin.scenarios.frequency_uncertainty.fleet_figures import fleet_drawings
 from deatwin.scenarios.frequency_uncertainty.known_figures import known_drawings
-from deatwin.scenarios.frequency_uncertainty.measures import FASTER, counted, judge
+from deatwin.scenarios.frequency_uncertainty.measures import FASTER, column_of, counted, judge, tables
 from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
-from deatwin.scenarios.frequency_uncertainty.tables import column_of, tables
 from deatwin.studies.report.panels import SUBSCRIPTS
 from deatwin.studies.report.prose import listed, notes
 from deatwin.studies.report.story import StoryPage, finish, reached

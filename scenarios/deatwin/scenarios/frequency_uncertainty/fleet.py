@@ -19,7 +19,7 @@ from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.narx import generate_terms
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, fit
-from deatwin.ident.narx.fleet.records import STEADY, as_variant, thinned
+from deatwin.ident.narx.fleet.records import STEADY, as_variant, at_tolerance, thinned
 from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES, Actuator, fleet, specification
@@ -106,7 +106,7 @@ def actuators(seed: int, n_repeats: int = REPEATS) -> dict[tuple[str, str], Actu
             f"history {n}": _made(specification().with_effects(*HISTORIES[n - 1].effects), (seed, 0, 2000 + n))
             for n in SHARED
         },
-        "tolerances": {name: _made(_off(name), alike) for name in TOLERANCES},
+        "tolerances": {name: _made(at_tolerance(name), alike) for name in TOLERANCES},
         "specification": {"": _made(specification(), alike)},
     }
     return {(group, name): one for group, each in groups.items() for name, one in each.items()}
@@ -153,11 +153,3 @@ def means_of(record: Recording) -> Means:
 
 def _made(plant: Plant, seed: tuple[int, ...]) -> Actuator:
     return Actuator(name="made", plant=plant, story="", seed=seed)
-
-
-def _off(name: str) -> Plant:
-    """The specification with one quantity at the upper end of its tolerance."""
-    wished, factor = specification(), 1 + TOLERANCES[name].share
-    if hasattr(wished.rig, name):
-        return wished.with_rig(replace(wished.rig, **{name: factor * getattr(wished.rig, name)}))
-    return wished.with_values({name: factor * wished.parameters[name].value})

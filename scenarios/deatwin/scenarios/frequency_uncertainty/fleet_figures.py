@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
-from deatwin.scenarios.frequency_uncertainty.tables import column_of
+from deatwin.scenarios.frequency_uncertainty.measures import column_of
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, key_of, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
@@ -53,8 +53,13 @@ def _responses(found: Consistency) -> Drawing:
                 for axes, (low, middle, high) in ((above, gains), (below, from_mean)):
                     draw_between(axes, frequency, low, high, colour, alpha=0.15)
                     axes.plot(frequency, middle, line, color=colour, linewidth=1.1, label=name)
-                names = (f"{key}_low_mm", f"{key}_mm", f"{key}_high_mm")
-                columns |= {"frequency_Hz": frequency, **dict(zip(names, gains, strict=True))}
+                low, middle, high = gains
+                columns |= {
+                    "frequency_Hz": frequency,
+                    f"{key}_mm": middle,
+                    f"{key}_low_mm": low,
+                    f"{key}_high_mm": high,
+                }
             titled(above, f"H{SUBSCRIPTS[place + 1]} (mm/V{('', '²', '³')[place]})")
             above.set(xlim=(0, None), ylim=(0, None))
         panels[0, 0].set_ylabel("gain")

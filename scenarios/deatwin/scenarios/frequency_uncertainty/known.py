@@ -52,7 +52,7 @@ class Case:
 
     @property
     def short_name(self) -> str:
-        """Its name up to the first comma."""
+        """The name up to its first comma."""
         return self.name.split(",")[0]
 
     def omega(self, order: int, points: int = POINTS) -> Array:

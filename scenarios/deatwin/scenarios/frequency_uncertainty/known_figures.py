@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep, columns_of
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, draw_between, panels_of, titled
@@ -87,7 +87,7 @@ def _plane(spread: Spread) -> Drawing:
         right.set(xlim=_padded(points.real), ylim=_padded(points.imag))
         legend_above(figure, right, 3)
         draws = len(spread.sampled.draws)
-        return WORDS.drawing(figure, "plane", _columns([spread]), case=spread.case, CLOUD=CLOUD, draws=draws)
+        return WORDS.drawing(figure, "plane", columns_of([spread]), case=spread.case, CLOUD=CLOUD, draws=draws)
 
 
 def _gain_and_phase(linear: Spread, notch: Spread) -> Drawing:
@@ -113,7 +113,7 @@ def _gain_and_phase(linear: Spread, notch: Spread) -> Drawing:
         panels[0, 0].set_ylabel("gain")
         panels[1, 0].set_ylabel("phase (°)")
         legend_above(figure, panels[1, 1], 3)
-        return WORDS.drawing(figure, "gain_phase", _columns([linear, notch]))
+        return WORDS.drawing(figure, "gain_phase", columns_of([linear, notch]))
 
 
 def _higher(spreads: Sequence[Spread], surface: FrequencyResponse) -> Drawing:
@@ -137,7 +137,7 @@ def _higher(spreads: Sequence[Spread], surface: FrequencyResponse) -> Drawing:
             titled(axes, title)
             axes.grid(False)
         legend_above(figure, above[0], 3)
-        return WORDS.drawing(figure, "higher_orders", _columns(spreads), case=spreads[0].case)
+        return WORDS.drawing(figure, "higher_orders", columns_of(spreads), case=spreads[0].case)
 
 
 def _spectra(spectra: Sequence[Spread]) -> Drawing:
@@ -158,7 +158,7 @@ def _spectra(spectra: Sequence[Spread]) -> Drawing:
         panels[0, 0].set_ylabel("amplitude")
         panels[1, 0].set_ylabel("band, about the amplitude (%)")
         legend_above(figure, panels[1, 0], 2)
-        return WORDS.drawing(figure, "spectra", _columns(spectra), case=spectra[0].case)
+        return WORDS.drawing(figure, "spectra", columns_of(spectra), case=spectra[0].case)
 
 
 def _law(sweeps: Sequence[Sweep]) -> Drawing:
@@ -207,25 +207,3 @@ def _regions(axes: Axes, spread: Spread, shown: Sequence[int], cloud: int) -> No
 def _padded(values: Array) -> tuple[float, float]:
     low, high = float(np.min(values)), float(np.max(values))
     return low - 0.05 * (high - low), high + 0.05 * (high - low)
-
-
-def _columns(spreads: Sequence[Spread]) -> dict[str, Array]:
-    """Values, propagated covariances, and those of the draws; one response after the other."""
-    every: dict[str, list[Array]] = {}
-    for number, spread in enumerate(spreads, start=1):
-        response = spread.propagated
-        tones = response.frequency_Hz.reshape(response.values.size, -1)
-        of: dict[str, Array] = {
-            "response": np.full(len(tones), float(number)),
-            "order": np.full(len(tones), float(response.response.order)),
-            "output_frequency_Hz": tones.sum(axis=1),
-            "real": response.values.real,
-            "imaginary": response.values.imag,
-            "nonlinearity": response.nonlinearity,
-        }
-        for name, (i, j) in {"real_real": (0, 0), "real_imaginary": (0, 1), "imaginary_imaginary": (1, 1)}.items():
-            of[f"propagated_{name}"] = response.covariance[:, i, j]
-            of[f"drawn_{name}"] = spread.sampled.covariance[:, i, j]
-        for name, values in of.items():
-            every.setdefault(name, []).append(values)
-    return {name: np.concatenate(values) for name, values in every.items()}

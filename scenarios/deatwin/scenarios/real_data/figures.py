@@ -12,10 +12,10 @@ from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.svg import draw, legend_above
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 WINDOW = 500
 """Samples of a running root mean square."""
 ZOOM = 120
@@ -42,9 +42,9 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     near = slice(max(peak - ZOOM // 2, 0), min(peak + ZOOM // 2, measured.size))
     with draw((9.6, 6.6)) as figure:
         top, middle, bottom = figure.subplots(3, 1, height_ratios=(2, 3, 3))
-        top.plot(data.test.timepts[::4], measured[::4], color=MEASURED, linewidth=0.3)
+        top.plot(data.test.timepts[::4], measured[::4], color=Hue.MEASURED, linewidth=0.3)
         for side in (-1, 1):
-            top.axhline(side * learned, color=INK, linestyle=":", linewidth=0.9)
+            top.axhline(side * learned, color=Hue.INK, linestyle=":", linewidth=0.9)
         top.set(ylabel="output (mV)")
         for (method, colour), style in zip(_SHOWN, ("-", "-", "-"), strict=True):
             error = measured - outcomes[method].outputs / data.scale
@@ -53,9 +53,9 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
             if method != FRO:
                 shown = outcomes[method].outputs[near] / data.scale
                 bottom.plot(data.test.timepts[near], shown, color=colour, linewidth=1.4)
-        middle.semilogy(timepts, columns["output_rms_mV"], "--", color=MEASURED, label="output itself")
+        middle.semilogy(timepts, columns["output_rms_mV"], "--", color=Hue.MEASURED, label="output itself")
         middle.set(ylabel=f"rms of {WINDOW} samples (mV)", xlabel="time (s)")
-        bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
+        bottom.plot(data.test.timepts[near], measured[near], ".", color=Hue.INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         legend_above(figure, middle, 2)
         return Drawing.of(
@@ -68,7 +68,7 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
         )
 
 
-_SHOWN = ((LINEAR, BEFORE), (FRO, MARK), (GROWN, AFTER))
+_SHOWN = ((LINEAR, Hue.BEFORE), (FRO, Hue.MARK), (GROWN, Hue.AFTER))
 
 
 def _said(outcome: Outcome) -> str:
@@ -84,7 +84,7 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawin
     columns: dict[str, Array] = {"frequency_Hz": frequencies, "output_mV2_per_Hz": power}
     with draw((9.6, 3.6)) as figure:
         axes = figure.add_subplot()
-        axes.semilogy(frequencies, power, "--", color=MEASURED, label="output")
+        axes.semilogy(frequencies, power, "--", color=Hue.MEASURED, label="output")
         for method, colour in _SHOWN:
             _, density = welch(measured - outcomes[method].outputs / data.scale, rate, nperseg=2048)
             axes.semilogy(frequencies, density, color=colour, label=method)
@@ -130,8 +130,8 @@ def _runs(data: DataSet, runs: Mapping[str, Array], name: str, title: str, capti
     columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
     with draw((9.6, 4.8)) as figure:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(shown, measured, color=MEASURED, linewidth=1.8, label="measured")
-        for (method, outputs), colour in zip(runs.items(), (BEFORE, MARK, AFTER), strict=False):
+        top.plot(shown, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
+        for (method, outputs), colour in zip(runs.items(), (Hue.BEFORE, Hue.MARK, Hue.AFTER), strict=False):
             top.plot(shown, outputs / data.scale, color=colour, label=method)
             bottom.plot(shown, measured - outputs / data.scale, color=colour)
             columns[_key(method)] = outputs / data.scale
@@ -150,7 +150,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
         for axes, data in zip(np.atleast_1d(panels), sets, strict=True):
             spread = float(data.test.outputs.std())
             own = {o.method: o for o in outcomes if o.data == data.name}
-            for kind, colour, marker in (("one_step", MEASURED, "o"), ("free_run", AFTER, "s")):
+            for kind, colour, marker in (("one_step", Hue.MEASURED, "o"), ("free_run", Hue.AFTER, "s")):
                 values = np.array([getattr(own[m], kind) / spread if m in own else np.nan for m in methods])
                 axes.plot(values, range(len(methods)), marker, color=colour, markersize=6, label=kind.replace("_", " "))
                 columns[f"{data.name}_{kind}"] = values
@@ -163,7 +163,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
                         transform=axes.get_yaxis_transform(),
                         ha="right",
                         va="center",
-                        color=BEFORE,
+                        color=Hue.BEFORE,
                         fontsize="small",
                     )
             axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])

@@ -125,13 +125,12 @@ def case(folder: Path) -> Case:
         _signals(test, "sinesweep", PERIOD),
     )
     fitted = _experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD])
-    rival = DataSet(
+    black_box = DataSet(
         name="bouc_wen",
         title="Bouc-Wen",
         unit="mm",
         scale=1e-3,
         files=(train, test),
-        note="",
         train=_experiment(force[: 2 * PERIOD], motion[: 2 * PERIOD]).recordings[0],
         test=_experiment(tested, moved).recordings[0],
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
@@ -141,7 +140,7 @@ def case(folder: Path) -> Case:
         name="The test multisine",
         experiment=_experiment(held(np.tile(tested, 3)), np.tile(moved, 3)),
         first=2 * PERIOD,
-        rival=rival,
+        black_box=black_box,
     )
     sweep = HeldOut(name="The test sweep", experiment=_experiment(held(swept), followed))
     return Case(

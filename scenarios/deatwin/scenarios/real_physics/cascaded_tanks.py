@@ -149,7 +149,7 @@ def case(folder: Path) -> Case:
         documented=("overflow", "sensor_saturation"),
         plant=Plant(rig=Tanks()),
         fitted=(fitted,),
-        held_out=(HeldOut(name="The validation record", experiment=judged, rival=data),),
+        held_out=(HeldOut(name="The validation record", experiment=judged, black_box=data),),
         unit="V",
         scale=1.0,
         files=data.files,

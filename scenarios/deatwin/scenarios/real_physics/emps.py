@@ -102,14 +102,14 @@ def case(folder: Path) -> Case:
     pulsed = HeldOut(
         name="The validation record, with force pulses",
         experiment=Experiment(recordings=(validation,)),
-        rival=_black_box(estimation, validation, files, 0),
+        black_box=_black_box(estimation, validation, files, 0),
         follows=True,
     )
     rest = HeldOut(
         name="The rest of the estimation record",
         experiment=Experiment(recordings=(estimation,)),
         first=FITTED,
-        rival=_black_box(estimation, estimation, files, FITTED),
+        black_box=_black_box(estimation, estimation, files, FITTED),
         follows=True,
     )
     return Case(
@@ -174,7 +174,6 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
         unit="µm",
         scale=1e-6,
         files=files,
-        note="",
         train=deviation(train.section(0, FITTED)),
         test=deviation(test.section(first, test.n_samples)),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),

@@ -95,7 +95,7 @@ def case(folder: Path) -> Case:
     def section(part: slice) -> Experiment:
         return experiment_of(rig, command[part], output[part], provenance={"file": data.files[0].name})
 
-    judged = HeldOut(name="The arrow-head", experiment=section(ARROW_HEAD), rival=data)
+    judged = HeldOut(name="The arrow-head", experiment=section(ARROW_HEAD), black_box=data)
     return Case(
         name="silverbox",
         title="Silverbox",

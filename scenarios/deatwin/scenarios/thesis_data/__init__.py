@@ -65,7 +65,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _thresholds(bench: Bench, rests: Mapping[str, SmallVoltages]) -> dict[str, Any]:
-    """What looks like a smallest voltage, and the powers that contradict it."""
+    """Apparent smallest voltages, and the powers that contradict them."""
     line = straight_line(*mean_curve(bench.recording.inputs[0], bench.recording.outputs[0]))
     gain = bench.actuator.plant.parameters["gain"].value
     return {

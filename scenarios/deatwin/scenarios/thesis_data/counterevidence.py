@@ -13,7 +13,7 @@ Array = np.ndarray
 LEVELS = 0.05 * 2.0 ** np.arange(5)
 """Commands from far below the smallest of the excitation up to near it, V."""
 HOLD = 12.0
-"""At each of them, s: twenty times the film's relaxation time, so that the ball is where it stays."""
+"""Time at each of them, s: twenty times the film's relaxation time, so that the ball is at rest."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,10 +36,10 @@ class SideBands:
     """The line spectrum of a linear plant whose gain drifts."""
 
     frequencies: Array  # shape (n,): Hz
-    inputs: Array  # shape (n,): Amplitudes of input and output
-    outputs: Array
-    line: float  # Frequency of the only line of the input, and of the drift of the gain, Hz
-    drift: float
+    inputs: Array  # shape (n,): Amplitudes of the input
+    outputs: Array  # shape (n,): Amplitudes of the output
+    line: float  # Frequency of the only line of the input, Hz
+    drift: float  # Frequency of the drift of the gain, Hz
     expected: tuple[float, float]  # Amplitudes of the two side bands in closed form
     superposition: float
 

@@ -19,7 +19,7 @@ SURE = 3.0
 
 
 STEADY: tuple[Window, Window] = ((46, 246), (900, 1100))
-"""Of the sixth: no move between these."""
+"""Windows between which the sixth does not move."""
 CHANGES: tuple[Change, ...] = (
     (1, (0, 200), (900, 1100)),
     (2, (0, 200), (900, 1100)),
@@ -28,9 +28,9 @@ CHANGES: tuple[Change, ...] = (
     (5, (200, 400), (900, 1100)),
     (6, (0, 45), (46, 1100)),
 )
-"""Where gain and nonlinearity are compared: actuator, early and late."""
+"""Comparisons of gain and nonlinearity: number of the actuator, early and late window."""
 RIDGE: tuple[Window, Window] = ((10.0, 30.0), (0.4e-3, 0.5e-3))
-"""When, in s, and between which displacements, in m, the first recording is rough."""
+"""Window, s, and displacements, m, in which the first recording is rough."""
 
 
 def judge(study: Study) -> list[Measure]:

@@ -27,12 +27,12 @@ class Loop:
     """One cycle of a triangle."""
 
     rate: float  # Hz
-    commands: NDArray[np.float64]  # shape (n,): commands, V, and displacements, m
-    displacements: NDArray[np.float64]
+    commands: NDArray[np.float64]  # shape (n,): V
+    displacements: NDArray[np.float64]  # shape (n,): m
 
     @property
     def area(self) -> float:
-        """Its area over the rectangle around it."""
+        """Area of the loop over the rectangle around it."""
         return loop_area(self.commands, self.displacements)
 
 

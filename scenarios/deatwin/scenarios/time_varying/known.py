@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import hold_equilibrium
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.recursive import Structure
@@ -40,11 +41,11 @@ PROBE = 3e-3
 PROBED = (0.3, 0.8, 1.5)
 """Frequencies of these tones, Hz."""
 SETTLED = 30.0
-"""The start is forgotten after so long, s: 0.92 to the power 600."""
+"""Time after which the start is forgotten, s: 0.92 to the power 600."""
 WALK = {"1": 0.1, "y(k-1)": 0.6, "u(k-1)": 0.5, "y(k-1)u(k-1)": 0.15}
-"""Where the random walks of the coverage begin."""
+"""Start of the random walks of the coverage."""
 WANDER = (0.05, 0.08, 0.08, 0.05)
-"""How far they go, as standard deviations at the end."""
+"""Standard deviations of the walks at their end."""
 WALK_SAMPLES = 600
 CHI_SQUARE = 5.991464547107979
 """95 % of the squared distances of complex normal numbers from their mean lie below."""
@@ -52,14 +53,14 @@ CHI_SQUARE = 5.991464547107979
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
-    """A known system, its recording, and what was found of it."""
+    """A known system, its recording, and the parameters and responses found."""
 
     name: str
-    recording: Recording  # What was fitted
-    truth: ThetaTrajectory  # Its parameters, and those of the smoother
-    trajectory: ThetaTrajectory
-    true: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", of either
-    found: Mapping[str, Map]
+    recording: Recording
+    truth: ThetaTrajectory  # Parameters of the system
+    trajectory: ThetaTrajectory  # Parameters that the smoother finds
+    true: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3" of the system
+    found: Mapping[str, Map]  # Those of the parameters found
 
     @property
     def covered(self) -> Array:

@@ -115,7 +115,7 @@ def _drifts(study: Study) -> Iterable[Measure]:
 
 
 def _unseen(driven: Sequence[Driven]) -> Iterable[Measure]:
-    """What varying parameters are worth beside constant ones."""
+    """Errors with varying and with constant parameters."""
     seen = [(100 * (1 - one.track.seen[CONSTANT]), 100 * (1 - one.track.seen[VARYING])) for one in driven]
     yield WORDS.measure("whole", all(a < b for a, b in seen), pairs=Each(seen))
     for kind, way, which in (

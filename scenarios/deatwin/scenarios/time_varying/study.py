@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
-from deatwin.ident.frequency.varying.maps import Map, root_mean_square
+from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory, generate_terms
@@ -90,11 +91,11 @@ class Study:
 
     known: Known
     driven: tuple[Driven, ...]  # The six
-    stories: tuple[str, ...]  # What happens to each, in one sentence
+    stories: tuple[str, ...]  # History of each, in one sentence
 
     @property
     def shown(self) -> tuple[Driven, ...]:
-        """Those whose maps are drawn."""
+        """Actuators whose maps are drawn."""
         return tuple(one for one in self.driven if one.maps)
 
 

@@ -32,7 +32,7 @@ from deatwin.studies.voice import Progress
 Array = NDArray[np.float64]
 FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
 """Folders of recordings whose name is not the story's."""
-RIVALS = (LINEAR, REFINED, GROWN)
+BLACK_BOXES = (LINEAR, REFINED, GROWN)
 """Black boxes that stand beside the plant; NARX models are the last two."""
 
 
@@ -43,7 +43,7 @@ class HeldOut:
     name: str
     experiment: Experiment  # Begins at rest, or leads in
     first: int = 0  # Sample of its last record from which on it counts; those before lead in
-    rival: DataSet | None = None  # For black boxes: their training data, and this recording to judge them
+    black_box: DataSet | None = None  # For black boxes: their training data, and this recording to judge them
     follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
@@ -103,7 +103,7 @@ class Trial:
     held_out: HeldOut
     base: Array  # shape (n,): readings of the calibrated base plant, SI
     amended: Array  # shape (n,): readings of the amended plant, SI
-    rivals: tuple[Outcome, ...]  # Black boxes that learned from the same samples
+    black_boxes: tuple[Outcome, ...]  # Black boxes that learned from the same samples
 
     @property
     def base_error(self) -> float:
@@ -116,9 +116,9 @@ class Trial:
         return float(np.sqrt(np.mean((self.held_out.measured - self.amended) ** 2)))
 
     @property
-    def best_rival(self) -> Outcome | None:
+    def best_black_box(self) -> Outcome | None:
         """The NARX with the least error here: chosen on the held-out recording, in its favour."""
-        sound = [o for o in self.rivals if o.method != LINEAR and np.isfinite(o.free_run)]
+        sound = [o for o in self.black_boxes if o.method != LINEAR and np.isfinite(o.free_run)]
         return min(sound, key=lambda o: o.free_run) if sound else None
 
 
@@ -199,13 +199,18 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
     if seen is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
     base = calibrate(seen.base_model.plant, case.fitted, starts=1).plant
-    tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
+    tasks = [
+        (method, held.black_box)
+        for held in case.held_out
+        if held.black_box is not None
+        for method in reversed(BLACK_BOXES)
+    ]
     outcomes = run_jobs(attempt, tasks, workers=jobs)
     trials = []
     for held in case.held_out:
-        own = tuple(o for o, (_, data) in zip(outcomes, tasks, strict=True) if data is held.rival)
+        own = tuple(o for o, (_, data) in zip(outcomes, tasks, strict=True) if data is held.black_box)
         readings = held.readings(base), held.readings(model.plant)
-        trials.append(Trial(held_out=held, base=readings[0], amended=readings[1], rivals=own[::-1]))
+        trials.append(Trial(held_out=held, base=readings[0], amended=readings[1], black_boxes=own[::-1]))
     return tuple(trials)
 
 
@@ -235,7 +240,8 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
             "calibrated base plant": f"{trial.base_error / case.scale:.4g}",
             "amended plant": f"{trial.amended_error / case.scale:.4g}",
             **{
-                f"{o.method}, {o.terms} parameters": o.failure or f"{o.free_run / case.scale:.4g}" for o in trial.rivals
+                f"{o.method}, {o.terms} parameters": o.failure or f"{o.free_run / case.scale:.4g}"
+                for o in trial.black_boxes
             },
         }
         rows += [[trial.held_out.name, *row] for row in errors.items()]
@@ -265,13 +271,13 @@ def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
 
 
 def _plain(trial: Trial) -> dict[str, Any]:
-    rivals = {o.method: o.free_run if np.isfinite(o.free_run) else None for o in trial.rivals}
-    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": rivals}
+    black_boxes = {o.method: o.free_run if np.isfinite(o.free_run) else None for o in trial.black_boxes}
+    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": black_boxes}
 
 
 def _said(case: Case, trial: Trial) -> str:
     base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
-    best = trial.best_rival
+    best = trial.best_black_box
     beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
     return (
         f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "

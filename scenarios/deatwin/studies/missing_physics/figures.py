@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 ZOOM = 300
 """Samples that are drawn one by one."""
 DRAWN = 4000
@@ -35,12 +35,12 @@ def held_out(case: Case, trial: Trial) -> Drawing:
     label = f"{rig.output_name}{f' − {rig.input_name}' if held.follows else ''} ({case.unit})"
     with draw((9.6, 5.6)) as figure:
         top, bottom = figure.subplots(2, 1, height_ratios=(2, 3))
-        top.plot(*envelope(time, measured, DRAWN // 2), color=MEASURED, linewidth=0.5)
-        top.axvspan(time[near][0], time[near][-1], color=MARK, alpha=0.3, linewidth=0)
+        top.plot(*envelope(time, measured, DRAWN // 2), color=Hue.MEASURED, linewidth=0.5)
+        top.axvspan(time[near][0], time[near][-1], color=Hue.MARK, alpha=0.3, linewidth=0)
         top.set(ylabel=label)
-        bottom.plot(time[near], base[near], color=BEFORE, label="calibrated base plant")
-        bottom.plot(time[near], amended[near], color=AFTER, linewidth=1.6, label="amended plant")
-        bottom.plot(time[near], measured[near], ".", color=INK, markersize=3.0, label="recording")
+        bottom.plot(time[near], base[near], color=Hue.BEFORE, label="calibrated base plant")
+        bottom.plot(time[near], amended[near], color=Hue.AFTER, linewidth=1.6, label="amended plant")
+        bottom.plot(time[near], measured[near], ".", color=Hue.INK, markersize=3.0, label="recording")
         bottom.set(ylabel=label, xlabel="time (s)")
         legend_above(figure, bottom, 3)
         columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
@@ -63,7 +63,7 @@ def residuals(case: Case, trial: Trial) -> Drawing:
     columns: dict[str, Array] = {}
     with draw((9.6, 5.2)) as figure:
         top, bottom = figure.subplots(2, 1, height_ratios=(3, 2))
-        for name, readings, colour in (("base", trial.base, BEFORE), ("amended", trial.amended, AFTER)):
+        for name, readings, colour in (("base", trial.base, Hue.BEFORE), ("amended", trial.amended, Hue.AFTER)):
             left = measured - readings / case.scale
             frequencies, density = welch(left, rate, nperseg=min(2048, left.size // 4))
             columns |= {"frequency_Hz": frequencies[1:], name: np.sqrt(density)[1:]}
@@ -88,9 +88,9 @@ def law(case: Case, found: Law) -> Drawing:
         axes = figure.add_subplot()
         if found.measured[0].size:
             step = max(found.measured[0].size // DRAWN, 1)
-            axes.plot(*(v[::step] for v in found.measured), ".", color=MEASURED, markersize=1.5, label="recording")
+            axes.plot(*(v[::step] for v in found.measured), ".", color=Hue.MEASURED, markersize=1.5, label="recording")
         step = max(found.modelled[0].size // DRAWN, 1)
-        axes.plot(*(v[::step] for v in found.modelled), ".", color=AFTER, markersize=2.0, label="amended plant")
+        axes.plot(*(v[::step] for v in found.modelled), ".", color=Hue.AFTER, markersize=2.0, label="amended plant")
         axes.set(xlabel=found.state, ylabel=found.force)
         legend_above(figure, axes, 2)
         columns = {"state": found.modelled[0], "missing": found.modelled[1]}

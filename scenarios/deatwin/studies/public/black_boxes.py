@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx import NarxIdentifier
 from deatwin.ident.narx.frols import Frols
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, LinearModel, OutputError
@@ -46,29 +47,12 @@ def _output_error(data: DataSet) -> Model:
     return OutputError(nf=2, nb=len(chosen.input_lags), nk=chosen.input_lags[0]).fit(data.train).model_
 
 
+def _narx(data: DataSet, search: Callable[..., NarxIdentifier], **more: Any) -> NarxModel:
+    return search(**data.candidates.arguments, **more).fit(data.train).model_
+
+
 def _fro(data: DataSet) -> NarxModel:
-    chosen = data.candidates
-    found = Frols(**chosen.arguments, max_terms=chosen.max_terms, criterion="none")  # type: ignore[arg-type]
-    return found.fit(data.train).model_
-
-
-def _lasso(data: DataSet) -> NarxModel:
-    chosen = data.candidates
-    return Lasso(**chosen.arguments, max_terms=chosen.max_terms).fit(data.train).model_  # type: ignore[arg-type]
-
-
-def _semp(data: DataSet) -> NarxModel:
-    chosen = data.candidates
-    return Semp(**chosen.arguments, max_terms=chosen.max_terms).fit(data.train).model_  # type: ignore[arg-type]
-
-
-def _svb(data: DataSet) -> NarxModel:
-    """The published algorithm, without the clean-up that is the default."""
-    return SvbNarx(**data.candidates.arguments, clean_up="none").fit(data.train).model_  # type: ignore[arg-type]
-
-
-def _refined(data: DataSet) -> NarxModel:
-    return refine(_fro(data), data.train)
+    return _narx(data, Frols, max_terms=data.candidates.max_terms, criterion="none")
 
 
 def _on_part(data: DataSet, part: Recording) -> NarxModel:
@@ -98,10 +82,10 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
         "ARX, linear": _arx,
         LINEAR: _output_error,
         FRO: _fro,
-        "LASSO": _lasso,
-        SEMP: _semp,
-        "SVB": _svb,
-        REFINED: _refined,
+        "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
+        SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
+        "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # the published algorithm
+        REFINED: lambda data: refine(_fro(data), data.train),
         GROWN: _grown,
     }
 )
@@ -109,18 +93,18 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """Result of a method on a data set."""
+    """Result of a method on a data set; errors are root mean squares in the output's unit, NaN without a model."""
 
     data: str  # Name of the set
     method: str
-    terms: int  # Number of parameters
-    one_step: float  # Root mean square errors over the test recording, in the output's unit; NaN without a model
-    free_run: float
-    training: float  # Error of the free run over the training recording
     seconds: float  # Time to learn
-    failure: str  # Why there is no sound free run; empty where there is
-    model: Model | None  # The model
-    outputs: Array  # shape (n,): Its free run over the test recording
+    outputs: Array  # shape (n,): free run over the test recording
+    terms: int = 0  # Number of parameters
+    one_step: float = np.nan  # Error over the test recording
+    free_run: float = np.nan  # Error over the test recording
+    training: float = np.nan  # Error of the free run over the training recording
+    failure: str = ""  # Why there is no sound free run
+    model: Model | None = None
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -146,13 +130,8 @@ def attempt(method: str, data: DataSet) -> Outcome:
         return Outcome(
             data=data.name,
             method=method,
-            terms=0,
-            one_step=np.nan,
-            free_run=np.nan,
-            training=np.nan,
             seconds=time.perf_counter() - begun,
             failure=str(error),
-            model=None,
             outputs=np.full(data.test.n_samples, np.nan),
         )
     return _judged(method, data, model, time.perf_counter() - begun)

@@ -60,8 +60,8 @@ class DataSet:
     candidates: Candidates
     unit: str  # Unit in which errors are shown, and its size in that of the output
     scale: float
-    files: tuple[Path, ...]  # Read from
-    note: str  # On its preparation
+    files: tuple[Path, ...] = ()  # Read from
+    note: str = ""  # On its preparation
     parts: int = 1  # Into so many a long training recording is cut where structures are grown
 
 

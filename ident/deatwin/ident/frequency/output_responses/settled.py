@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.output_responses.estimate import nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
+from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import output_orders, spectrum_of
@@ -49,6 +50,41 @@ class Evaluated:
         """Largest error of the sum of G_n U_n, over the largest line of the simulated output."""
         error = np.abs(self.fitted.output_spectrum().values - self.simulated)
         return float(error.max() / np.abs(self.simulated).max())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrderRanges:
+    """The orders of an output under a band-limited signal, and the ranges where they may have energy."""
+
+    signal: TestSignal
+    frequency_Hz: Array  # shape (n_lines,)
+    simulated: Complex  # shape (n_lines,): Fourier coefficients of the settled free run
+    orders: tuple[FrequencyResponse, ...]  # Y_1, Y_2, ...
+    bands_Hz: tuple[Array, ...]  # shape (k, 2): predicted ranges of each order
+
+    @property
+    def outside(self) -> float:
+        """Largest share of an order's energy outside its range."""
+        every = zip(self.orders, self.bands_Hz, strict=True)
+        return max(power_outside(y.values, self.frequency_Hz, band) for y, band in every)
+
+    @property
+    def simulated_outside(self) -> float:
+        """Share of the simulated output's energy outside all these ranges."""
+        return power_outside(self.simulated, self.frequency_Hz, np.concatenate(self.bands_Hz))
+
+
+def order_ranges(model: NarxModel, signal: TestSignal, orders: int) -> OrderRanges:
+    """Compute the first orders of an output, the settled free run, and the predicted ranges."""
+    found = output_orders(model, signal.values, orders)
+    band = 2 * np.pi * np.array(signal.band_Hz)
+    return OrderRanges(
+        signal=signal,
+        frequency_Hz=found[0].frequency_Hz,
+        simulated=settled(model, signal.values),
+        orders=found,
+        bands_Hz=tuple(output_frequencies(band, n) / (2 * np.pi) for n in range(1, orders + 1)),
+    )
 
 
 def evaluate(

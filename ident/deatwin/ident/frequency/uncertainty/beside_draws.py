@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from time import process_time
@@ -63,7 +63,7 @@ class Spread:
 
     @property
     def strict(self) -> NDArray[np.bool_]:
-        """Where the law should hold as exactly as the draws can tell, shape (n,)."""
+        """Whether the law should hold as exactly as the draws can tell, shape (n,)."""
         return np.asarray(self.propagated.nonlinearity <= STRICT)
 
     @property
@@ -141,7 +141,7 @@ class Sweep:
 
 @dataclass(frozen=True, kw_only=True)
 class Speed:
-    """What propagation of one response costs, beside draws that say as much."""
+    """Cost of propagation to one response, beside draws of equal accuracy."""
 
     label: str
     propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
@@ -155,6 +155,28 @@ class Speed:
     def ratio(self) -> float:
         """Time of draws of equal accuracy, computed all at once, over that of propagation."""
         return self.drawn * self.equal / DRAWS / self.propagated
+
+
+def columns_of(spreads: Sequence[Spread]) -> dict[str, Array]:
+    """Values, propagated covariances, and those of the draws; one response after the other."""
+    every: dict[str, list[Array]] = {}
+    for number, spread in enumerate(spreads, start=1):
+        response = spread.propagated
+        tones = response.frequency_Hz.reshape(response.values.size, -1)
+        of: dict[str, Array] = {
+            "response": np.full(len(tones), float(number)),
+            "order": np.full(len(tones), float(response.response.order)),
+            "output_frequency_Hz": tones.sum(axis=1),
+            "real": response.values.real,
+            "imaginary": response.values.imag,
+            "nonlinearity": response.nonlinearity,
+        }
+        for name, (i, j) in {"real_real": (0, 0), "real_imaginary": (0, 1), "imaginary_imaginary": (1, 1)}.items():
+            of[f"propagated_{name}"] = response.covariance[:, i, j]
+            of[f"drawn_{name}"] = spread.sampled.covariance[:, i, j]
+        for name, values in of.items():
+            every.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in every.items()}
 
 
 def sweep_of(

@@ -21,12 +21,12 @@ class Map:
     frequencies: Array  # shape (n,): Of the first tone, Hz
     values: NDArray[np.complex128]  # shape (n_times, n): In ``unit``
     unit: str
-    equilibria: Array  # shape (n_times,): Equilibrium of each time and its standard deviation, in the output's unit
+    equilibria: Array  # shape (n_times,): in the output's unit
     equilibrium_std: Array
 
     @classmethod
     def of(cls, response: VaryingResponse) -> Self:
-        """Return what is drawn of a response along time."""
+        """Take the arrays of a response along time."""
         frequencies = response.frequency_Hz
         return cls(
             timepts=response.timepts,
@@ -46,8 +46,3 @@ class Map:
     def change_dB(self) -> Array:
         """Gain over its mean along time at each frequency, shape (n_times, n)."""
         return np.asarray(20 * np.log10(self.gain / self.gain.mean(axis=0)))
-
-
-def root_mean_square(values: NDArray[np.complex128] | Array) -> float:
-    """Of the magnitudes of all values."""
-    return float(np.sqrt(np.mean(np.abs(values) ** 2)))

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency import output_spectrum, remove_dc
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
-from deatwin.ident.frequency.varying.maps import root_mean_square
 from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ HIGHEST = 5
 PERIODS = 10
 """After which a free run is taken to be steady."""
 BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
-"""Where powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
+"""Bands in which powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
 is input, above only what the nonlinearity makes."""
 
 
@@ -39,19 +39,17 @@ class ShortTime:
 
     timepts: Array  # shape (n_windows,): Middle of each window, s
     frequencies: Array  # shape (n,): Hz
-    recorded: Complex
-    predicted: Mapping[str, Complex]  # shape (n_windows, n): The same of each prediction
+    recorded: Complex  # shape (n_windows, n): Amplitudes
+    predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
-        """Predicted over recorded power in a band, by window. `band` hz; returns (n_windows,), dB."""
+        """Predicted over recorded power in a band, Hz, by window, dB. Shapes: returns (n_windows,)."""
         inside = self._inside(band)
         powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
         return np.asarray(10 * np.log10(powers[0] / powers[1]))
 
     def error(self, name: str, band: tuple[float, float]) -> float:
-        """Root mean square of predicted less recorded lines over all windows, over that of the recorded ones. `band`
-        hz.
-        """
+        """Root mean square of predicted less recorded lines in a band, Hz, over that of the recorded ones."""
         inside = self._inside(band)
         missed = np.sum(np.abs(self.predicted[name] - self.recorded)[:, inside] ** 2)
         return float(np.sqrt(missed / np.sum(np.abs(self.recorded[:, inside]) ** 2)))
@@ -102,7 +100,7 @@ def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, o
 
 
 def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
-    """How far the sum of G_n U_n, order by order, is from the steady free run of the model of a window's middle."""
+    """Error of the sum of G_n U_n, order by order, against the steady free run of the model of a window's middle."""
     period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
     spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
     with warnings.catch_warnings():
@@ -120,7 +118,7 @@ def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input
 
 def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
     """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window. Shapes: `values`
-    (n,); returns (n // 2 + 1,), Hz; returns (n // 2 + 1,).
+    (n,); returns (n // 2 + 1,), Hz, and (n // 2 + 1,).
     """
     from scipy.signal import ShortTimeFFT
     from scipy.signal.windows import hann

@@ -19,7 +19,8 @@ from deatwin.ident.narx.preprocess import (
     choose_sections,
     inspect_recordings,
 )
-from deatwin.plant.fleet import Actuator
+from deatwin.plant.fleet import TOLERANCES, Actuator, specification
+from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 
 RECORDED, STEADY, FILM = "as recorded", "without its history", "without hysteresis too"
@@ -126,3 +127,11 @@ def thinned(record: Recording, factor: int) -> Recording:
         outputs=record.outputs[:, ::factor],
         sample_time=record.sample_time * factor,
     )
+
+
+def at_tolerance(name: str) -> Plant:
+    """Return the specification with one quantity at the upper end of its tolerance."""
+    wished, factor = specification(), 1 + TOLERANCES[name].share
+    if hasattr(wished.rig, name):
+        return wished.with_rig(replace(wished.rig, **{name: factor * getattr(wished.rig, name)}))
+    return wished.with_values({name: factor * wished.parameters[name].value})
