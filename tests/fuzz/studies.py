@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from control_story import story_data
 from readers import SEEDS, Kind
 
 from deatwin.app.live.verdicts import Verdict
@@ -106,30 +105,6 @@ def read_key(path: Path) -> dict[str, Any]:
         return page_data(study, score(study), seal)
 
 
-STORY = {
-    "measures": [{"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False}],
-    "tracking": {"nominal rig": {"PI": {"rms_error": 2.4e-5, "gain_margin": 4.0, "phase_margin_deg": 61.0}}},
-    "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
-    "models": [],
-    "concealed": [],
-}
-STORY_RUN = {"seed": 9, "versions": {"deatwin": "7.8"}}
-
-
-def story_kind(name: str, content: Any) -> Kind:
-    """A file of a control check's results."""
-    files = {"control-check.json": as_bytes(STORY)[0], "run.json": as_bytes(STORY_RUN)[0]}
-
-    def read(path: Path) -> dict[str, Any]:
-        with beside(path, f"{name}.json", files) as folder:
-            return story_data(folder)
-
-    def require_story(found: dict[str, Any]) -> None:
-        json.dumps(found, allow_nan=False)
-
-    return Kind(stem=name, ending=".json", read=read, require_sound=require_story, seeds=lambda: as_bytes(content))
-
-
 def run_record() -> Any:
     """As commands write it."""
     rig = {"file": "rig.toml", "sha256": "a" * 64}
@@ -218,8 +193,6 @@ STUDIES: Mapping[str, Kind] = {
         require_sound=lambda found: json.dumps(found, allow_nan=False),
     ),
     "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
-    "story": story_kind("control-check", STORY),
-    "story run": story_kind("run", STORY_RUN),
     "shown run": Kind(
         stem="run", ending=".json", read=shown, require_sound=require_shown, seeds=lambda: as_bytes(run_record())
     ),

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,19 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import FitStatus, Frols, NarxModel
+from deatwin.ident.narx import FitStatus, Frols
+from deatwin.ident.narx.standing_out import Margin
 from deatwin.plant.errors import DataError
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.svb_benchmark import draws, study
 from deatwin.scenarios.svb_benchmark.draws import (
     Contrast,
-    Margin,
     Trial,
     consult,
     draw_of,
-    full_margin,
-    intervals,
-    near_margin,
     system_of,
     try_out,
 )
@@ -40,60 +36,11 @@ from deatwin.studies.stories import Setting
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
 
 
-def regression(seed: int, n_terms: int = 8, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Correlated regressors of which three count, one of them weakly."""
-    rng = np.random.default_rng(seed)
-    rows = rng.standard_normal((n_terms, n))
-    rows[1] = rows[0] + 0.3 * rows[1]
-    weights = np.zeros(n_terms)
-    weights[[0, 2, 5]] = 0.5, 0.3, 0.15
-    return rows, weights @ rows + 0.5 * rng.standard_normal(n)
-
-
-def test_t_values_of_all_candidates() -> None:
-    rows, target = regression(1)
-    design = rows.T
-    theta, (squares,), _, _ = np.linalg.lstsq(design, target, rcond=None)
-    t = np.abs(theta) / np.sqrt(squares / (60 - 8) * np.diag(np.linalg.inv(design.T @ design)))
-    margin = full_margin(rows, target, np.array([0, 2, 5]))
-    assert margin.true == pytest.approx(t[[0, 2, 5]].min())
-    assert margin.false == pytest.approx(t[[1, 3, 4, 6, 7]].max())
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_the_truth_among_its_neighbours(seed: int) -> None:
-    # The reference fits every neighbour by least squares.
-    rows, target = regression(seed)
-    true, false = [0, 2, 5], [1, 3, 4, 6, 7]
-
-    def squares(terms: Sequence[int]) -> float:
-        theta = np.linalg.lstsq(rows[list(terms)].T, target, rcond=None)[0]
-        return float(np.sum((target - theta @ rows[list(terms)]) ** 2))
-
-    own = squares(true)
-    dropped = min((squares([t for t in true if t != out]) - own) / (own / 57) for out in true)
-    added = max((own - squares([*true, extra])) / (squares([*true, extra]) / 56) for extra in false)
-    swapped = min(squares([*(t for t in true if t != out), extra]) for out in true for extra in false)
-    margin = near_margin(rows, target, np.array(true))
-    assert margin.true == pytest.approx(np.sqrt(dropped))
-    assert margin.false == (pytest.approx(np.sqrt(added)) if swapped >= own else np.inf)
-
-
 def test_the_oracle_takes_the_best_threshold() -> None:
     # Right for thresholds in [1, 3), [2, 5), [4, 6) and never: at best two at once, first by 2.
     pairs = ((3.0, 1.0), (5.0, 2.0), (6.0, 4.0), (1.5, np.inf))
     found = consult([Margin(true=true, false=false) for true, false in pairs])
     assert (found.threshold, found.exact.hits, found.kept.hits) == (2.0, 2, 3)
-
-
-def test_intervals_of_normal_and_student_laws() -> None:
-    model = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=1.0, theta_cov=[[0.04]])
-    assert np.ravel(intervals(model)) == pytest.approx([0.5 - 0.2 * 1.959964, 0.5 + 0.2 * 1.959964])
-    # Student-t of 10 degrees of freedom has the variance 10/8; its 97.5 % point is 2.228139.
-    scale = np.sqrt(0.04 * 8 / 10)
-    assert np.ravel(intervals(replace(model, theta_dof=10.0))) == pytest.approx(
-        [0.5 - 2.228139 * scale, 0.5 + 2.228139 * scale], rel=1e-6
-    )
 
 
 def test_draws_are_spawned_of_the_seed() -> None:

@@ -1,4 +1,4 @@
-"""How much of a change in readings a refit of the base plant cannot take up: the structural residual."""
+"""Structural residual: the part of a change in readings that a refit of the base plant cannot take up."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TOLERANCE = 1e-5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StructuralScale:
-    """Measures what a refit of the base plant leaves of a mechanism, against the noise."""
+    """Ratio of the structural residual of added physics to the noise."""
 
     experiment: Experiment  # The commands that count
     clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m

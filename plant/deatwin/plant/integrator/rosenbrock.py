@@ -33,13 +33,13 @@ from deatwin.plant.integrator.compiled import compile_source
 from deatwin.plant.rest import rest_state
 
 TOLERANCE = 1e-5
-"""Of a step's error, against each unknown's typical size; a millimetre of displacement is then right within some
+"""Relative error of a step, against each unknown's typical size; a millimetre of displacement is then right within some
 hundredths of a micrometre over minutes (tests/unit/plant/integrator/test_rosenbrock.py)."""
 SHORTEST = 1e-7
-"""Of all steps, s."""
+"""Shortest step, s."""
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
 FURTHEST = 1.0
-"""Of a coordinate at a jump of the input, against its typical size: a film that goes further has pulled in."""
+"""Largest change of a coordinate at a jump of the input, against its typical size: beyond it a film has pulled in."""
 CONSISTENT = 1e-9
 """Change of a coordinate, against its typical size, at which it counts as consistent."""
 GAMMA = 0.25
@@ -69,7 +69,7 @@ PASSED = np.array(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """What an integration gave."""
+    """Result of an integration."""
 
     outputs: np.ndarray  # shape (n,): Reading at each of the times that were asked for, SI
     at_rest: float  # Reading before anything happened, SI
@@ -230,7 +230,7 @@ def _partners(equations: Equations) -> np.ndarray:
 
 
 def _elimination(n: int, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, list[list[int]], list[list[int]]]:
-    """Where each unknown stands in the order of elimination, and what is below and right of each pivot."""
+    """Order the unknowns for elimination; list the entries below and right of each pivot."""
     filled = np.eye(n, dtype=bool)
     filled[rows, columns] = True
     order: list[int] = []

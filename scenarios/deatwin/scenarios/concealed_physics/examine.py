@@ -160,7 +160,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """What a second diagnosis says when the advised experiment is there as well; of ties only."""
+    """Diagnose a tie again with the advised experiment."""
     advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
     if spec.kind != "tie" or advice is None:
         return None

@@ -76,7 +76,7 @@ def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
 
 
 def _moved(parameter: Parameter, by: float) -> float:
-    """Its value times the exponential, kept clear of the bounds of its range."""
+    """Multiply a value by an exponential, kept clear of the bounds of its range."""
     least, most = parameter.ends
     room = 0.02 * (most - least) if parameter.scale is not Scale.LINEAR else 0.0
     at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))

@@ -13,7 +13,7 @@ from deatwin.studies.rates import LEVEL, Rate
 from deatwin.studies.report.story import Measure
 
 NO_CASE = "no case"
-"""What a goal reaches for which nothing was run."""
+"""Reached by a goal for which nothing was run."""
 STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
 LEAST_PARAMETERS = 300
@@ -30,7 +30,7 @@ class Goal:
     measure: str
     demanded: str
     reached: str
-    value: float | None  # What was reached, and the ends of its 95 % interval; None where no case counts
+    value: float | None  # Reached value; None where no case counts, as are the ends of its 95 % interval
     low: float | None
     high: float | None
     count: int  # Cases that count

@@ -44,7 +44,7 @@ NOTHING = {"none": "none", "parameters": "none", "unknown": "unknown"}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Confusion:
-    """How often each answer was given to each truth."""
+    """Counts of each answer to each truth."""
 
     truths: tuple[str, ...]  # Rows
     answers: tuple[str, ...]  # Columns

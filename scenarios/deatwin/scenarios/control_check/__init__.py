@@ -80,7 +80,7 @@ def _tracked_in_words(every: Sequence[Tracking]) -> dict[str, Any]:
 
 
 def _chosen() -> dict[str, Any]:
-    """What was chosen beforehand."""
+    """Numbers that were chosen beforehand."""
     return {
         "seconds": SECONDS,
         "band": BAND,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
 STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
-"""Of the six actuators."""
+"""Colours and lines of the six actuators."""
 STRETCH = 10.0
 """Length of the tones that is drawn, s."""
 SHOWN = {
@@ -45,7 +45,7 @@ MARKS: dict[bool | None, tuple[str, str]] = {
     None: (Hue.MEASURED, "s"),
 }
 JITTER = 0.28
-"""Of a row of the verdicts, so that trials do not lie upon each other."""
+"""Scatter within a row of the verdicts, so that trials do not lie upon each other."""
 
 
 def drawings(study: Study) -> list[Drawing]:

@@ -131,14 +131,14 @@ class Matter:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matters:
-    """All models of one actuator."""
+    """Every model of one actuator."""
 
     models: tuple[Matter, ...]
     output_rms: float
 
     @property
     def promises(self) -> tuple[Promise, ...]:
-        """All numbers of all models that allowed a design."""
+        """Numbers of every model that allowed a design."""
         return tuple(promise for matter in self.models for promise in matter.promises)
 
 

@@ -30,7 +30,7 @@ from deatwin.plant.recording import Experiment, Recording
 WIDER = 2.0
 """Multiple of the tolerances of the fleet, which is of one batch: these rigs are not."""
 LIMITS = (1.3, 3.6)
-"""Of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
+"""Range of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
 
 
 def linear_feedback(term: Term) -> bool:

@@ -33,7 +33,7 @@ EQUAL = 1e-6
 """Relative difference of margins that are equal: they are of one loop, computed twice."""
 MICRO = 1e6
 NOTHING = "none"
-"""Where no effect is concealed."""
+"""Stands where no effect is concealed."""
 
 
 # --- measures -------------------------------------------------------------------------------------------------------

@@ -72,9 +72,9 @@ class Outcome:
 
     number: int
     concealed: str  # Effect that the specification does not have; empty without one
-    design: str  # How the controller was designed
-    closed_loop_time: float  # That was asked for, s
-    band_Hz: float  # That the recording excited, Hz
+    design: str  # Method of design
+    closed_loop_time: float  # Demanded, s
+    band_Hz: float  # Excited by the recording, Hz
     verdict: str
     reason: str
     inside: float | None  # Share of the true steps inside the predicted band; None without a prediction
@@ -181,27 +181,27 @@ def _digest() -> str:
 
 
 def inside(outcomes: Iterable[Outcome]) -> Rate:
-    """Of the designs that the check passed, those whose true steps lie wholly inside the predicted band."""
+    """Count passed designs whose true steps lie wholly inside the predicted band."""
     return Rate.of(o.inside == 1.0 for o in outcomes if o.verdict == PASS)
 
 
 def sound(outcomes: Iterable[Outcome]) -> Rate:
-    """Of the designs that the check passed, those that kept every limit on the true rig."""
+    """Count passed designs that kept every limit on the true rig."""
     return Rate.of(o.sound is True for o in outcomes if o.verdict == PASS)
 
 
 def caught(outcomes: Iterable[Outcome]) -> Rate:
-    """Of the designs that broke a limit on the true rig, those that the check did not pass."""
+    """Count designs that broke a limit on the true rig and were not passed."""
     return Rate.of(o.verdict != PASS for o in outcomes if o.sound is False)
 
 
 def broken(outcomes: Iterable[Outcome]) -> tuple[Outcome, ...]:
-    """Trials whose verdict was `pass` and whose truth left the predicted band or broke a limit."""
+    """Select passed trials whose truth left the predicted band or broke a limit."""
     return tuple(o for o in outcomes if o.verdict == PASS and not (o.sound and o.inside == 1.0))
 
 
 def in_words(rate: Rate) -> str:
-    """A rate with its one-sided lower 95 % bound."""
+    """Write a rate with its one-sided lower 95 % bound."""
     if not rate.count:
         return "no trial"
     bound = f"with 95 % confidence at least {rate.least_percent} %"

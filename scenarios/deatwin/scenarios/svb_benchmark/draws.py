@@ -1,11 +1,4 @@
-"""One draw of a system: what a method makes of it, how far its true terms stand out, and what a sampler says.
-
-Two oracles know the truth and test significance at the best threshold. The first is no limit: least squares on all
-candidates shares out the information of a record among hundreds of parameters, and methods that fit few terms at a
-time see more. The second looks from the true terms: a choice by the sum of squares and any price per term must find
-each true term worth the price, no further term worth it, and no exchange of a true term for a false one an
-improvement. Where these fail, the truth is not even the best of its neighbours.
-"""
+"""One draw of a system: the structure that a method finds, how far the true terms stand out, and a sampler's answer."""
 
 from __future__ import annotations
 
@@ -17,10 +10,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.bayes import Statistics
+from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
+from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant.errors import DeatwinError
 from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS
@@ -35,14 +29,14 @@ FLIPS, BURN_IN, DRAWS = 20_000, 2_000, 20_000
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What a method made of a draw."""
+    """The structure that a method found in a draw."""
 
     system: str
     method: str
-    number: int  # Of the draw
+    number: int  # Number of the draw
     redraws: int  # Runs that diverged before it
     terms: tuple[str, ...]  # Terms that were kept; none if the method failed
-    theta: tuple[float, ...]  # Their parameters
+    theta: tuple[float, ...]  # Parameters of the kept terms
     low: tuple[float, ...]  # Ends of the parameters' 95 % intervals
     high: tuple[float, ...]
     missed: int  # True terms that were not kept
@@ -79,23 +73,11 @@ def draw_of(system: BenchmarkSystem, seed: int, number: int) -> Draw:
     return system.draw(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(place, number))))
 
 
-def intervals(model: NarxModel) -> tuple[Array, Array]:
-    """Ends of the 95 % intervals of a model's parameters. Shapes: returns (n_terms,)."""
-    from scipy.stats import norm, t
-
-    variance, dof = np.diag(model.theta_cov), model.theta_dof
-    if np.isinf(dof):
-        reach = norm.ppf(0.5 * (1 + LEVEL)) * np.sqrt(variance)
-    else:
-        reach = t.ppf(0.5 * (1 + LEVEL), dof) * np.sqrt(variance * (dof - 2) / dof)
-    return model.theta - reach, model.theta + reach
-
-
 def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
     """Say which intervals hold the true parameter if the structure is right. Shapes: returns (n_terms,)."""
     system = system_of(name, noise_variance)
     model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)
-    low, high = intervals(model)
+    low, high = ThetaPosterior(model=model).interval(LEVEL).T
     places = [model.terms.index(term) for term in system.terms]
     return (low[places] <= system.theta) & (system.theta <= high[places])
 
@@ -114,7 +96,7 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     if not failure and not identifier.status_.ok:
         raise KeyboardInterrupt  # the method has kept its best so far, which is no result of the study
     terms = () if model is None else model.terms
-    low, high = ((), ()) if model is None else (tuple(end.tolist()) for end in intervals(model))
+    low, high = ((), ()) if model is None else map(tuple, ThetaPosterior(model=model).interval(LEVEL).T.tolist())
     return Trial(
         system=name,
         method=method,
@@ -135,16 +117,8 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
 
 
 @dataclass(frozen=True, kw_only=True)
-class Margin:
-    """Thresholds from `false` up to `true` make a draw come out exactly right."""
-
-    true: float
-    false: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Contrast:
-    """How far the true terms of a draw stand out."""
+    """Margins by which the true terms of a draw stand out."""
 
     full: Margin  # In least squares on all candidates
     near: Margin  # Among the neighbours of the true terms
@@ -165,47 +139,6 @@ class Oracle:
     threshold: float
     exact: Rate
     kept: Rate
-
-
-def full_margin(rows: Array, target: Array, true: Indices) -> Margin:
-    """Compare |t| of true and false terms in least squares on all candidates. Shapes: `rows` (n_terms, n_samples);
-    `target` (n_samples,).
-    """
-    from scipy.linalg import solve_triangular
-
-    q, r = np.linalg.qr((rows / np.linalg.norm(rows, axis=1)[:, None]).T)
-    theta = solve_triangular(r, q.T @ target)
-    spread = np.linalg.norm(solve_triangular(r, np.eye(theta.size)), axis=1)
-    left = target - q @ (q.T @ target)
-    sizes = np.abs(theta) / (spread * np.sqrt(left @ left / (target.size - theta.size)))
-    return Margin(true=float(sizes[true].min()), false=float(np.delete(sizes, true).max()))
-
-
-def near_margin(rows: Array, target: Array, true: Indices) -> Margin:
-    """Compare the true terms with all sets that differ from them by one term, or by one exchange."""
-    left, gains = _gains(rows, target, true)
-    freedom = target.size - true.size
-    most = float(np.delete(gains, true).max())
-    false = np.sqrt(most / ((left - most) / (freedom - 1)))
-    costs = []
-    for term in true:
-        others = true[true != term]
-        worse, instead = _gains(rows, target, others)
-        costs.append(worse - left)
-        if worse - float(np.delete(instead, true).max()) < left:
-            false = np.inf
-    return Margin(true=float(np.sqrt(min(costs) / (left / freedom))), false=float(false))
-
-
-def _gains(rows: Array, target: Array, chosen: Indices) -> tuple[float, Array]:
-    """Return the squares that chosen terms leave, and how many of them each further term would take."""
-    q = np.linalg.qr(rows[chosen].T)[0]
-    left = target - q @ (q.T @ target)
-    beyond = rows - (rows @ q) @ q.T
-    squares = np.einsum("ij,ij->i", beyond, beyond)
-    new = squares > 1e-12 * np.einsum("ij,ij->i", rows, rows)  # the chosen ones have nothing beyond themselves
-    gains = np.where(new, (beyond @ left) ** 2 / np.where(new, squares, 1.0), 0.0)
-    return float(left @ left), np.asarray(gains, dtype=np.float64)
 
 
 def contrast(name: str, seed: int, number: int) -> Contrast:
@@ -248,7 +181,7 @@ def consult(margins: Sequence[Margin]) -> Oracle:
 class Comparison:
     """A draw by a sampler of structures and by variational Bayes."""
 
-    number: int  # Of the draw
+    number: int  # Number of the draw
     terms: tuple[str, ...]  # All candidates
     inclusion: Array  # shape (candidates,): Probability of each by the first chain
     other_inclusion: Array  # shape (candidates,): The same by the second

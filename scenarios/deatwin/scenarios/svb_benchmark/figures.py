@@ -31,7 +31,7 @@ STYLES = {
     "svb-clean": (Hue.AFTER, "*"),
 }
 COVER_STYLES = ((Hue.MEASURED, "v"), (Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MARK, "D"))
-"""Of the estimators, in their order."""
+"""Colours and markers of the estimators, in their order."""
 COLOURED = ["S5"]
 MOST_SHOWN = 12
 """Terms of the sampler that are drawn."""

@@ -1,25 +1,20 @@
-"""What is compared, with the same settings on all systems: ways to choose a structure, and to estimate a known one."""
+"""The methods that are compared, with the same settings on all systems: for the structure, and for a known one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from deatwin.ident.narx import Frols, NarxModel, SvbNarx
-from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import NarxIdentifier
+from deatwin.ident.narx.known_terms import fit_variational, fit_with_noise
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.noise import Narmax
-from deatwin.ident.narx.prediction_error import prediction_error_fit
-from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.systems import BenchmarkSystem
-from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.recording import Recording
 
 VARIATIONAL = "variational Bayes"
@@ -97,55 +92,16 @@ METHODS: Mapping[str, Method] = MappingProxyType(
 )
 
 
-def least_squares(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by least squares."""
-    return Fixed(terms=system.terms).fit(recording).model_
-
-
-def variational(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by variational Bayes, as `SvbNarx` does each of its steps."""
-    usual = SvbNarx()
-    data = Regression.on(recording, TermTable(system.terms))
-    gram, moment, power = data.gram()
-    statistics = Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples)
-    sizes, output_size = statistics.root_mean_squares, statistics.output_size
-    priors = Priors(a0=usual.a0, b0=usual.b0, c0=usual.c0, d0=usual.d0)
-    found = fit_relevance(
-        statistics.divided(sizes, output_size),
-        priors,
-        np.full(sizes.size, priors.c0 / priors.d0),
-        tolerance=usual.tolerance,
-        max_iterations=usual.max_iterations,
-    ).posterior
-    scales = sizes / output_size
-    return data.model(
-        found.mean / scales,
-        found.covariance / np.outer(scales, scales),
-        found.noise_variance * output_size**2,
-        identifier=usual,
-        theta_dof=2 * found.a,
-    )
-
-
-def with_true_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms and the true noise terms by the least prediction error."""
-    process = Regression.on(recording, TermTable(system.terms))
-    found = prediction_error_fit(process, system.noise_terms).estimate
-    whole = replace(process, table=TermTable(system.terms + system.noise_terms))
-    return whole.model(found.theta, found.theta_cov, found.noise_variance, identifier=Fixed(terms=system.terms))
-
-
-def with_chosen_noise(system: BenchmarkSystem, recording: Recording) -> NarxModel:
-    """Fit the true terms by the least prediction error, with noise terms that are chosen."""
-    return Narmax(Fixed(terms=system.terms)).fit(recording).model_
-
-
 ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType(
     {
-        "least squares": least_squares,
-        VARIATIONAL: variational,
-        "least prediction error, true noise terms": with_true_noise,
-        "least prediction error, chosen noise terms": with_chosen_noise,
+        "least squares": lambda system, record: Fixed(terms=system.terms).fit(record).model_,
+        VARIATIONAL: lambda system, record: fit_variational(system.terms, record),
+        "least prediction error, true noise terms": lambda system, record: fit_with_noise(
+            system.terms, system.noise_terms, record
+        ),
+        "least prediction error, chosen noise terms": lambda system, record: (
+            Narmax(Fixed(terms=system.terms)).fit(record).model_
+        ),
     }
 )
-"""How the parameters of a known structure are estimated."""
+"""Estimators of the parameters of a known structure."""

@@ -1,4 +1,4 @@
-"""All that is computed: hit rates, oracles, coverage, the noise sweep, and the sampler; a file for each case."""
+"""Run the study: hit rates, oracles, coverage, the noise sweep, and the sampler; a file for each case."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from deatwin.studies.sweep.seal import SweepSeal, sources_digest
 from deatwin.studies.sweep.store import CaseStore
 
 DRAWS = 100
-"""Of each system."""
+"""Draws of each system."""
 LEVELS = (0.0005, 0.001, 0.002, 0.004, 0.008)
 """Variances of e(k) in the sweep of E1; its own is the fourth."""
 SWEPT = "E1"
@@ -50,7 +50,7 @@ VERSIONS = ("deatwin", "numpy", "scipy", "scikit-learn")
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is done."""
+    """Systems, methods and numbers of draws."""
 
     systems: tuple[str, ...] = tuple(SYSTEMS)
     methods: tuple[str, ...] = tuple(METHODS)
@@ -100,7 +100,7 @@ class Case:
     """A question to one draw of a system, or to all of them."""
 
     name: str
-    group: tuple[str, str]  # What is asked, and of what
+    group: tuple[str, str]  # Question, and its subject
     effort: float  # Seconds, about
     answer: Callable[[int], Answer]  # Takes the seed
 
@@ -185,7 +185,7 @@ def _is_large(system: str) -> bool:
 
 
 def _tried(plan: Plan) -> Iterator[Case]:
-    """All methods, and the oracles, on each draw."""
+    """Ask every method, and the oracles, about each draw."""
     for system in plan.systems:
         for n in range(plan.draws):
             yield Case(
@@ -202,7 +202,7 @@ def _try(system: str, methods: Sequence[str], number: int, seed: int) -> Answer:
 
 
 def _covering(plan: Plan) -> Iterator[Case]:
-    """The intervals of several estimators on all draws of a system."""
+    """Ask for the intervals of several estimators on all draws of a system."""
     for system, estimators in COVERAGE.items():
         effort = 0.003 * plan.draws * len(estimators)
         answer = partial(_cover, system, estimators, plan.draws)
@@ -215,7 +215,7 @@ def _cover(system: str, estimators: Sequence[str], draws: int, seed: int) -> Ans
 
 
 def _noisy(plan: Plan) -> Iterator[Case]:
-    """Some methods, and the intervals of variational Bayes, on each draw of E1 with other noise."""
+    """Ask some methods, and for the intervals of variational Bayes, on each draw of E1 with other noise."""
     for variance in plan.levels:
         for n in range(plan.swept_draws):
             yield Case(
@@ -233,7 +233,7 @@ def _try_noisy(variance: float, methods: Sequence[str], number: int, seed: int) 
 
 
 def _sampled(plan: Plan) -> Iterator[Case]:
-    """The best method beside the sampler of structures, on some draws of S4."""
+    """Ask the best method and the sampler of structures about some draws of S4."""
     for n in range(plan.sampled_draws):
         answer = partial(_sample, plan.bayesian[-1], n)
         yield Case(name=f"S4-sampler-{n:03d}", group=("sampled", "S4"), effort=2.0, answer=answer)
@@ -261,5 +261,5 @@ def _level(variance: float, answers: Sequence[Answer]) -> Level:
 
 
 def _by_method(answers: Sequence[Answer]) -> Iterator[Trial]:
-    """All trials of the first method, then all of the second, and so on."""
+    """Order trials by method: all of the first, then all of the second."""
     return chain.from_iterable(zip(*(answer.trials for answer in answers), strict=True))

@@ -16,7 +16,7 @@ from deatwin.studies.report.story import Measure, Table
 COVERAGE = (0.92, 0.98)
 LEAST_PARAMETERS = 500
 WEAK = "S6"
-"""Its smallest term is so weak that no method can find it in all draws."""
+"""System whose smallest term is so weak that no method can find it in all draws."""
 CLEAN = "svb-clean"
 
 

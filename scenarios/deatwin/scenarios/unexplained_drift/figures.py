@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
 WINDOW = 2.0
-"""Of the sliding mean, s: two periods of the highest frequency of the input."""
+"""Window of the sliding mean, s: two periods of the highest frequency of the input."""
 KEPT = 10
 """One point in so many is drawn."""
 

@@ -19,7 +19,7 @@ OUTSIDE = frozenset({"grease_ridge"})
 
 
 class Mark(Enum):
-    """How an answer stands to the truth."""
+    """Relation of an answer to the truth."""
 
     RIGHT = "right", "all that drifts is named, and nothing else"
     PARTLY = "partly", "some of what drifts is named, and nothing else"
@@ -50,7 +50,7 @@ class Estimate:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """True if the interval holds the truth."""
         return self.low <= self.truth <= self.high
 
 
@@ -61,7 +61,7 @@ class Judged:
     name: str
     truth: Mapping[str, Mapping[str, float]]
     diagnosis: Diagnosis  # The answer
-    mark: Mark  # How it stands to the truth
+    mark: Mark
     estimates: tuple[Estimate, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -105,7 +105,7 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
 
 
 def measures(scores: Sequence[Judged]) -> list[Measure]:
-    """What is demanded of the answers, and what they reach."""
+    """Hold the answers against what is demanded."""
     from scipy.stats import binom
 
     count = len(scores)

@@ -1,4 +1,4 @@
-"""What is concealed in each actuator: hashed before the first diagnosis, opened after the last."""
+"""The key of the concealed effects: hashed before the first diagnosis, opened after the last."""
 
 from __future__ import annotations
 

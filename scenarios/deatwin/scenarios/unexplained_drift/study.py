@@ -118,7 +118,7 @@ class Study:
 
     findings: tuple[Finding, ...]  # One for each actuator
     groups: tuple[Group, ...]
-    files: tuple[str, ...]  # That the diagnoses have written, inside the folder
+    files: tuple[str, ...]  # Files of the diagnoses, inside the folder
 
 
 class Answers(CaseStore[SweepSeal]):

@@ -19,9 +19,9 @@ FILM_ERROR = 0.2
 """By how much a film's parameter may lie beside the published one, as a share."""
 FITTED = ("shear_modulus", "stretch_limit", "branch_modulus", "branch_time", "permittivity", "damping")
 ELEMENTS = 5
-"""Of the fine film under its electrode: another mesh than that from which a plant's own error is taken."""
+"""Elements of the fine film under its electrode: another mesh than the one that gives a plant's own error."""
 BALL_TOLD, READ_AT_START = 0.6, 0.15
-"""How often a rig file tells how the film sits on the ball, and how often readings are taken at the start of a hold."""
+"""Shares of rig files that tell how the film sits on the ball, and of rigs read at the start of a hold."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import (
-    Drive,
-    Mechanism,
-    PlantMechanism,
-    Setting,
-    part,
-    signed,
-    spread,
-    uniform,
-    within,
-)
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Drive, Mechanism, PlantMechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,22 +19,22 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
     .. math:: V^2 \to V^2 - V\sum_k a_k(V - p_k), \qquad \tau_k\dot p_k = V - p_k
     """
 
-    share: float = part()  # Sum of :math:`a_k`
-    centre: float = spread(5.0, 40.0)  # s
+    share: float = Draw.part()  # Sum of :math:`a_k`
+    centre: float = Draw.log_uniform(5.0, 40.0)  # s
 
     times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)
     """Relative to the centre."""
     parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)
-    """Of the share."""
+    """Parts of the share."""
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, centre = self.symbols(build)
         voltage = build.signal("field_voltage")
         late = ca.SX(0)
-        for k, (ratio, part_k) in enumerate(zip(self.times, self.parts, strict=True)):
+        for k, (ratio, weight) in enumerate(zip(self.times, self.parts, strict=True)):
             turned = build.state(f"turned_{k}", scale=1e3)
             build.rate(turned, voltage - turned, mass=centre * ratio)
-            late += part_k * (voltage - turned)
+            late += weight * (voltage - turned)
         return signal - share * voltage * late
 
 
@@ -52,8 +42,8 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
 class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", largest=0.15):
     r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV."""
 
-    share: float = part()  # b
-    time: float = spread(10.0, 120.0)  # s
+    share: float = Draw.part()  # b
+    time: float = Draw.log_uniform(10.0, 120.0)  # s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, time = self.symbols(build)
@@ -66,8 +56,8 @@ class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", lar
 class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", order=1, largest=2e9):
     r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
-    resistance: float = part()
-    field: float = uniform(4e6, 8e6)  # :math:`E_0`, V/m
+    resistance: float = Draw.part()
+    field: float = Draw.uniform(4e6, 8e6)  # :math:`E_0`, V/m
 
     conductivity: ClassVar[float] = 2e-14
     """At low field, S/m."""
@@ -91,7 +81,7 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
 class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", largest=0.3):
     """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance."""
 
-    time: float = part()  # Whole resistance times whole capacitance, s
+    time: float = Draw.part()  # Whole resistance times whole capacitance, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (time,) = self.symbols(build)
@@ -106,9 +96,9 @@ class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", 
 class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share", largest=0.5):
     """A crack that runs round the electrode's rim cuts it off, within a part of a second."""
 
-    share: float = part()
-    at: float = within(0.2, 0.8)  # When it begins, s
-    lasts: float = uniform(0.05, 0.4)  # s
+    share: float = Draw.part()
+    at: float = Draw.during(0.2, 0.8)  # When it begins, s
+    lasts: float = Draw.uniform(0.05, 0.4)  # s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, at, lasts = self.symbols(build)
@@ -123,11 +113,11 @@ class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share
 class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", order=1, largest=2e-3):
     """An amplifier whose current limits its rate, sharply; down by another rate than up."""
 
-    slowness: float = part()  # Upwards, s/V
-    ratio: float = spread(0.2, 1.5)  # Falling rate over rising rate
+    slowness: float = Draw.part()  # Upwards, s/V
+    ratio: float = Draw.log_uniform(0.2, 1.5)  # Falling rate over rising rate
 
     width: ClassVar[float] = 5.0
-    """How far behind the amplifier is when it rises at its full rate, V."""
+    """Lag of the amplifier when it rises at its full rate, V."""
     fastest: ClassVar[float] = 1e-6
     """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
 
@@ -143,14 +133,9 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
 class HardClip(Mechanism, largest=0.5):
     """An output that stops dead at a level."""
 
-    depth: float  # Share of the command's range that is cut off
-    top: float  # Of that range, V
-    bottom: float
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        size = np.abs(setting.commands)
-        return cls(depth=cls.largest * rng.uniform(0.2, 0.5), top=float(size.max()), bottom=float(size.min()))
+    depth: float = Draw.part(0.2, 0.5)  # Share of the command's range that is cut off
+    top: float = Draw.by(lambda rng, setting, largest: float(np.abs(setting.commands).max()))  # Ends of that range, V
+    bottom: float = Draw.by(lambda rng, setting, largest: float(np.abs(setting.commands).min()))
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         limit = self.top - self.depth * (self.top - self.bottom)
@@ -161,7 +146,7 @@ class HardClip(Mechanism, largest=0.5):
 class GroundShift(Mechanism, largest=0.1):
     """Two grounds that differ: a voltage is added to every command, at rest too."""
 
-    offset: float = signed()  # V of the command
+    offset: float = Draw.signed()  # V of the command
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         return replace(drive, commands=drive.commands + self.offset, rest_command=drive.rest_command + self.offset)
@@ -174,7 +159,7 @@ class GroundShift(Mechanism, largest=0.1):
 class TransportDelay(Mechanism, largest=0.08):
     """Every command begins to act late, at the very instant, whole sample or not."""
 
-    time: float = part(0.05, 0.2)  # s
+    time: float = Draw.part(0.05, 0.2)  # s
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         late = np.concatenate([drive.times[:1], drive.times + self.time])

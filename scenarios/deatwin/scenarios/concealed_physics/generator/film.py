@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import PlantMechanism, part, signed, spread, uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism
 
 
 def _decades(time: Any, first: Any) -> Any:
@@ -21,9 +21,9 @@ def _decades(time: Any, first: Any) -> Any:
 class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e3):
     r"""Creep in the area of the film whose relaxation follows a power law of time."""
 
-    modulus: float = part()  # Sum of :math:`\mu w_k`, Pa
-    exponent: float = uniform(0.0, 0.3)  # n
-    fastest: float = uniform(2.0, 6.0)  # Shortest time, s
+    modulus: float = Draw.part()  # Sum of :math:`\mu w_k`, Pa
+    exponent: float = Draw.uniform(0.0, 0.3)  # n
+    fastest: float = Draw.uniform(2.0, 6.0)  # Shortest time, s
 
     ratios: ClassVar[tuple[float, ...]] = (1.0, 3.2, 10.0, 32.0)
 
@@ -45,8 +45,8 @@ class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e
 class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.08):
     """The film's tension falls by the same share in each decade of time."""
 
-    loss: float = part()  # Share for each decade
-    first: float = uniform(10.0, 60.0)  # Where the first decade begins, s
+    loss: float = Draw.part()  # Share for each decade
+    first: float = Draw.uniform(10.0, 60.0)  # Where the first decade begins, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         loss, first = self.symbols(build)
@@ -57,8 +57,8 @@ class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", ord
 class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, largest=0.15):
     r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`."""
 
-    damage: float = part()  # :math:`d_\\infty`, share of the network's stress
-    energy: float = spread(2e3, 2e4)  # m, J/m³
+    damage: float = Draw.part()  # :math:`d_\\infty`, share of the network's stress
+    energy: float = Draw.log_uniform(2e3, 2e4)  # m, J/m³
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         damage, scale = self.symbols(build)
@@ -79,8 +79,8 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
 class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", largest=10e3):
     r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`."""
 
-    modulus: float = part()  # Pa
-    exponent: float = uniform(0.05, 0.2)  # b
+    modulus: float = Draw.part()  # Pa
+    exponent: float = Draw.uniform(0.05, 0.2)  # b
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         modulus, b = self.symbols(build)
@@ -97,8 +97,8 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
 class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permittivity", largest=0.12):
     """The permittivity changes by the same share in each decade of time."""
 
-    change: float = signed()  # Share for each decade
-    first: float = uniform(10.0, 60.0)  # Where the first decade begins, s
+    change: float = Draw.signed()  # Share for each decade
+    first: float = Draw.uniform(10.0, 60.0)  # Where the first decade begins, s
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         change, first = self.symbols(build)
@@ -109,7 +109,7 @@ class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permitti
 class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", largest=0.3):
     r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on."""
 
-    exponent: float = part()  # c
+    exponent: float = Draw.part()  # c
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (exponent,) = self.symbols(build)

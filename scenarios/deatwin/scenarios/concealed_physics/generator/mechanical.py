@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import PlantMechanism, Setting, part, uniform
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism, Setting
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +52,8 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
     Source: Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
     """
 
-    force: float = part()  # :math:`F_c`, N
-    bend: float = uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m
+    force: float = Draw.part()  # :math:`F_c`, N
+    bend: float = Draw.uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m
 
     damping: ClassVar[float] = 50.0
 
@@ -71,7 +71,7 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
 class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10.0):
     r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
-    coefficient: float = part()  # c, N (s/m)^1.75
+    coefficient: float = Draw.part()  # c, N (s/m)^1.75
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (coefficient,) = self.symbols(build)
@@ -120,9 +120,9 @@ class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=
 class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
-    mass: float = part()
-    frequency: float = uniform(4.0, 12.0)  # Of the lower, Hz
-    damping_ratio: float = uniform(0.01, 0.04)
+    mass: float = Draw.part()
+    frequency: float = Draw.uniform(4.0, 12.0)  # Frequency of the lower mode, Hz
+    damping_ratio: float = Draw.uniform(0.01, 0.04)
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         mass, frequency, ratio = self.symbols(build)

@@ -25,7 +25,7 @@ def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What a mechanism is drawn for: a clean recording of the same film."""
+    """A clean recording of the same film, for which a mechanism is drawn."""
 
     seconds: float  # Length of the records that are diagnosed, on the clock, s
     commands: np.ndarray  # shape (n,): Commands of these records, V
@@ -52,33 +52,38 @@ class Reading:
     commands: np.ndarray  # shape (n,): Intended command of each row, V
 
 
-def _drawn(draw: Callable[[np.random.Generator, Setting, float], float]) -> Any:
-    return field(metadata={"draw": draw})
+class Draw:
+    """Fields of a mechanism by the law that they are drawn from."""
 
+    @staticmethod
+    def by(draw: Callable[[np.random.Generator, Setting, float], float]) -> Any:
+        """Call a function of generator, setting and largest strength."""
+        return field(metadata={"draw": draw})
 
-def part(lower: float = 0.1, upper: float = 0.3) -> Any:
-    """Field drawn as a share of the largest strength."""
-    return _drawn(lambda rng, setting, largest: largest * rng.uniform(lower, upper))
+    @classmethod
+    def part(cls, lower: float = 0.1, upper: float = 0.3) -> Any:
+        """Take a share of the largest strength."""
+        return cls.by(lambda rng, setting, largest: largest * rng.uniform(lower, upper))
 
+    @classmethod
+    def signed(cls) -> Any:
+        """Take 0.1 to 0.3 of the largest strength, of either sign."""
+        return cls.by(lambda rng, setting, largest: rng.choice([-1.0, 1.0]) * largest * rng.uniform(0.1, 0.3))
 
-def signed(lower: float = 0.1, upper: float = 0.3) -> Any:
-    """Field drawn as a share of the largest strength, of either sign."""
-    return _drawn(lambda rng, setting, largest: rng.choice([-1.0, 1.0]) * largest * rng.uniform(lower, upper))
+    @classmethod
+    def uniform(cls, lower: float, upper: float) -> Any:
+        """Draw from a uniform distribution."""
+        return cls.by(lambda rng, setting, largest: rng.uniform(lower, upper))
 
+    @classmethod
+    def log_uniform(cls, lower: float, upper: float) -> Any:
+        """Draw from a uniform distribution of the logarithm."""
+        return cls.by(lambda rng, setting, largest: log_uniform(rng, lower, upper))
 
-def uniform(lower: float, upper: float) -> Any:
-    """Field drawn from a uniform distribution."""
-    return _drawn(lambda rng, setting, largest: rng.uniform(lower, upper))
-
-
-def spread(lower: float, upper: float) -> Any:
-    """Field whose logarithm is drawn from a uniform distribution."""
-    return _drawn(lambda rng, setting, largest: log_uniform(rng, lower, upper))
-
-
-def within(lower: float, upper: float) -> Any:
-    """Field drawn as a share of the length of the records."""
-    return _drawn(lambda rng, setting, largest: setting.seconds * rng.uniform(lower, upper))
+    @classmethod
+    def during(cls, lower: float, upper: float) -> Any:
+        """Take a share of the length of the records."""
+        return cls.by(lambda rng, setting, largest: setting.seconds * rng.uniform(lower, upper))
 
 
 @dataclass(frozen=True, kw_only=True)

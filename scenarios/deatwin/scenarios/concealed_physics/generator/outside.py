@@ -9,15 +9,12 @@ import numpy as np
 
 from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.generator.mechanism import (
+    Draw,
     Drive,
     Mechanism,
     PlantMechanism,
     Reading,
     Setting,
-    part,
-    signed,
-    spread,
-    uniform,
 )
 
 
@@ -46,10 +43,8 @@ class CrossoverDeadZone(Mechanism, largest=0.4):
 class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, largest=20.0):
     """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer."""
 
-    softening: float = (
-        part()
-    )  # Share of the modulus that is lost for a heat of 1, which steps of 1 kV make ten times a second
-    time: float = uniform(3.0, 12.0)
+    softening: float = Draw.part()  # Share of the modulus lost for a heat of 1: steps of 1 kV ten times a second
+    time: float = Draw.uniform(3.0, 12.0)
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         steps = np.diff(drive.commands, prepend=drive.rest_command)
@@ -69,8 +64,8 @@ class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, lar
 class GainWander(Mechanism, largest=0.08):
     """The amplifier's gain wanders at random, and comes back within some seconds."""
 
-    deviation: float = part()  # Standard deviation, as a share
-    time: float = spread(0.5, 6.0)
+    deviation: float = Draw.part()  # Standard deviation, as a share
+    time: float = Draw.log_uniform(0.5, 6.0)
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
@@ -86,8 +81,8 @@ class GainWander(Mechanism, largest=0.08):
 class InterferenceBursts(Mechanism, largest=3e-4):
     """Short bursts in the reading at random times, each with its own frequency and size."""
 
-    amplitude: float = part()  # Typical size, m
-    apart: float = uniform(4.0, 12.0)  # Mean time between two, s
+    amplitude: float = Draw.part()  # Typical size, m
+    apart: float = Draw.uniform(4.0, 12.0)  # Mean time between two, s
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         disturbed, time = reading.values.copy(), float(reading.times[0])
@@ -103,7 +98,7 @@ class InterferenceBursts(Mechanism, largest=3e-4):
 class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0):
     """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
-    coefficient: float = part()  # Of the way up, N s/m
+    coefficient: float = Draw.part()  # On the way up, N s/m
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         (coefficient,) = self.symbols(build)
@@ -115,8 +110,8 @@ class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0
 class CapacitiveCrosstalk(Mechanism, largest=1e-4):
     """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so."""
 
-    coupling: float = signed()  # m for a step of one volt of the command
-    time: float = spread(0.1, 1.0)  # s
+    coupling: float = Draw.signed()  # m for a step of one volt of the command
+    time: float = Draw.log_uniform(0.1, 1.0)  # s
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         kept = np.exp(-np.median(np.diff(reading.times)) / self.time)
@@ -132,7 +127,7 @@ class CapacitiveCrosstalk(Mechanism, largest=1e-4):
 class ClockSkew(Mechanism, largest=2e-3):
     """Two clocks that run apart: commands come later and later against the readings."""
 
-    skew: float = part()  # s for each s
+    skew: float = Draw.part()  # s for each s
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         return replace(drive, times=drive.times + self.skew * np.maximum(drive.times, 0.0))

@@ -9,30 +9,20 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import (
-    Mechanism,
-    PlantMechanism,
-    Reading,
-    Setting,
-    part,
-    signed,
-    spread,
-    uniform,
-)
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Mechanism, PlantMechanism, Reading, Setting
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", order=20, largest=0.05):
     r"""A filter of second order: :math:`T^2\ddot r + 2\zeta T\dot r + r = y`."""
 
-    time: float = part()  # T, s
-    damping_ratio: float = uniform(0.6, 1.0)  # :math:`\zeta`
+    time: float = Draw.part()  # T, s
+    damping_ratio: float = Draw.uniform(0.6, 1.0)  # :math:`\zeta`
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         time, ratio = self.symbols(build)
         shown = build.state("shown", scale=1e-3)
-        # T times its rate.
-        rising = build.state("rising", scale=1e-3)
+        rising = build.state("rising", scale=1e-3)  # T times the rate of what is shown
         build.rate(shown, rising, mass=time)
         build.rate(rising, signal - shown - 2 * ratio * rising, mass=time)
         return shown
@@ -42,8 +32,8 @@ class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", or
 class WarmingSensor(Mechanism, largest=1e-4):
     """The zero moves by the same way in each decade of time."""
 
-    change: float = signed()
-    first: float = uniform(10.0, 60.0)  # Where the first decade begins, s
+    change: float = Draw.signed()
+    first: float = Draw.uniform(10.0, 60.0)  # Where the first decade begins, s
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         return reading.values + self.change * np.log10(1 + np.maximum(reading.times, 0.0) / self.first)
@@ -53,7 +43,7 @@ class WarmingSensor(Mechanism, largest=1e-4):
 class KnockedSensor(Mechanism, largest=1e-4):
     """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
-    change: float  # That stays, m
+    change: float  # Lasting part, m
     at: float  # s
 
     @classmethod
@@ -73,7 +63,7 @@ class KnockedSensor(Mechanism, largest=1e-4):
 class CrookedOptics(Mechanism, largest=200.0):
     r"""Triangulation that was not made straight: :math:`r = y/(1 - \kappa y)`."""
 
-    curvature: float = signed()  # :math:`\kappa`, 1/m
+    curvature: float = Draw.signed()  # :math:`\kappa`, 1/m
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         return reading.values / (1 - self.curvature * reading.values)
@@ -83,14 +73,9 @@ class CrookedOptics(Mechanism, largest=200.0):
 class HardCeiling(Mechanism, largest=0.5):
     """A reading that stops dead at a level."""
 
-    depth: float  # Share of the motion's range that is cut off
-    top: float
-    bottom: float
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        y = setting.displacement
-        return cls(depth=cls.largest * rng.uniform(0.2, 0.5), top=float(y.max()), bottom=float(y.min()))
+    depth: float = Draw.part(0.2, 0.5)  # Share of the motion's range that is cut off
+    top: float = Draw.by(lambda rng, setting, largest: float(setting.displacement.max()))  # Ends of that range, m
+    bottom: float = Draw.by(lambda rng, setting, largest: float(setting.displacement.min()))
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         return np.minimum(reading.values, self.top - self.depth * (self.top - self.bottom))
@@ -100,9 +85,9 @@ class HardCeiling(Mechanism, largest=0.5):
 class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.1):
     """A room that is heated on and off: the modulus follows its temperature, up and down exponentially."""
 
-    change: float = signed()
-    period: float = uniform(25.0, 70.0)  # s
-    phase: float = uniform(0.0, 1.0)  # Share of a period that is over at clock 0
+    change: float = Draw.signed()
+    period: float = Draw.uniform(25.0, 70.0)  # s
+    phase: float = Draw.uniform(0.0, 1.0)  # Share of a period that is over at clock 0
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         change, period, phase = self.symbols(build)
@@ -121,9 +106,9 @@ class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, 
 class MainsHum(Mechanism, largest=1e-4):
     """A tone in the reading with a weak second harmonic, whose phase wanders a little."""
 
-    amplitude: float = part()  # m
-    frequency: float = spread(0.05, 15.0)  # Hz
-    phase: float = uniform(-np.pi, np.pi)  # At clock 0, rad
+    amplitude: float = Draw.part()  # m
+    frequency: float = Draw.log_uniform(0.05, 15.0)  # Hz
+    phase: float = Draw.uniform(-np.pi, np.pi)  # At clock 0, rad
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         passed = np.diff(reading.times, prepend=reading.times[0])

@@ -29,15 +29,15 @@ SECONDS, CHECK_SECONDS = 120.0, 48.0
 LOWEST, HIGHEST = 1.1, 3.75
 """Range of the thesis' commands, V."""
 LEAST_NOISE = 1e-6
-"""Of a laser sensor, rms, m: it shows where the motion is very small."""
+"""Rms noise of a laser sensor, m: it shows where the motion is very small."""
 CLEAR = 1.04
 """The film bears this many times the highest command."""
 LOWER, RETRIES = 0.93, 12
-"""What the highest command is multiplied by where the film does not bear it, and how often."""
+"""Factor on the highest command if the film does not bear it, and number of attempts."""
 NEAR, CORRECTIONS = 0.1, 4
-"""How near to its target a ratio to first order is to come, and how many corrections are made for that."""
+"""Tolerance of a ratio to first order, and corrections that are made to reach it."""
 WITHIN, REFITS = 0.2, 4
-"""The same for the ratio after a full refit."""
+"""Tolerance of the ratio after a full refit, and number of refits."""
 LEAST = 1e-3
 """Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages."""
 
@@ -51,17 +51,17 @@ class CaseSpec:
     """A case: what is concealed, how strongly, and in what kind of recording."""
 
     name: str  # Unique in its study; fit for a file name
-    kind: str  # What it is to show
+    kind: str  # Purpose: one of `KINDS`
     effects: tuple[str, ...]  # Concealed mechanisms
     truth: tuple[str, ...]  # A catalogue name for each of them; empty where the catalogue has none
-    rivals: tuple[str, ...] = ()  # Of a tie: names that its input cannot distinguish, the truth among them
+    rivals: tuple[str, ...] = ()  # Names that the input of a tie cannot distinguish, the truth among them
     target_ratio: float
     seed: int
     excitation: str  # A waveform, or one for each record, joined by ``+``
-    records: int = 1  # How many records the experiment has
+    records: int = 1  # Records of the experiment
     noise_share: float = 0.02  # Rms of the sensor's noise over the standard deviation of the motion
     rich: bool = True  # True if the input distinguishes mechanisms
-    form: str = "drawn"  # How the film sits on the ball and when readings are taken: at random, or as in most rigs
+    form: str = "drawn"  # Form of the rig (ball, reading time): at random, or as in most rigs
     library: tuple[str, ...] = ()  # Effects that the diagnosis knows; empty for the whole catalogue
 
     def __post_init__(self) -> None:
@@ -86,7 +86,7 @@ class Specimen:
     ratios: Mapping[str, float]  # The same for each mechanism alone
     noise: float  # Rms of the sensor's noise, m
     noise_free: tuple[np.ndarray, ...]  # Readings without noise of the records, then of the check, m
-    apparatus: Apparatus  # That made them
+    apparatus: Apparatus
 
     @property
     def whole(self) -> Experiment:
