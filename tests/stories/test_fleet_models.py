@@ -116,7 +116,7 @@ def prepared() -> tuple[Prepared, ...]:
 
 def whole(recorded: Bench, steady: Bench, methods: tuple[str, ...]) -> Study:
     of = {RECORDED: recorded, STEADY: steady, FILM: steady}
-    benches = {v: tuple(replace(of[v], name=one.name, variant=v) for one in fleet(0)) for v in VARIANTS}
+    benches = {v: tuple(replace(of[v], name=one.name) for one in fleet(0)) for v in VARIANTS}
     plan = plan_of(LAGS.index((1, 1)), DEGREES.index(2))
     return Study(prepared=prepared(), plan=plan, benches=benches, methods=methods)
 

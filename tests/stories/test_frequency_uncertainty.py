@@ -15,7 +15,7 @@ from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios import frequency_uncertainty
-from deatwin.scenarios.frequency_uncertainty import fleet, known, study
+from deatwin.scenarios.frequency_uncertainty import fleet, known
 from deatwin.scenarios.frequency_uncertainty.fleet import (
     BEGIN,
     FACTOR,
@@ -152,7 +152,7 @@ def polynomial(actuator: Actuator, duration: float) -> Recording:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The story on polynomials, with few draws."""
-    monkeypatch.setattr(study, "recorded", polynomial)
+    monkeypatch.setattr(fleet, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
     for module, name, less in (
         (beside_draws, "DRAWS", 500),

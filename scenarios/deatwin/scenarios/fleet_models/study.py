@@ -65,7 +65,6 @@ class Bench:
     """An actuator, or the same with less physics, and its models."""
 
     name: str
-    variant: str  # One of `VARIANTS`
     sections: tuple[Recording, Recording]  # Training and held-out
     models: Mapping[str, Identified]
 
@@ -110,7 +109,7 @@ def identify(name: str, variant: str, sections: tuple[Recording, Recording], pla
     models: dict[str, Identified] = {}
     for method in (LINEAR, *programme.methods, *beside):
         models[method] = _identified(_search(method, plan, models), sections)
-    return Bench(name=name, variant=variant, sections=sections, models=models)
+    return Bench(name=name, sections=sections, models=models)
 
 
 def candidates(plan: Plan) -> dict[str, Any]:

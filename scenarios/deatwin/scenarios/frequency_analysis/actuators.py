@@ -105,7 +105,7 @@ class Sampled:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rival:
+class Alternative:
     """The common structure if products of output and command are allowed, as in the story `semp-fleet`."""
 
     models: tuple[NarxModel, ...]
@@ -141,7 +141,7 @@ class Actuators:
     signal: TestSignal  # The same for all NOFRFs
     side: Side
     sampled: Sampled  # The actuator that is shown, by SVB
-    rival: Rival
+    alternative: Alternative
 
     @property
     def shown(self) -> Analysed:
@@ -159,7 +159,7 @@ def actuators(fleet: Fleet, rng: np.random.Generator, *, draws: int = DRAWS, job
         signal=signal,
         side=_side(shown, signal),
         sampled=_sampled(shown, fleet, signal, rng, draws),
-        rival=_rival(fleet, signal, jobs),
+        alternative=_alternative(fleet, signal, jobs),
     )
 
 
@@ -227,11 +227,11 @@ def _side(alike: Alike, signal: TestSignal) -> Side:
     )
 
 
-def _rival(fleet: Fleet, signal: TestSignal, jobs: int) -> Rival:
+def _alternative(fleet: Fleet, signal: TestSignal, jobs: int) -> Alternative:
     structure, _, _ = choose_structure([one.sections[0] for one in fleet.actuators], fleet.plan, RULE, jobs=jobs)
     others = [replace(one, model=fit(structure, one.sections[0])) for one in fleet.actuators]
     left = [left_by_orders(one.model, _piece(one, signal), MOST_ORDERS, OPERATING_INPUT) for one in others]
-    return Rival(
+    return Alternative(
         models=tuple(one.model for one in others),
         fits=np.array([one.fit_percent for one in others]),
         first=tuple(_first(one.model, FREQUENCIES) for one in others),

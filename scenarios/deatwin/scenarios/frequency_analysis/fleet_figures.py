@@ -193,7 +193,7 @@ def _series(found: Actuators) -> Drawing:
     """Share of the free run that more and more orders leave, for two common structures."""
     orders = np.arange(1.0, MOST_ORDERS + 1)
     columns: dict[str, Array] = {"orders": orders}
-    every = {"linear in the output": [one.left for one in found.each], "with products": list(found.rival.left)}
+    every = {"linear in the output": [one.left for one in found.each], "with products": list(found.alternative.left)}
     with draw((9.6, 3.6)) as figure:
         panels = panels_of(figure, 1, 2, "orders summed", sharey=True)[0]
         for axes, (label, left) in zip(panels, every.items(), strict=True):

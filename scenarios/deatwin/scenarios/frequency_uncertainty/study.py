@@ -9,32 +9,9 @@ from typing import Any
 from deatwin.ident.frequency.comparison.fleet import shares_of
 from deatwin.plant.fleet import DURATION
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.frequency_uncertainty.fleet import (
-    REPEATS,
-    Consistency,
-    actuators,
-    compared,
-    means_of,
-    recorded,
-    responses,
-)
-from deatwin.scenarios.frequency_uncertainty.known import (
-    BILINEAR,
-    CASES,
-    DATA_SETS,
-    LINEAR,
-    NOTCH,
-    POWERS,
-    PRODUCT,
-    SHORT,
-    Known,
-    covered,
-    spectra,
-    speed,
-    spreads,
-    surface,
-    sweep,
-)
+from deatwin.scenarios.frequency_uncertainty import fleet, known
+from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
+from deatwin.scenarios.frequency_uncertainty.known import CASES, Known
 from deatwin.studies.parallel import between, call, run_told
 from deatwin.studies.voice import Progress
 
@@ -43,17 +20,17 @@ Job = tuple[Callable[..., Any], *tuple[Any, ...]]
 
 COMPARED = ("fleet", "steady", "shared", "repeats")
 WEIGHED = ("fleet", "steady", "level", "tolerances")
-TIMED = ((LINEAR, 1), (POWERS, 3), (BILINEAR, 2))
-SWEPT = ((LINEAR, 1), (BILINEAR, 3), (PRODUCT, 2))
+TIMED = ((known.LINEAR, 1), (known.POWERS, 3), (known.BILINEAR, 2))
+SWEPT = ((known.LINEAR, 1), (known.BILINEAR, 3), (known.PRODUCT, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """How much is done."""
 
-    repeats: int = REPEATS
+    repeats: int = fleet.REPEATS
     duration: float = DURATION
-    data_sets: int = DATA_SETS
+    data_sets: int = known.DATA_SETS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,10 +43,10 @@ class Study:
 
 def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
     """Record, draw and compare."""
-    wanted = actuators(seed, plan.repeats)
+    wanted = fleet.actuators(seed, plan.repeats)
     text = f"recording the fleet, its repeats and its tolerances, {len(wanted)} records"
     tasks = [(one, plan.duration) for one in wanted.values()]
-    found = run_told(recorded, tasks, jobs, between(progress, 0.0, 0.5), text)
+    found = run_told(fleet.recorded, tasks, jobs, between(progress, 0.0, 0.5), text)
     work = _work(seed, plan, dict(zip(wanted, found, strict=True)))
     text = "propagating beside draws, and comparing the actuators"
     results = run_told(call, work.values(), jobs, between(progress, 0.5, 0.95), text)
@@ -79,21 +56,21 @@ def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
 
 def _work(seed: int, plan: Plan, records: dict[tuple[str, str], Recording]) -> dict[Key, Job]:
     """All that is done after the recordings, each under its own key; the longest first."""
-    work: dict[Key, Job] = {("table", group): (compared, _group(records, group)) for group in reversed(COMPARED)}
+    work: dict[Key, Job] = {("table", group): (fleet.compared, _group(records, group)) for group in reversed(COMPARED)}
     for number, (name, case) in enumerate(CASES.items()):
-        work["covered", name] = covered, case, (seed, 1, number), plan.data_sets
-        work["case", name] = spreads, case, (seed, 2, number)
-    for number, case in enumerate((NOTCH, SHORT)):
-        work["fragile", case.name] = spreads, case, (seed, 3, number)
+        work["covered", name] = known.covered, case, (seed, 1, number), plan.data_sets
+        work["case", name] = known.spreads, case, (seed, 2, number)
+    for number, case in enumerate((known.NOTCH, known.SHORT)):
+        work["fragile", case.name] = known.spreads, case, (seed, 3, number)
     for number, (name, order) in enumerate(SWEPT):
-        work["sweep", name] = sweep, CASES[name], order, (seed, 4, number)
+        work["sweep", name] = known.sweep, CASES[name], order, (seed, 4, number)
     for number, (name, order) in enumerate(TIMED):
-        work["speed", name] = speed, CASES[name], order, (seed, 6, number)
-    work["spectra", ""] = spectra, CASES[BILINEAR], (seed, 5)
-    work["surface", ""] = surface, CASES[BILINEAR], (seed, 5)
-    work |= {("responses", name): (responses, record) for name, record in _group(records, "fleet").items()}
+        work["speed", name] = known.speed, CASES[name], order, (seed, 6, number)
+    work["spectra", ""] = known.spectra, CASES[known.BILINEAR], (seed, 5)
+    work["surface", ""] = known.surface, CASES[known.BILINEAR], (seed, 5)
+    work |= {("responses", name): (fleet.responses, record) for name, record in _group(records, "fleet").items()}
     weighed = (*WEIGHED, "specification")
-    return work | {key: (means_of, record) for key, record in records.items() if key[0] in weighed}
+    return work | {key: (fleet.means_of, record) for key, record in records.items() if key[0] in weighed}
 
 
 def _known(done: dict[Key, Any]) -> Known:

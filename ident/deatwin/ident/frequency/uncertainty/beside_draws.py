@@ -206,8 +206,8 @@ def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Gen
     pooled: Array = drawn.mean(axis=0)
     error = departure(pooled, propagated)
     drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
-    floor = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
-    equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - floor**2, floor**2))) ** 2
+    least = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
+    equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - least**2, least**2))) ** 2
     thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
     return Speed(
         label=f"{symbol_of(quantity(model))} of {name}",

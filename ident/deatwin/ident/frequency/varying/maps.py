@@ -19,8 +19,7 @@ class Map:
 
     timepts: Array  # shape (n_times,): s
     frequencies: Array  # shape (n,): Of the first tone, Hz
-    values: NDArray[np.complex128]  # shape (n_times, n): In ``unit``
-    unit: str
+    values: NDArray[np.complex128]  # shape (n_times, n): in the response's unit
     equilibria: Array  # shape (n_times,): in the output's unit
     equilibrium_std: Array
 
@@ -32,7 +31,6 @@ class Map:
             timepts=response.timepts,
             frequencies=frequencies if frequencies.ndim == 1 else frequencies[:, 0],
             values=response.values,
-            unit=response.unit,
             equilibria=response.equilibria,
             equilibrium_std=response.equilibrium_std,
         )
