@@ -6,9 +6,11 @@ Long ones are handed to workers first, so that no worker is left alone with them
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
@@ -51,3 +53,22 @@ def setting(tmp_path: Path) -> Setting:
     return Setting(
         folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
     )
+
+
+@pytest.fixture
+def mistaken() -> Iterator[Callable[..., Any]]:
+    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
+    from deatwin.studies.interrupts import forward_signals
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupted(*_: object, **__: object) -> Any:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise SystemError("DM.__array__ returned a result with an exception set")
+
+    try:
+        with forward_signals():
+            yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)

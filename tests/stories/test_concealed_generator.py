@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from deatwin.ident.discrepancy import VARIABLES
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.effects import catalogue
 from deatwin.plant.errors import DataError, RigError, SimulationError
@@ -33,7 +34,7 @@ from deatwin.scenarios.concealed_physics.generator.film import PowerLawCreep
 from deatwin.scenarios.concealed_physics.generator.mechanical import BristleFriction, StopOperators
 from deatwin.scenarios.concealed_physics.generator.mechanism import Drive, Reading, Setting
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, make
-from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
+from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TERM_NAMES, TIES
 
 STEP = 0.02
 SILENT = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)
@@ -370,3 +371,11 @@ def test_without_strength_nothing_happens_in_the_equations(name):
     gone = drawn.sized(1e-9 * drawn.largest)
     assert np.abs(apparatus(gone).readings(experiment)[0] - clean).max() < 0.1e-6
     assert np.abs(apparatus(drawn).readings(experiment)[0] - clean).max() > 0.1e-6
+
+
+def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:
+    from pysindy import PolynomialLibrary
+
+    monomials = PolynomialLibrary(degree=2).fit(np.zeros((2, len(VARIABLES)))).get_feature_names(list(VARIABLES))
+    assert set(TERM_NAMES) == set(monomials)
+    assert frozenset().union(*TERM_NAMES.values()) <= {effect.name for effect in catalogue()}

@@ -11,8 +11,8 @@ import numpy as np
 from deatwin.plant.effects.base import Family
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.scenarios.concealed_physics.results import Case, Opened
-from deatwin.scenarios.concealed_physics.score import brier_score, expected_calibration_error, reliability
 from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
+from deatwin.studies.calibration import brier_score, expected_calibration_error, reliability
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, titled

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
-from deatwin.studies.rates import LEVEL, Rate
+from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
+from deatwin.studies.rates import Rate
 from deatwin.studies.report.story import Measure
 
 NO_CASE = "no case"
@@ -18,8 +19,6 @@ STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
 LEAST_PARAMETERS = 300
 REPORTED = "reported"
-BINS = 10
-"""Bins of stated probabilities, from 0 to 1."""
 Ends = tuple[float, float, float]
 
 
@@ -45,14 +44,6 @@ class Goal:
     def row(self) -> Measure:
         """Row of the page."""
         return Measure(self.measure, self.demanded, self.reached, bool(self.met))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Calibration:
-    """One bin of stated probabilities."""
-
-    stated: float  # Mean of the probabilities in it
-    came_true: Rate
 
 
 def score(study: Opened) -> list[Goal]:
@@ -126,42 +117,6 @@ def gaps_closed(study: Opened) -> list[float]:
         elif base is not None and oracle is not None and oracle < base:
             closed.append((base - case.errors.get("diagnosis", base)) / (base - oracle))
     return closed
-
-
-def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Interval of order statistics that holds the median with at least 95 %."""
-    from scipy.stats import binom
-
-    ordered = np.sort(np.asarray(values, dtype=float))
-    if not ordered.size:
-        return float("nan"), float("nan")
-    # The r-th value from either end lies outside the median with the probability of fewer than r successes.
-    out = max(int(binom.ppf(0.5 * (1 - LEVEL), ordered.size, 0.5)) - 1, 0)
-    return float(ordered[out]), float(ordered[-1 - out])
-
-
-def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Calibration, ...]:
-    """Sort stated probabilities into bins, and count how often each bin was right."""
-    probabilities, happened = np.array(stated, dtype=float).reshape(-1, 2).T
-    places = np.minimum((probabilities * BINS).astype(int), BINS - 1)
-    return tuple(
-        Calibration(stated=float(probabilities[places == k].mean()), came_true=Rate.of(happened[places == k] > 0))
-        for k in range(BINS)
-        if (places == k).any()
-    )
-
-
-def expected_calibration_error(bins: Sequence[Calibration]) -> float:
-    """Mean distance of stated probability from observed rate, weighted by the number in each bin."""
-    total = sum(b.came_true.count for b in bins)
-    if not total:
-        return float("nan")
-    return sum(b.came_true.count * abs(b.stated - b.came_true.share) for b in bins) / total
-
-
-def brier_score(stated: Sequence[tuple[float, bool]]) -> float:
-    """Mean square of stated probability less outcome (Brier, Mon. Weather Rev. 78 (1950) 1)."""
-    return float(np.mean([(p - happened) ** 2 for p, happened in stated])) if stated else float("nan")
 
 
 def _holds(row: Mapping[str, Any]) -> bool:

@@ -21,6 +21,7 @@ from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.predicted import predict_loop
 from deatwin.control.loop.residual import free_run_residual
 from deatwin.control.loop.sine_response import sine_response
+from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
@@ -179,7 +180,7 @@ class _Truth:
         families = [linearise_plants((plant,), [OPERATING]).in_loop(reading) for plant in (self.plant, loose)]
         loop = law.feedback_response(self.omega, controller.sample_time) * self.response
         gain = min(rows_of_family("plant", family, controller)[0].gain for family in families)
-        return float(_bandwidth(self.omega, loop[None])[0]), steps.overshoot, gain, steps.rms_error
+        return float(bandwidth_Hz(self.omega, loop[None])[0]), steps.overshoot, gain, steps.rms_error
 
 
 def _of_narx(
@@ -250,25 +251,9 @@ def _predicted(family: LinearFamily, controller: Controller) -> tuple[Interval, 
     single = [family.at(0, int(s)) for s in np.flatnonzero(family.exists[0])]
     omega = np.geomspace(2 * np.pi * 0.02, 0.95 * np.pi / controller.sample_time, 400)
     law = controller.local(OPERATING).feedback_response(omega, controller.sample_time)
-    bandwidth = Interval.over(_bandwidth(omega, np.array([law * linear.response(omega) for linear in single])))
+    bandwidth = Interval.over(bandwidth_Hz(omega, np.array([law * linear.response(omega) for linear in single])))
     gains = [rows_of_family("model", LinearFamily.of([[linear]]), controller)[0].gain for linear in single]
     (row,) = rows_of_family("model", family, controller)
     low = float(np.quantile(gains, 0.025, method="lower"))
     high = float(np.quantile(gains, 0.975, method="higher"))
     return bandwidth, Interval(value=row.gain, low=low, high=high)
-
-
-def _bandwidth(omega: Array, loops: Complex) -> Array:
-    """Find where |L/(1 + L)| first falls below -3 dB, Hz; the last frequency where it does not."""
-    closed = np.abs(loops / (1.0 + loops))
-    below = closed < np.sqrt(0.5)
-    first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)
-    found = np.empty(len(loops))
-    for n, k in enumerate(first):
-        if k == 0:
-            found[n] = omega[0]
-            continue
-        pair = np.log(closed[n, k - 1 : k + 1])
-        share = np.clip((np.log(np.sqrt(0.5)) - pair[0]) / (pair[1] - pair[0]), 0.0, 1.0)
-        found[n] = np.exp(np.log(omega[k - 1]) + share * np.log(omega[k] / omega[k - 1]))
-    return np.asarray(found / (2 * np.pi))

@@ -1,20 +1,10 @@
-"""The study of concealed effects: its calibration against closed forms, and its key to the baselines."""
+"""Calibration of stated probabilities, and intervals of a median, against closed forms."""
 
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.ident.discrepancy import VARIABLES
-from deatwin.plant.effects.catalogue import catalogue
-from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.scenarios.concealed_physics.score import (
-    brier_score,
-    expected_calibration_error,
-    median_interval,
-    reliability,
-)
-
-# --- rates ----------------------------------------------------------------------------------------------------------
+from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
 
 
 @pytest.mark.parametrize("count", [6, 25, 88])
@@ -36,11 +26,3 @@ def test_calibration_error_and_brier_score_by_hand() -> None:
     assert expected_calibration_error(bins) == pytest.approx((4 * 0.20 + 2 * 0.12) / 6)
     assert brier_score(stated) == pytest.approx((3 * 0.05**2 + 0.95**2 + 0.38**2 + 0.62**2) / 6)
     assert reliability([(1.0, True)])[0].came_true.count == 1  # certainty belongs to the highest bin
-
-
-def test_every_term_of_the_sparse_dynamics_stands_for_some_effect_of_the_catalogue() -> None:
-    from pysindy import PolynomialLibrary
-
-    monomials = PolynomialLibrary(degree=2).fit(np.zeros((2, len(VARIABLES)))).get_feature_names(list(VARIABLES))
-    assert set(TERM_NAMES) == set(monomials)
-    assert frozenset().union(*TERM_NAMES.values()) <= {effect.name for effect in catalogue()}
