@@ -6,13 +6,12 @@ run under different conditions. Which backend runs it is said by ``joblib.parall
 
 from deatwin.studies.sweep.results import Study, open_study
 from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import Sealed, SweepSeal, digest, sources_digest
+from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.sweep.study import grid, run_study
 
 __all__ = [
     "CaseStore",
-    "Sealed",
     "Study",
     "SweepSeal",
     "digest",
