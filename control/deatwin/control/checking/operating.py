@@ -10,22 +10,22 @@ from deatwin.control.linear.model import LinearModel, LinearStatus
 
 @dataclass(frozen=True, kw_only=True)
 class OperatingPoint:
-    """Where the model was linearised.
+    """Operating point at which the model was linearised.
 
     Parameters
     ----------
     input : float
-        In the input's unit.
+        Constant input, in its unit.
     output : float or None
-        Output at rest there, in its unit; None where the model does not settle.
+        Output at rest, in its unit; None if the model does not settle.
     static_gain : float or None
-        Output unit by input unit; None where the model does not settle.
+        Static gain, output unit by input unit; None if the model does not settle.
     status : LinearStatus
-        Whether a controller could be designed there.
+        Status of the linear model; it tells if a controller could be designed there.
     sample_time : float
-        s.
+        Sampling time, s.
     input_unit, output_unit : str
-        Units.
+        Units of input and output.
     """
 
     input: float
@@ -38,12 +38,12 @@ class OperatingPoint:
 
     @classmethod
     def of(cls, linear: LinearModel) -> Self:
-        """Describe where a model was linearised.
+        """Describe the operating point of a linear model.
 
         Parameters
         ----------
         linear : LinearModel
-            Sound or not.
+            Linear model, of any status.
 
         Returns
         -------

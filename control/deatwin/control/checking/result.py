@@ -26,33 +26,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Check:
-    """What the check found.
+    """Result of checking a controller before it is used on the actuator.
 
     Parameters
     ----------
     findings : tuple of Finding
-        All that was judged; the most severe one decides.
+        All judgements; the most severe one decides the verdict.
     operating : OperatingPoint
-        Where the model was linearised.
+        Operating point at which the model was linearised.
     controller : Controller or None
-        None where none could be designed; so for all that follows.
+        Controller that was judged; None if none could be designed. In that case the fields below are empty too.
     margins : MarginRow or None
-        What the model promises at the operating point of the controller.
+        Margins on the model at the controller's operating point.
     table : tuple of MarginRow
-        Margins of model, plant and other plants over operating points, and over time where the model varies.
+        Margins of the model, the plant and the other plants over operating points, and over time if the model varies.
     excited_band_Hz : float or None
-        Band that the recording excited, Hz; None where it is not known.
+        Upper end of the band that the recording excited, Hz; None if it is not known.
     steps, sine : ClosedLoop or None
-        Runs on the physics plant.
+        Closed-loop runs on the physics plant, with a step and a sine reference.
     others : mapping of str to ClosedLoop
-        Runs of the steps on the other plants, by their names.
+        Runs of the step reference on the other plants, by the plants' names.
     predicted : PredictedLoop or None
-        The steps as the model predicts them; not in the file but for its band.
+        The model's prediction of the step run. Only its band is saved in the file.
     sine_predicted : float or None
-        Rms error on the sine that the model predicts, in the output's unit.
+        Rms error on the sine reference that the model predicts, in the output's unit.
     caveats : tuple of str
-        What a reader has to know beside the findings: residual tests that the model failed, a bias, a controller that
-        has not all the parts that were asked for. They do not decide on the verdict.
+        Remarks beside the findings: residual tests that the model failed, a bias, or a controller that lacks a part
+        that was asked for. They do not affect the verdict.
     """
 
     findings: tuple[Finding, ...]
@@ -75,12 +75,12 @@ class Check:
 
     @property
     def worst_case(self) -> Finding:
-        """The finding that decides; where all pass, the one that is nearest its limit."""
+        """The finding that decides the verdict; if all pass, the one nearest its limit."""
         return worst(self.findings)
 
     @property
     def reason(self) -> str:
-        """The texts of all findings that are as severe as the verdict, if it is not `pass`."""
+        """Texts of all findings as severe as the verdict; empty if the verdict is `pass`."""
         if self.verdict is Verdict.PASS:
             return f"every limit is kept{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
@@ -96,7 +96,7 @@ class Check:
 
     @property
     def least_margins(self) -> dict[str, float]:
-        """The least gain margin and phase margin (degrees) of the whole table, over draws where there are any."""
+        """The least gain margin and phase margin (degrees) of the whole table, including draws."""
         rows = self.table
         return {
             "gain": min((row.gain_low for row in rows), default=inf),
@@ -131,7 +131,7 @@ class Check:
         return dataset_of(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.
+        """Write the check as JSON ("deatwin/check/1"): to a temporary file first, which is then renamed.
 
         Parameters
         ----------
@@ -152,7 +152,7 @@ class Check:
         Returns
         -------
         Check
-            Without the draws of `predicted`.
+            The check, without the draws of `predicted`.
 
         Raises
         ------
@@ -162,12 +162,12 @@ class Check:
         return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the step reference, what the model promised, and what the physics plant made of it.
+        """Plot the step reference, the output that the model predicted, and the output of the physics plant.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------

@@ -21,20 +21,21 @@ QUANTILE = 0.025
 
 @dataclass(frozen=True, kw_only=True)
 class MarginRow:
-    """Margins at one operating point; infinite where nothing bounds them, zero where the loop is unstable.
+    """Margins at one operating point; infinite if nothing bounds them, zero if the loop is unstable.
 
     Parameters
     ----------
     source : str
-        Whose linear model: ``model``, ``plant``, or the name of another plant.
+        System whose linear model is judged: ``model``, ``plant``, or the name of another plant.
     operating_input : float
-        In the input's unit.
+        Constant input at the operating point, in the input's unit.
     time : float or None
-        Of a model that varies in time, s.
+        Time on the experiment's clock, s; None unless the model varies in time.
     gain, phase_deg, delay, disk, crossover_Hz : float
-        Of the source itself: factor, degrees, s, disk margin, Hz.
+        Gain margin (factor), phase margin (degrees), delay margin (s), disk margin and crossover frequency (Hz) of the
+        source itself.
     gain_low, phase_low_deg, delay_low, disk_low : float
-        The 2.5 % quantile over the draws.
+        2.5 % quantiles of these margins over the draws, in the same units.
     stable_share : float
         Share of the draws with a stable closed loop.
     samples : int

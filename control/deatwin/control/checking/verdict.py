@@ -18,20 +18,20 @@ from deatwin.plant.amplitudes import written_amplitude
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One number that was judged.
+    """One judgement of a check.
 
     Parameters
     ----------
     subject : str
-        What was judged.
+        Name of the quantity that was judged.
     value : float or None
-        The number in the unit that the text names; None where there is none.
+        Value in the unit that the text names; None if there is none.
     verdict : Verdict
-        On it alone.
+        Verdict on this quantity alone.
     text : str
-        One plain sentence.
+        Finding as one plain sentence.
     room : float or None
-        How far the number is from its limit, `Limit.room`; None where it was not judged by one.
+        Distance of the value from its limit, as `Limit.room` returns it; None if it was not judged by a limit.
     """
 
     subject: str

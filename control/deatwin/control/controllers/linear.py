@@ -19,24 +19,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearController(Controller):
-    """``v = u_0 + C x + D w``, ``u = v`` inside the limits, ``x(k+1) = A x + B w + L (u - v)``.
+    """Linear controller ``v = u_0 + C x + D w``, ``u = v`` within the limits, ``x(k+1) = A x + B w + L (u - v)``.
 
-    w holds the deviations of reference and reading from the operating output. At a limit the states follow
-    what was applied instead of what was wanted (back-calculation).
+    w holds the deviations of reference and reading from the operating output. At a limit the states follow the applied
+    command instead of the wanted one (back-calculation).
 
     Parameters
     ----------
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
-        As in `Controller`.
+        See `Controller`.
     law : Law
-        A, B, C, D.
+        Linear law with matrices A, B, C and D.
     windup : ndarray, shape (n,)
-        L; A - L C has its eigenvalues inside the unit circle.
+        Anti-windup gain L; A - L C has its eigenvalues inside the unit circle.
 
     Raises
     ------
     ControlError
-        If the shapes do not fit, or the states would drift away at a limit.
+        If the shapes do not fit, or the states would drift away while the command is at a limit.
 
     References
     ----------
@@ -67,25 +67,25 @@ class LinearController(Controller):
         return int(self.law.c.size)
 
     def start(self) -> Array:
-        """Zeros, shape (states,)."""
+        """State at the moment when the loop is closed: zeros, shape (states,)."""
         return np.zeros(self.states)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """One sample; see `Controller.command`.
+        """Compute the command of one sample; see `Controller.command`.
 
         Parameters
         ----------
         reference, reading : array_like, shape batch
-            In the output's unit.
+            Reference and reading, in the output's unit.
         state : ndarray, shape (states, *batch)
-            Before the sample.
+            State of the controller before the sample.
 
         Returns
         -------
         command : ndarray, shape batch
-            Inside the limits, in the input's unit.
+            Command within its limits, in the input's unit.
         state : ndarray, shape (states, *batch)
-            After it.
+            State of the controller after the sample.
         """
         law, x = self.law, np.asarray(state)
         asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
@@ -99,12 +99,12 @@ class LinearController(Controller):
         return applied, after
 
     def local(self, operating_input: float) -> Law:
-        """The law; it is the same everywhere.
+        """Return the linear law, which is the same at all operating points.
 
         Parameters
         ----------
         operating_input : float
-            In the input's unit.
+            Constant input at the operating point, in the input's unit.
 
         Returns
         -------
@@ -113,12 +113,12 @@ class LinearController(Controller):
         return self.law
 
     def scaled(self, factor: float) -> Self:
-        """The same controller with another loop gain.
+        """Return the same controller with another loop gain.
 
         Parameters
         ----------
         factor : float
-            Of what its command deviates from the operating input.
+            Multiplier of the command's deviation from the operating input.
 
         Returns
         -------
@@ -133,19 +133,19 @@ class LinearController(Controller):
         return replace(self, law=self.law.scaled(factor), windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:
-        """Plain data of law and anti-windup."""
+        """Plain data of the law and its anti-windup."""
         return {"law": self.law.to_dict(), "windup": self.windup.tolist()}
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """The controller that the common fields and `details` described.
+        """Rebuild a controller from the common fields and its `details`.
 
         Parameters
         ----------
         common : mapping
-            The fields that all kinds have.
+            Fields that every kind of controller has.
         details : mapping
-            Plain data.
+            Plain data that `details` returned.
 
         Returns
         -------

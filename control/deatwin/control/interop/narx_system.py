@@ -127,26 +127,26 @@ class NarxSystem:
 
 @taking(model=instance(NarxModel), inputs=numbers, outputs=numbers)
 def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
-    """The state of a model's ``control.nlsys`` after some rows of a recording.
+    """Return the state of a model's ``control.nlsys`` after some rows of a recording.
 
     Parameters
     ----------
     model : NarxModel
-        Its noise terms, if any, count for nothing.
+        Identified model; its noise terms, if any, are ignored.
     inputs : array_like, shape (n_inputs, n), or (n,) for one input
-        In their units.
+        Recorded inputs, in their units.
     outputs : array_like, shape (n_outputs, n), or (n,) for one output
-        In their units; n is at least the model's largest lag.
+        Recorded outputs, in their units; n is at least the model's largest lag.
 
     Returns
     -------
     ndarray, shape (n_states,)
-        In the order of the system's states, each in its signal's unit.
+        State, in the order of the system's states, each in its signal's unit.
 
     Raises
     ------
     ModelError
-        If there are fewer rows, or other signals than the model has.
+        If there are too few rows, or the number of signals is not that of the model.
     """
     system = NarxSystem(model=model.deterministic)
     given = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (inputs, outputs)]

@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):
-    """Static gain, modes and stability over operating points, each with its 95 % band over samples.
+    """Static gain, modes and stability over operating points, each with a 95 % band over samples.
 
     Parameters
     ----------
     family : LinearFamily
-        Over the operating points; its first sample is the model itself.
+        Linear models over the operating points; the first sample is the model itself.
     """
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the static gain over the operating input, with its band.
+        """Plot the static gain over the operating input, with its band.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -51,12 +51,12 @@ class GainSchedule(FamilyBands):
         return axes
 
     def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Draw the time constant of each mode over the operating input, with its band.
+        """Plot the time constant of each mode over the operating input, with its band.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -68,12 +68,12 @@ class GainSchedule(FamilyBands):
         return axes
 
     def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Draw the poles in the z plane, coloured by the operating input; those of samples as a cloud.
+        """Plot the poles in the z plane, coloured by operating input, with those of the samples as a cloud.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -98,19 +98,18 @@ class GainSchedule(FamilyBands):
 def gain_schedule(
     source: Any, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
 ) -> GainSchedule:
-    """Linearise a model over operating points, with samples of what is uncertain in it.
+    """Linearise a model over operating points, with samples of its uncertain parameters.
 
     Parameters
     ----------
     source : NarxModel, CalibratedPlant or Plant
-        A model with the covariance of its parameters, or a calibrated plant with that of its own; a plant alone is
-        taken as exact.
+        Model or calibrated plant with the covariance of its parameters, or a plant, which is taken as exact.
     operating_inputs : array_like, shape (n_points,)
-        Constant inputs in their unit.
+        Constant inputs, in their unit.
     rng : numpy.random.Generator
         Source of the samples.
     samples : int
-        How many.
+        Number of samples.
 
     Returns
     -------
@@ -119,7 +118,7 @@ def gain_schedule(
     Raises
     ------
     ModelError
-        If the source is something else, an operating input is not finite, or there are none.
+        If the source is of another type, or there are no operating inputs or one is not finite.
     """
     raise ModelError(f"a {type(source).__name__} has no gain schedule; give a NarxModel, a CalibratedPlant or a Plant")
 

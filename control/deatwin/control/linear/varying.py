@@ -29,13 +29,13 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingLinear(FamilyBands):
-    """Static gain, modes and stability over time, each with its 95 % band over samples.
+    """Static gain, modes and stability over time, each with a 95 % band over samples.
 
     Parameters
     ----------
     family : LinearFamily
-        Its points are the times; its first sample is the model itself; those after it are drawn from the covariance of
-        each time, with the same standard draws at all times.
+        Linear models whose points are the times. The first sample is the model itself; the others are drawn from the
+        covariance at each time, with the same standard draws at all times.
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     """
@@ -43,12 +43,12 @@ class VaryingLinear(FamilyBands):
     timepts: Array
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the static gain over time, with its band.
+        """Plot the static gain over time, with its band.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -60,12 +60,12 @@ class VaryingLinear(FamilyBands):
         return axes
 
     def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Draw the time constant of each mode over time, with its band.
+        """Plot the time constant of each mode over time, with its band.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -77,12 +77,12 @@ class VaryingLinear(FamilyBands):
         return axes
 
     def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Draw the poles in the z plane, coloured by time; those of samples as a cloud.
+        """Plot the poles in the z plane, coloured by time, with those of the samples as a cloud.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -108,26 +108,26 @@ def linearise_along(
     samples: int = 200,
     progress: Progress | None = None,
 ) -> VaryingLinear:
-    """Linearise a model whose parameters change with time.
+    """Linearise a model whose parameters change with time, along its trajectory.
 
-    At each time it is the linear model of the parameters of this time (frozen), about the equilibrium of this time,
-    which is followed from one time to the next. With `deatwin.ident.frequency.hold_equilibrium` the equilibrium
-    stays, so that what is left is the change of the dynamics.
+    At each time the parameters are frozen, and the model is linearised about the equilibrium of that time, which is
+    followed from one time to the next. `deatwin.ident.frequency.hold_equilibrium` fixes the equilibrium, so that only
+    the change of the dynamics remains.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output, with its covariance.
+        Parameters theta(t), with their covariance, of a model of one input and one output.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or that of each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the centre of the training data by default.
     times : array_like, shape (n_times,), optional
-        Increasing times, s; by default all of the trajectory's, at most 200 of them evenly spread.
+        Increasing times, s; by default those of the trajectory, thinned evenly to at most 200.
     rng : numpy.random.Generator
         Source of the samples.
     samples : int
-        Samples at each time.
+        Number of samples at each time.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------

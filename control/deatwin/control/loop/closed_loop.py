@@ -47,26 +47,26 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoop:
-    """A run of the closed loop on the physics plant.
+    """A closed-loop run on the physics plant.
 
     Parameters
     ----------
     status : RunStatus
-        How it ended; its text is the advice. After a failure only the valid samples are here.
+        Outcome of the run; its text is the advice. After a failure only the valid samples are kept.
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
-        In the output's unit.
+        Wanted output, in its unit.
     output : ndarray, shape (n,)
-        Reading without the sensor's noise, at the instant at which the command is chosen, in its unit.
+        Noise-free reading at the instant at which the command is chosen, in its unit.
     measured : ndarray, shape (n,)
-        Reading with noise, which the controller saw, in the output's unit.
+        Noisy reading that the controller received, in the output's unit.
     command : ndarray, shape (n,)
-        Chosen at that instant and held until the next, in the input's unit.
+        Command chosen at that instant and held until the next, in the input's unit.
     command_limits : (float, float)
-        Of the controller, in the input's unit.
+        Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str
-        Units.
+        Units of input and output.
     """
 
     status: RunStatus
@@ -118,7 +118,7 @@ class ClosedLoop:
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The levels of a step reference that the run lived through, without the first and without a return to one."""
+        """Levels of a step reference that the run reached, without the first one and without repeats."""
         still = np.flatnonzero(np.diff(self.reference) != 0.0)
         edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
         flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
@@ -153,12 +153,12 @@ class ClosedLoop:
         return max(measure(error) for error in late) / smallest
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw reference and output over time.
+        """Plot reference and output over time.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -175,18 +175,19 @@ class ClosedLoop:
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """The run as `deatwin.plant.datasets.dataset` takes it.
+        """Return the run as variables for `deatwin.plant.datasets.dataset`.
 
         Parameters
         ----------
         dimension : str
-            Of the time.
+            Name of the time dimension.
         before : str
-            What the names of the variables begin with.
+            Prefix of the variables' names.
 
         Returns
         -------
         mapping of str to tuple
+            Variables by name.
         """
         units = {"command": self.input_unit}
         return {
@@ -209,7 +210,7 @@ class ClosedLoop:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data from which `from_dict` makes the same run."""
+        """Return plain data from which `from_dict` rebuilds the run."""
         return {
             "status": self.status.name.lower(),
             "command_limits": list(self.command_limits),
@@ -220,12 +221,12 @@ class ClosedLoop:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The run that `to_dict` described.
+        """Rebuild a run from plain data.
 
         Parameters
         ----------
         data : mapping
-            Plain data.
+            Plain data that `to_dict` returned.
 
         Returns
         -------
@@ -234,7 +235,7 @@ class ClosedLoop:
         Raises
         ------
         ControlError
-            If a value is of no size that anything has: squares of it would be infinite.
+            If a value is so large that its square overflows.
         """
         low, high = data["command_limits"]
         series = {name: np.array(data[name], dtype=np.float64) for name in _SERIES}
@@ -267,26 +268,26 @@ def closed_loop(
     settle: float = 2.0,
     progress: Progress | None = None,
 ) -> ClosedLoop:
-    """Close a controller around the physics plant.
+    """Run a controller in closed loop with the physics plant.
 
-    The plant goes from rest to the operating input by the rig's start procedure, stays there, and then
-    answers the controller sample by sample: read, choose a command, hold it for a sample. Reading and command
-    go through the rig's measuring chain where it has one; else the reading has the sensor's noise.
+    The rig's start procedure moves the plant from rest to the operating input, where it settles. The loop then runs
+    sample by sample: read, choose a command, hold it for a sample. Reading and command pass through the rig's measuring
+    chain if it has one; otherwise the sensor's noise is added to the reading.
 
     Parameters
     ----------
     plant : Plant
-        The actuator.
+        Plant that stands for the actuator.
     controller : Controller
-        With the plant's sample time.
+        Controller with the plant's sampling time.
     reference : array_like, shape (n,)
         Wanted output, in its unit.
     rng : numpy.random.Generator
-        Source of the sensor's noise.
+        Source of the sensor noise.
     settle : float
-        Time at the operating input between the start procedure and the closing of the loop, s.
+        Time at the operating input before the loop is closed, s.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
@@ -295,7 +296,7 @@ def closed_loop(
     Raises
     ------
     ControlError
-        If an argument is of another kind, controller and plant have different sample times, or the reference is no
+        If an argument has the wrong type, controller and plant have different sampling times, or the reference is not a
         row of finite numbers.
     """
     rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)

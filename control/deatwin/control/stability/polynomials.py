@@ -18,7 +18,7 @@ _NEAR = 1e-5
 
 @taking(first=numbers, second=numbers)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
-    """Multiply polynomials, a family by a family or by one.
+    """Multiply polynomials: one family by another, or by a single polynomial.
 
     Parameters
     ----------
@@ -28,11 +28,12 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., n + m - 1)
+        Coefficients of the products.
 
     Raises
     ------
     ControlError
-        If they are no real numbers, or their leading axes do not fit together.
+        If the coefficients are not real numbers, or their leading axes do not fit together.
     """
     left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
     lead = _lead(left, right)

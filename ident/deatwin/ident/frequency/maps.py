@@ -43,7 +43,7 @@ def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
     response : FrequencyResponse
         Of order 2 or more on a grid, see `frequency_grid`; as for `plot_response`, further frequencies are held.
     ax : matplotlib 3-D Axes, optional
-        Where to draw; new axes otherwise.
+        Axes to draw on; new ones by default.
 
     Returns
     -------

@@ -92,7 +92,7 @@ class Profile:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to; new ones by default.
+            Axes to draw on; new ones by default.
 
         Returns
         -------

@@ -63,7 +63,7 @@ class Part:
         Parameters
         ----------
         count : int
-            How many, at least 1; all where there are no more.
+            Number of samples, at least 1; if there are fewer, all are taken.
 
         Returns
         -------

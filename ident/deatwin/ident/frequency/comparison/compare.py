@@ -180,7 +180,7 @@ class Comparison:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -252,7 +252,7 @@ def compare(
         Constant input about which both are expanded, in the input's unit; by default halfway between the centres of
         their training data.
     input_band : tuple of float, optional
-        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
     level : float
         Probability of finding any difference where there is none, corrected over orders and bands (Holm).
     least : float

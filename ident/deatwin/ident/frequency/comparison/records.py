@@ -93,7 +93,7 @@ def compare_records(
     operating_input : float, optional
         Constant input about which all are expanded, in the input's unit; by default the mean over all records.
     input_band : tuple of float, optional
-        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
     level : float
         Probability of finding any difference where there is none, corrected over pairs, orders and bands (Holm); and
         of finding any drift where there is none, corrected over records, orders and bands.

@@ -38,7 +38,7 @@ class TestSignal(Frozen):
     values : ndarray, shape (n_samples,)
         Deviations from the operating input in ``unit``, with the pulse at the first sample.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     band_Hz : tuple of two floats
         Lowest and highest frequency that is excited.
     unit : str
@@ -118,7 +118,7 @@ class TestSignal(Frozen):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -153,7 +153,7 @@ def design_excitation(
     band_Hz : array_like, shape (2,)
         Lowest and highest frequency, the latter below half the sampling rate.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     amplitude : float, optional
         Largest deviation from the operating input, in the input's unit.
     operating : OperatingRange, optional

@@ -100,7 +100,7 @@ class InputSpectrum(Frozen):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -144,7 +144,7 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     order : int
         n, at least 1.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     unit : str
         Unit of the input.
 

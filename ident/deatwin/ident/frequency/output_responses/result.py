@@ -193,7 +193,7 @@ class Nofrf(Frozen):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------

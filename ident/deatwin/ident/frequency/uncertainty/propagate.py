@@ -76,9 +76,9 @@ class Propagated(Uncertain):
     Parameters
     ----------
     response : FrequencyResponse
-        At the model's own parameters.
+        Frequency response at the model's own parameters.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     nonlinearity : ndarray, shape (n,)
@@ -260,7 +260,7 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
         Takes a model and returns a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
         ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` of a linear model.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
 
     Returns
     -------

@@ -56,9 +56,9 @@ class Sampled(Uncertain):
     Parameters
     ----------
     response : FrequencyResponse
-        At the model's own parameters.
+        Frequency response at the model's own parameters.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     draws : ndarray of complex, shape (n_kept, n)
@@ -86,7 +86,7 @@ class Sampled(Uncertain):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -201,7 +201,7 @@ def sample(
     n_draws : int
         How many, at least 2.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
 
     Returns
     -------

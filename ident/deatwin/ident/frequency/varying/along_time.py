@@ -62,7 +62,7 @@ def tv_gfrf(
     operating_input : array_like, shape () or (n_times,), optional
         Constant input, or that of each time, in the input's unit; the centre of the training data by default.
     progress : callable, optional
-        Takes the share that is done and what is being done.
+        Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------

@@ -220,7 +220,7 @@ class VaryingResponse(Frozen):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -241,7 +241,7 @@ class VaryingResponse(Frozen):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
