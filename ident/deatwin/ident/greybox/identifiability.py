@@ -37,21 +37,21 @@ MOST_POINTS = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """The likelihood along one parameter, all others fitted anew at each of its values.
+    """Likelihood profile of one parameter: all others are fitted again at each of its values.
 
     Parameters
     ----------
     parameter : Parameter
-        With the calibrated value.
+        Parameter with its calibrated value.
     values : ndarray, shape (n,)
-        Values that were tried, in order, SI.
+        Values at which the others were fitted, in increasing order, SI.
     deviances : ndarray, shape (n,)
-        Twice the loss of log likelihood at each, scaled to the calibration's covariance.
+        Twice the loss of log likelihood at each value, scaled to the calibration's covariance.
     low, high : float
-        Ends of the 95 % interval, SI; an end of the physical range, or the last value with which the plant could be
-        fitted, where the likelihood does not fall far enough.
+        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, the end of the physical range, or the
+        last value at which the plant could be fitted.
     bounded : tuple of bool
-        Whether the recordings bound the parameter from below and from above.
+        True if the recordings bound the parameter from below, and from above.
     """
 
     parameter: Parameter
@@ -63,11 +63,11 @@ class Profile:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the recordings bound the parameter from both sides."""
+        """True if the recordings bound the parameter from both sides."""
         return all(self.bounded)
 
     def to_xarray(self) -> Any:
-        """Return the deviance over the values that were tried, with the interval, as an `xarray.Dataset`; SI."""
+        """Return the deviance over the values, with the interval, as an `xarray.Dataset`; SI."""
         unit = self.parameter.unit
         return dataset(
             {
@@ -87,7 +87,7 @@ class Profile:
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the deviance over the parameter, with the limit of the interval.
+        """Plot the deviance over the parameter, with the limit of the interval.
 
         Parameters
         ----------
@@ -113,19 +113,19 @@ class Profile:
 
 
 def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profile:
-    """Find the interval in which the likelihood of a parameter does not fall below that of a 95 % test.
+    """Find the 95 % likelihood interval of a parameter by profiling.
 
-    The residuals of a plant are correlated in time, so that a likelihood of white noise would be too sharp: the
-    deviance is scaled by the ratio of its curvature to the calibration's covariance, which allows for that.
+    The residuals of a plant are correlated in time, so the likelihood of white noise would be too narrow. The deviance
+    is therefore scaled so that its curvature matches the calibration's covariance, which accounts for the correlation.
 
     Parameters
     ----------
     calibration : Calibration
-        That settled.
+        Calibration whose fit settled.
     parts : sequence of Part
-        Samples to which it was fitted.
+        Samples that were fitted.
     name : str
-        A fitted parameter.
+        Name of a fitted parameter.
 
     Returns
     -------

@@ -39,23 +39,25 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
 def hold_equilibrium(
     trajectory: ThetaTrajectory, output: float, operating_input: float | None = None
 ) -> ThetaTrajectory:
-    """Return a trajectory whose constant term holds the equilibrium, all other parameters being the same.
+    """Return a trajectory whose constant term is adjusted so that the equilibrium stays constant.
 
-    What its responses lack of the original's is the effect of the equilibrium's motion.
+    All other parameters are unchanged, so the difference between its responses and the original ones is the effect of
+    the moving equilibrium.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output.
+        Parameters theta(t) of a model of one input and one output.
     output : float
-        The equilibrium at all times, in the output's unit.
+        Output at the equilibrium at all times, in its unit.
     operating_input : float, optional
-        Constant input at which it is one, in the input's unit; the centre of the training data by default.
+        Constant input at the equilibrium, in its unit; the centre of the training data by default.
 
     Returns
     -------
     ThetaTrajectory
-        With a constant term, last if there was none, and this point as the centre of its operating range.
+        Trajectory with a constant term (appended as the last term if there was none) whose operating range is centred
+        at this point.
 
     Raises
     ------
