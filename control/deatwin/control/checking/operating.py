@@ -44,10 +44,6 @@ class OperatingPoint:
         ----------
         linear : LinearModel
             Linear model, of any status.
-
-        Returns
-        -------
-        OperatingPoint
         """
         settles = linear.operating_output is not None
         return cls(

@@ -60,10 +60,6 @@ class Limit:
         ----------
         value : float
             Number, in the unit of the limit; NaN fails.
-
-        Returns
-        -------
-        Verdict
         """
         sign = 1.0 if self.more_is_better else -1.0
         if sign * value >= sign * self.good:

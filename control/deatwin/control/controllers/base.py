@@ -109,10 +109,6 @@ class Controller(ABC):
         ----------
         operating_input : float
             Constant input at the operating point, in the input's unit.
-
-        Returns
-        -------
-        Law
         """
 
     @abstractmethod
@@ -123,10 +119,6 @@ class Controller(ABC):
         ----------
         factor : float
             Multiplier of the loop gain.
-
-        Returns
-        -------
-        Controller
 
         Raises
         ------
@@ -149,10 +141,6 @@ class Controller(ABC):
             Fields that every kind of controller has.
         details : mapping
             Plain data that `details` returned.
-
-        Returns
-        -------
-        Controller
         """
 
     def to_control(self) -> NonlinearIOSystem:

@@ -184,10 +184,6 @@ class StaticCurve:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         inputs, outputs, _ = self._table
@@ -239,61 +235,18 @@ class InverseController(Controller):
         return self.feedback.start()
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """Compute the command of one sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            Reference and reading, in the output's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Command within its limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller after the sample.
-        """
         wanted, after = self.feedback.command(reference, reading, state)
         return np.clip(self.curve.input(wanted), self.command_min, self.command_max), after
 
     def local(self, operating_input: float) -> Law:
-        """Linearise about an operating point: the law of the feedback times the slope of the inverse.
-
-        Parameters
-        ----------
-        operating_input : float
-            Constant input at the operating point, in the input's unit.
-
-        Returns
-        -------
-        Law
-        """
+        """Linearise about `operating_input`: the law of the feedback times the slope of the inverse."""
         return self.feedback.law.scaled(1.0 / float(self.curve.slope(operating_input)))
 
     def scaled(self, factor: float) -> Self:
-        """Return the same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the loop gain.
-
-        Returns
-        -------
-        InverseController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         return replace(self, feedback=replace(self.feedback, law=self.feedback.law.with_feedback(factor)))
 
     def details(self) -> dict[str, Any]:
-        """Plain data of the feedback and the curve."""
         feedback, curve = self.feedback, self.curve
         return {
             "feedback": {**feedback.details(), **{name: getattr(feedback, name) for name in _INNER}},
@@ -307,19 +260,6 @@ class InverseController(Controller):
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """Rebuild a controller from the common fields and its `details`.
-
-        Parameters
-        ----------
-        common : mapping
-            Fields that every kind of controller has.
-        details : mapping
-            Plain data that `details` returned.
-
-        Returns
-        -------
-        InverseController
-        """
         inner = details["feedback"]
         wanted = {**common, **{name: inner[name] for name in _INNER}}
         feedback = LinearController.from_details(wanted, inner)

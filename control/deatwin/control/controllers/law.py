@@ -78,10 +78,6 @@ class Law:
             Output vector C, in the input's unit.
         d : float
             Direct term from the error, input unit by output unit.
-
-        Returns
-        -------
-        Law
         """
         column = np.asarray(b, dtype=np.float64)
         return cls(
@@ -98,10 +94,6 @@ class Law:
         ----------
         factor : float
             Multiplier of the command; it may have a unit.
-
-        Returns
-        -------
-        Law
         """
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
@@ -131,10 +123,6 @@ class Law:
         ----------
         gain : float
             Multiplier of the reference, input unit by output unit.
-
-        Returns
-        -------
-        Law
         """
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
@@ -233,10 +221,6 @@ class Law:
         ----------
         data : mapping
             Plain data that `to_dict` returned.
-
-        Returns
-        -------
-        Law
         """
         n = len(data["c"])
         return cls(

@@ -71,22 +71,6 @@ class LinearController(Controller):
         return np.zeros(self.states)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """Compute the command of one sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            Reference and reading, in the output's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Command within its limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller after the sample.
-        """
         law, x = self.law, np.asarray(state)
         asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
         wanted = self.operating_input + np.tensordot(law.c, x, 1) + law.d[REFERENCE] * asked + law.d[READING] * seen
@@ -99,57 +83,17 @@ class LinearController(Controller):
         return applied, after
 
     def local(self, operating_input: float) -> Law:
-        """Return the linear law, which is the same at all operating points.
-
-        Parameters
-        ----------
-        operating_input : float
-            Constant input at the operating point, in the input's unit.
-
-        Returns
-        -------
-        Law
-        """
+        """Return the linear law, which is the same at every `operating_input`."""
         return self.law
 
     def scaled(self, factor: float) -> Self:
-        """Return the same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the command's deviation from the operating input.
-
-        Returns
-        -------
-        LinearController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         return replace(self, law=self.law.scaled(factor), windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:
-        """Plain data of the law and its anti-windup."""
         return {"law": self.law.to_dict(), "windup": self.windup.tolist()}
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """Rebuild a controller from the common fields and its `details`.
-
-        Parameters
-        ----------
-        common : mapping
-            Fields that every kind of controller has.
-        details : mapping
-            Plain data that `details` returned.
-
-        Returns
-        -------
-        LinearController
-        """
         law = Law.from_dict(details["law"])
         return cls(**common, law=law, windup=np.array(details["windup"], dtype=float))

@@ -99,22 +99,6 @@ class ScheduledController(Controller):
         return np.append(np.zeros(self.states - 1), self.operating_input)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """Compute the command of one sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            Reference and reading, in the output's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Command within its limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            State of the controller after the sample.
-        """
         x, smooth = state[:-1], state[-1]
         asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
         a, b, c, d, windup = self._at(smooth)
@@ -126,43 +110,16 @@ class ScheduledController(Controller):
         return applied, np.concatenate([after, smooth[None]])
 
     def local(self, operating_input: float) -> Law:
-        """Return the linear law at an operating point.
-
-        Parameters
-        ----------
-        operating_input : float
-            Operating input, in the input's unit; beyond the first or last point the law of that point holds.
-
-        Returns
-        -------
-        Law
-        """
+        """Return the linear law at an `operating_input`; beyond the ends, that of the first or last point."""
         a, b, c, d, _ = self._at(np.asarray(operating_input, dtype=np.float64))
         return Law(a=a, b=b, c=c, d=d)
 
     def scaled(self, factor: float) -> Self:
-        """Return the same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Multiplier of the command's deviation from the operating input.
-
-        Returns
-        -------
-        ScheduledController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         laws = tuple(law.scaled(factor) for law in self.laws)
         return replace(self, laws=laws, windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:
-        """Plain data of the points and laws."""
         return {
             "points": self.points.tolist(),
             "laws": [law.to_dict() for law in self.laws],
@@ -171,19 +128,6 @@ class ScheduledController(Controller):
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """Rebuild a controller from the common fields and its `details`.
-
-        Parameters
-        ----------
-        common : mapping
-            Fields that every kind of controller has.
-        details : mapping
-            Plain data that `details` returned.
-
-        Returns
-        -------
-        ScheduledController
-        """
         laws = tuple(Law.from_dict(law) for law in details["laws"])
         points, windup = (np.array(details[name], dtype=float) for name in ("points", "windup"))
         return cls(**common, points=points, laws=laws, windup=windup)

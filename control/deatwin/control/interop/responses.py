@@ -81,10 +81,6 @@ class Frd:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         shown = self.omega > 0.0  # a logarithmic axis has no zero

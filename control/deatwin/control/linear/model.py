@@ -182,10 +182,6 @@ class LinearModel:
             True if the equilibrium is stable, including modes that the input does not excite.
         least_gain : float
             Largest static gain that may be rounding, output unit by input unit.
-
-        Returns
-        -------
-        LinearModel
         """
         if not is_stable:
             detail = f"largest pole {abs(self.poles).max(initial=0.0):.4g}"
@@ -198,10 +194,6 @@ class LinearModel:
 
     def require(self) -> Self:
         """Return this model if a controller can be designed on it.
-
-        Returns
-        -------
-        LinearModel
 
         Raises
         ------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,17 +15,15 @@ from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):
     """Static gain, modes and stability over operating points, each with a 95 % band over samples.
+
+    `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 
     Parameters
     ----------
@@ -33,65 +31,10 @@ class GainSchedule(FamilyBands):
         Linear models over the operating points; the first sample is the model itself.
     """
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the static gain over the operating input, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_gain(axes, self.operating_inputs)
-        axes.set_xlabel(self._input_label)
-        return axes
-
-    def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Plot the time constant of each mode over the operating input, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_time_constants(axes, self.operating_inputs)
-        axes.set_xlabel(self._input_label)
-        return axes
-
-    def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Plot the poles in the z plane, coloured by operating input, with those of the samples as a cloud.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_poles(axes, self.operating_inputs, self._input_label)
-        return axes
-
     def to_xarray(self) -> Any:
         """Return gain, modes and stability as an `xarray.Dataset` over the operating input."""
         along = "operating_input"
         return family_dataset(self, along, {along: (along, self.operating_inputs, self.family.input_unit)})
-
-    @property
-    def _input_label(self) -> str:
-        unit = self.family.input_unit
-        return f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
 
 
 @singledispatch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +17,6 @@ from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_t
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -30,6 +25,8 @@ Progress = Callable[[float], None]
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingLinear(FamilyBands):
     """Static gain, modes and stability over time, each with a 95 % band over samples.
+
+    `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 
     Parameters
     ----------
@@ -42,55 +39,9 @@ class VaryingLinear(FamilyBands):
 
     timepts: Array
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the static gain over time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_gain(axes, self.timepts)
-        axes.set_xlabel("time (s)")
-        return axes
-
-    def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Plot the time constant of each mode over time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_time_constants(axes, self.timepts)
-        axes.set_xlabel("time (s)")
-        return axes
-
-    def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Plot the poles in the z plane, coloured by time, with those of the samples as a cloud.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_poles(axes, self.timepts, "time (s)")
-        return axes
+    @property
+    def _along(self) -> tuple[Array, str]:
+        return self.timepts, "time (s)"
 
     def to_xarray(self) -> Any:
         """Return gain, modes and stability as an `xarray.Dataset` over time."""

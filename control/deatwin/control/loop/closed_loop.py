@@ -159,10 +159,6 @@ class ClosedLoop:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
@@ -227,10 +223,6 @@ class ClosedLoop:
         ----------
         data : mapping
             Plain data that `to_dict` returned.
-
-        Returns
-        -------
-        ClosedLoop
 
         Raises
         ------

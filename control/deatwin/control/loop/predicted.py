@@ -125,10 +125,6 @@ class PredictedLoop:
         ----------
         run : ClosedLoop
             Run with the same reference; samples missing at its end count as outside.
-
-        Returns
-        -------
-        float
         """
         n = run.output.size
         within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]
@@ -177,10 +173,6 @@ class PredictedLoop:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)

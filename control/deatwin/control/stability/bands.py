@@ -120,10 +120,6 @@ class MarginBand:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from matplotlib.collections import LineCollection
 

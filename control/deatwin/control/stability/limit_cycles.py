@@ -96,10 +96,6 @@ class LimitCycles(Sequence[LimitCycle]):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         moves = self.describing != 0.0

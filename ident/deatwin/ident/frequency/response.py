@@ -244,10 +244,6 @@ class FrequencyResponse(Frozen):
         level : float
             Probability at each frequency, between 0 and 1.
 
-        Returns
-        -------
-        Band
-
         Raises
         ------
         ModelError
@@ -272,10 +268,6 @@ class FrequencyResponse(Frozen):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from deatwin.ident.frequency.drawing import plot_response
 

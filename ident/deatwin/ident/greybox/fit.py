@@ -159,10 +159,6 @@ class Calibration:
         ----------
         name : str
             Name of a fitted parameter.
-
-        Returns
-        -------
-        bool
         """
         parameter, (low, high) = self.plant.parameters[name], self.interval(name)
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0

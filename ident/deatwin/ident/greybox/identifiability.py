@@ -93,10 +93,6 @@ class Profile:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         ax = axes_or_new(ax)
         # Its signed root is nearly straight between the values that were tried.

@@ -41,10 +41,6 @@ class Part:
         ----------
         experiment : Experiment
             Recordings on one clock.
-
-        Returns
-        -------
-        Part
         """
         masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
         return cls(experiment=experiment, masks=masks)
@@ -64,10 +60,6 @@ class Part:
         ----------
         count : int
             Number of samples, at least 1; if there are fewer, all are taken.
-
-        Returns
-        -------
-        Part
         """
         before = np.cumsum([0, *(int(mask.sum()) for mask in self.masks)])
         masks = tuple(

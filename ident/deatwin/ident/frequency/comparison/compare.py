@@ -181,10 +181,6 @@ class Comparison:
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from deatwin.ident.frequency.comparison.plot import plot_comparison
 

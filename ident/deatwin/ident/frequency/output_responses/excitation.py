@@ -119,10 +119,6 @@ class TestSignal(Frozen):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         half = self.values.size // 2

@@ -101,10 +101,6 @@ class InputSpectrum(Frozen):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         inside = self.in_range

@@ -195,10 +195,6 @@ class Nofrf(Frozen):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         return self._draw(self.order, axes_or_new(ax))
 

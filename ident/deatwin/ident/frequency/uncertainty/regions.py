@@ -192,10 +192,6 @@ class Uncertain(Frozen, ABC):
         ----------
         ax : matplotlib Axes, optional
             Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from deatwin.ident.frequency.uncertainty.drawing import plot_plane
 
@@ -208,10 +204,6 @@ class Uncertain(Frozen, ABC):
         ----------
         ax : matplotlib Axes, optional
             Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
 
         Raises
         ------
@@ -229,10 +221,6 @@ class Uncertain(Frozen, ABC):
         ----------
         ax : matplotlib Axes, optional
             Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
 
         Raises
         ------

@@ -87,10 +87,6 @@ class Sampled(Uncertain):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from deatwin.ident.frequency.uncertainty.drawing import plot_draws
 

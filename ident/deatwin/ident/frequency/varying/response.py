@@ -222,10 +222,6 @@ class VaryingResponse(Frozen):
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
 
-        Returns
-        -------
-        matplotlib Axes
-
         Raises
         ------
         ModelError
@@ -242,10 +238,6 @@ class VaryingResponse(Frozen):
         ----------
         ax : matplotlib Axes, optional
             Axes to draw on; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         from deatwin.ident.frequency.varying.plots import plot_equilibria
 
