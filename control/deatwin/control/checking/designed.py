@@ -22,7 +22,7 @@ class UndesignedError(ControlError):
 
 
 def designed(design: Design, linear: LinearModel, command_limits: tuple[float, float]) -> Controller:
-    """What the design makes of a model."""
+    """Design a controller on a model, and turn foreign exceptions into a ControlError."""
     try:
         controller = design(linear, command_limits=command_limits)
     except (ControlError, ModelError) as error:
@@ -44,7 +44,7 @@ def designed(design: Design, linear: LinearModel, command_limits: tuple[float, f
 
 
 def _name(design: Design) -> str:
-    """What a user calls a design: the function's name, or the class of an object that is called."""
+    """Name of a design for messages: that of the function, or of a callable object's class."""
     while isinstance(design, partial):
         design = design.func
     return str(getattr(design, "__name__", type(design).__name__))

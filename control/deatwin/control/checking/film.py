@@ -1,4 +1,4 @@
-"""Whether the film bears the commands: on all plants that the calibrated one may be."""
+"""Judge if the film stays in tension under the commands, on all plants drawn from the calibration."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
 
 
 def _rests(plant: Plant, commands: NDArray[np.float64], headroom: float) -> bool:
-    """Whether a plant has a state of rest at the largest and the smallest command."""
+    """True if a plant has a state of rest at the largest and the smallest command."""
     rest = plant.rig.start.rest_command
     ends = rest + headroom * (np.array([commands.min(), commands.max()]) - rest)
     return all(rest_under(plant, float(end)) is not None for end in ends)

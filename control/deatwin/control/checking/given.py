@@ -1,4 +1,4 @@
-"""What a check is given: whether it belongs together, and what it tells of the recording."""
+"""Check that the inputs of a check fit together, and collect what is known about the recording."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ def trained_range(model: NarxModel) -> tuple[float, float]:
 
 
 def known_caveats(model: NarxModel) -> tuple[str, ...]:
-    """What the model's file says against relying on it."""
+    """Caveats in the model's file."""
     reliance = Reliance.of_provenance(model.provenance)
     return () if reliance is None else reliance.caveats
 
@@ -133,12 +133,12 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
 
 
 def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:
-    """What the recording excited; None where nobody knows it."""
+    """Band that the recording excited; None if it is not known."""
     return Excitation.of_provenance(model.provenance) if recording is None else excitation(recording)
 
 
 def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    """Residual of the model's free run; None where nobody knows it."""
+    """Residual of the model's free run; None if it is not known."""
     carried = Residual.of_provenance(model.provenance)
     if recording is None:
         return carried

@@ -1,4 +1,4 @@
-"""Where a model was linearised, as a file holds it."""
+"""Operating point of a linear model, as saved in a file."""
 
 from __future__ import annotations
 

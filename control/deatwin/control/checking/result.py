@@ -1,4 +1,4 @@
-"""What a check found: a verdict with everything that it rests on."""
+"""Result of a check: the verdict with all its evidence."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
 QUANTILE = 0.025
-"""Of the draws, at which margins are judged."""
+"""Quantile of the draws at which margins are judged."""
 
 
 @dataclass(frozen=True, kw_only=True)

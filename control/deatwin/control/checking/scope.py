@@ -1,4 +1,4 @@
-"""Whether a loop works where its model was told something: in the band and the range of the training data."""
+"""Judge if the loop stays within the band and range of the data from which its model was identified."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a closed loop must keep to: limits with their sources."""
+"""Requirements on a closed loop: limits with their sources."""
 
 from __future__ import annotations
 

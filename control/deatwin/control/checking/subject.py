@@ -52,7 +52,7 @@ both."""
 PLANTS = 20
 """Plants drawn from a calibration."""
 FILMS = 8
-"""Of them, those on which the film's limits are tried."""
+"""Number of these plants on which the film's limits are tested."""
 TIME_SAMPLES = 50
 """Draws at each time of a model that varies."""
 
@@ -197,7 +197,7 @@ class Subject:
     def _on_plant(
         self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None
     ) -> list[Finding]:
-        """What more is judged where the plant lived through the steps."""
+        """Further findings if the plant survived the steps."""
         spec, plant = self.specification, self.plant.plant
         factors = (spec.gain.poor, spec.gain.good)
         raised = [

@@ -1,4 +1,4 @@
-"""From numbers to findings: each number beside its limit."""
+"""Judge numbers against their limits."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Runs:
     """Runs of one controller on one physics plant."""
 
     source: str
-    steps: ClosedLoop  # With a step reference and with a slow sine
+    steps: ClosedLoop  # Run of a step reference; `sine` is that of a slow sine
     sine: ClosedLoop
 
     @property
@@ -55,7 +55,7 @@ class Runs:
         return "on the physics plant" if self.source == "plant" else f"on {self.source}"
 
     def subject(self, name: str) -> str:
-        """What a finding on these runs is about."""
+        """Subject of a finding on these runs."""
         return name if self.source == "plant" else f"{name} ({self.source})"
 
 
@@ -157,7 +157,7 @@ def late_rms_error(run: ClosedLoop) -> float:
 
 
 def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
-    """How far a run went beyond the outputs of the training data, in words; empty where it did not."""
+    """Sentence on how far a run left the output range of the training data; empty if it did not."""
     low, high = float(achieved.output.min()), float(achieved.output.max())
     if trained is None or trained[0] <= low <= high <= trained[1]:
         return ""
@@ -180,7 +180,7 @@ def _subject(name: str, row: MarginRow) -> str:
 
 
 def _at(row: MarginRow) -> str:
-    """Where a row of margins is worst, in words."""
+    """Operating point of a row of margins, in words."""
     whose = _whose(row)
     low = f" at the 2.5 % quantile over draws of {whose}" if row.samples > 1 else f" on {whose}"
     return f"{low}, at the input {row.operating_input:.3g}{_when(row)}"

@@ -1,4 +1,4 @@
-"""What every sampled controller is: a law with limits, one command a sample, for one loop or for many at once."""
+"""Base class of sampled controllers: a law with command limits, evaluated for one loop or many at once."""
 
 from __future__ import annotations
 

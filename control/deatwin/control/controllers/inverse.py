@@ -174,7 +174,7 @@ class StaticCurve:
 
     @cached_property
     def _resolution(self) -> float:
-        """What rounding leaves of an input, in its unit."""
+        """Rounding error of an input, in its unit."""
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -194,7 +194,7 @@ class StaticCurve:
 
 
 _INNER = ("name", "operating_input", "command_min", "command_max")
-"""In which the feedback differs from the whole: its command is a wanted output."""
+"""Fields in which the inner feedback differs, because its command is a wanted output."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -147,7 +147,7 @@ class ScheduledController(Controller):
 
 
 def _rest_alike(first: Law, other: Law) -> bool:
-    """Whether the states of rest of two laws, with reading equal to reference, are the same and hold one command."""
+    """True if two laws, with reading equal to reference, share their states of rest and the command there."""
     units = np.maximum(np.abs(first.b).max(axis=1), np.abs(other.b).max(axis=1))
     units[units == 0.0] = 1.0  # states differ by many orders of magnitude
     manifolds = []

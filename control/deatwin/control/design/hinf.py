@@ -187,7 +187,7 @@ def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None
 
 
 def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
-    """From reference and command to the weighted error, the weighted command and the error, in the w plane."""
+    """Generalised plant in the w plane, from reference and command to weighted error, weighted command and error."""
     import control
 
     first, second = (control.ss(weight) for weight in bounds.weights())

@@ -263,7 +263,7 @@ class _Loops:
         return np.asarray((needed[:, None] * np.abs(self.table[:, above]) > 1.0).any(axis=1))
 
     def _why_not(self, crossover: float) -> str:
-        """What the loop would have at the crossover, and up to which one the bounds can be kept."""
+        """Explain what the loop reaches at this crossover, and up to which crossover the bounds can be kept."""
         phase = np.unwrap(np.angle(self.table), axis=1)[:, np.searchsorted(self.omega, crossover)]
         margin = 180.0 + float(np.degrees(phase).max())
         low, high = self.omega[0], crossover

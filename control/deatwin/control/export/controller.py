@@ -90,7 +90,7 @@ def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str
 
 
 def _inner(controller: LinearController) -> dict[str, object]:
-    """Where the law's own command is centred and limited; behind an inverse that is an output."""
+    """Centre and limits of the law's own command, which is an output if an inverse follows."""
     return {
         "centre": float(controller.operating_input),
         "low": float(controller.command_min),

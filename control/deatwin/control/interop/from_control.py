@@ -116,13 +116,13 @@ def _of_states(system: StateSpace) -> tuple[Array, Array]:
 
 
 def _leading(coefficients: Any) -> Array:
-    """Without the zeros before the first coefficient."""
+    """Strip leading zeros."""
     values = _finite(coefficients)
     return np.asarray(values[np.argmax(values != 0.0) :] if values.any() else values[-1:], dtype=np.float64)
 
 
 def _trimmed(coefficients: Array) -> Array:
-    """Without the zeros after the last coefficient, which are poles and zeros at z = 0 that cancel or do not matter."""
+    """Strip trailing zeros: poles and zeros at z = 0 that cancel or do not matter."""
     return coefficients[: max(np.flatnonzero(coefficients), default=0) + 1]
 
 

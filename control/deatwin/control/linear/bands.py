@@ -1,4 +1,4 @@
-"""What a family of linear models says of gain and modes, with bands over its samples."""
+"""Gain and modes of a family of linear models, with bands over its samples."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class FamilyBands:
 
     @property
     def operating_inputs(self) -> Array:
-        """Shape (n_points,), in the input's unit."""
+        """Constant inputs, in the input's unit, shape (n_points,)."""
         return self.family.operating_inputs
 
     @cached_property
@@ -93,7 +93,7 @@ class FamilyBands:
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether the model itself has a stable equilibrium, shape (n_points,)."""
+        """True where the model itself has a stable equilibrium, shape (n_points,)."""
         return np.asarray(self.family.stable[:, 0])
 
     @cached_property

@@ -350,7 +350,7 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
 
 
 def _realisations(models: Sequence[Sequence[LinearModel]]) -> tuple[tuple[Realisation | None, ...], ...]:
-    """Those of models that all have one, but for those without an equilibrium."""
+    """Realisations of the models, if all models with an equilibrium have one."""
     if any(m.realisation is None and m.operating_output is not None for row in models for m in row):
         return ()
     return tuple(tuple(m.realisation for m in row) for row in models)

@@ -26,11 +26,11 @@ Progress = Callable[[float], None]
 
 _PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
 _GROWS = 1e-9
-"""By so much more than 1 a mode that the command does not excite grows for certain: a memory at rest stays as it is."""
+"""A mode that the command does not excite grows if its modulus exceeds 1 by more than this; memories at rest have 1."""
 _NO_GAIN = 1e-12
 """Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
 _LOWEST, _POINTS = 1e-3, 50
-"""From this frequency, Hz, to half the sampling rate the coefficients are compared with the matrices."""
+"""Lowest frequency at which coefficients are compared with the matrices, Hz."""
 _GAIN_ERROR = 1e-3
 """Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
 far below what a gain margin leaves, far above rounding."""
@@ -221,7 +221,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
 
 
 def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
-    """What is to be said of the digits that the coefficients have lost."""
+    """A remark on the digits that the coefficients have lost."""
     interval = plant.rig.sample_time
     omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
     delay = np.exp(-1j * omega * interval)

@@ -95,7 +95,7 @@ def linearise_along(
     families: list[LinearFamily] = []
     models = followed(trajectory, timepts, inputs)
     for model, time, level in zip(models, timepts.tolist(), inputs.tolist(), strict=True):
-        # The same standard draws at each time: a sample lies as far from the model at all times, and bands are smooth.
+        # Equal standard draws at each time keep a sample equally far from the model, so bands are smooth.
         same = np.random.default_rng(seed)
         family = _of_one_time(trajectory.at(time) if model is None else model, level, same, samples)
         families.append(family if model is not None else _emptied(family))
@@ -109,7 +109,7 @@ def _of_one_time(model: NarxModel, level: float, rng: np.random.Generator, sampl
 
 
 def _emptied(family: LinearFamily) -> LinearFamily:
-    """The same without any equilibrium: the one that was followed has ended."""
+    """The family marked as without equilibrium, because the branch that was followed has ended."""
     nowhere = np.zeros_like(family.exists)
     denominators = np.zeros_like(family.denominators)
     denominators[:, :, 0] = 1.0

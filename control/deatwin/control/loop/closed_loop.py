@@ -39,10 +39,10 @@ _SERIES = ("timepts", "reference", "output", "measured", "command")
 class Level:
     """A level of a step reference, as samples of a run."""
 
-    first: int  # Where the reference leaves the level before, where it is at the new one, and where it leaves that
+    first: int  # Samples at which the reference leaves the level before, reaches the new one, and leaves that
     settled: int
     stop: int
-    step: float  # From the level before to this one, in the output's unit
+    step: float  # Difference from the level before, in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -324,7 +324,7 @@ def closed_loop(
 
 
 def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> float:
-    """What the sensor makes of a reading, a sample after another."""
+    """Reading with sensor noise, from two successive samples."""
     if rig.chain is None:
         return now + rig.noise * float(rng.standard_normal())
     return float(rig.chain.record([before, now], rng, sample_time=rig.sample_time)[-1])

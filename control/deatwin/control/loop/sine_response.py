@@ -69,7 +69,7 @@ class SineResponse:
         from scipy.interpolate import RegularGridInterpolator
 
         phase = np.unwrap(np.unwrap(np.angle(self.values), axis=1), axis=0)
-        # What does not move at all has no logarithm; the last digit of one may lie outside of the grid.
+        # A constant has no logarithm; rounding may put a logarithm just outside the grid.
         table = np.log(np.maximum(np.abs(self.values), np.finfo(float).tiny)) + 1j * phase
         axes = np.log(self.amplitudes), np.log(self.omega)
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
@@ -155,8 +155,8 @@ def sine_response(
 class _Sine:
     """A sine in samples."""
 
-    angle: float  # From one sample to the next, rad
-    first: int  # Where it has settled and is measured, and all samples
+    angle: float  # Phase step per sample, rad
+    first: int  # First sample after settling, from which it is measured
     count: int
 
     @classmethod

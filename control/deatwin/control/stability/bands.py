@@ -309,7 +309,7 @@ def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
 
 
 def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
-    """Of the phase at gain crossings, rad, and of the crossings themselves, rad a sample."""
+    """Gradients of the phase at gain crossings, rad, and of the crossings, rad a sample."""
     shift = -loop.log_gradient.real / loop.log_slope.real[:, None]
     return loop.log_gradient.imag + loop.log_slope.imag[:, None] * shift, shift
 

@@ -64,7 +64,7 @@ class DescribingFunction(ABC):
 
 
 def _clipped_share(ratio: Array) -> Array:
-    """Of a clipped sine: the gain of a saturation at ratio = limit by amplitude."""
+    """Gain of a saturation for a sine, at ratio = limit by amplitude."""
     x = np.clip(ratio, -1.0, 1.0)
     return np.asarray(2.0 / np.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x**2)))
 

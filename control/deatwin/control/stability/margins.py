@@ -127,7 +127,7 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
 
 
 def _with_ends(places: Places, count: int) -> Places:
-    """At 0 Hz and at half the sampling rate every loop is real."""
+    """Add 0 Hz and half the sampling rate, where every loop is real."""
     loops = np.arange(count)
     return places + Places(loops=loops, angle=np.zeros(count)) + Places(loops=loops, angle=np.full(count, np.pi))
 

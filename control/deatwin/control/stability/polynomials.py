@@ -87,7 +87,7 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
-    """Whether all poles of closed loops lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
+    """True where all closed-loop poles lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
     returns (n,).
     """
     closed = numerators + denominators

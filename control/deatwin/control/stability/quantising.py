@@ -29,7 +29,7 @@ def _few_steps(ratio: float) -> float:
 
 
 def _many_steps(ratio: Array) -> Array:
-    r"""The same, of many steps: a midpoint sum, whose error stems from the root at the sine's peak alone.
+    r"""Gain for many steps: a midpoint sum, whose only error comes from the root at the sine's peak.
 
     .. math:: N = 1 + \frac{4 \sqrt 2}{\pi} (r^{-3/2} \zeta(-1/2, a) - r^{-5/2} \zeta(-3/2, a)/4 - ...)
     """

@@ -116,7 +116,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
     sizes[1] += 1.0
-    # In units of the data no coefficient is large only because metres are; what cancels to rounding is zero.
+    # Coefficients in units of the data do not depend on the choice of units; those that cancel to rounding are zero.
     scale = 1.0 if model.operating is None else _output_size(model)
     powers = scale ** np.arange(coefficients.size)
     scaled, sizes = coefficients * powers, sizes * powers
@@ -156,7 +156,7 @@ class Deviations(Frozen):
 
     model: NarxModel
     jacobian: Array
-    point: Equilibrium  # From where they deviate
+    point: Equilibrium  # Origin of the deviations
 
 
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:

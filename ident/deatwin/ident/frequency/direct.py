@@ -104,7 +104,7 @@ class _Sum:
     """The sum over all multisets of excited lines."""
 
     spectrum: Complex
-    lines: NDArray[np.intp]  # Those that are excited
+    lines: NDArray[np.intp]  # Excited lines
     order: int  # Size of the multisets
 
     def over(self, response: Callable[[NDArray[np.float64]], Complex], shape: tuple[int, ...]) -> Complex:
@@ -129,7 +129,7 @@ class _Sum:
 
 
 def _permutations(rows: NDArray[np.intp]) -> NDArray[np.float64]:
-    """In how many orders each sorted row can be written: n! by the factorials of how often each line comes."""
+    """Number of permutations of each sorted row: n! divided by the factorials of the multiplicities."""
     run, repeats = np.ones(len(rows)), np.ones(len(rows))
     for earlier, later in zip(rows.T, rows.T[1:], strict=False):
         run = np.where(earlier == later, run + 1, 1.0)

@@ -177,7 +177,7 @@ def _grid(response: FrequencyResponse) -> _Grid | None:
 
 
 def _is_slice(response: FrequencyResponse) -> bool:
-    """Whether the frequencies after the second do not change."""
+    """True if the frequencies after the second are constant."""
     return response.omega.ndim == 2 and bool(np.all(response.omega[:, 2:] == response.omega[:1, 2:]))
 
 

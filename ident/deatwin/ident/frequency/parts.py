@@ -1,4 +1,4 @@
-"""What the equations of the parts are solved on: sets of tones, runs of tones, and orders of a periodic output."""
+"""Domains on which the equations are solved: sets of tones, runs of tones, and orders of a periodic output."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Tones:
 
     @property
     def repeats(self) -> int:
-        """How often H_n is in the part of all tones."""
+        """Multiplicity of H_n in the component of all tones."""
         return factorial(self.count)
 
     @cached_property
@@ -94,7 +94,7 @@ class TonesInOrder(Tones):
 
     @property
     def repeats(self) -> int:
-        """How often H_n is in the part of all tones."""
+        """Multiplicity of H_n in the component of all tones."""
         return 1
 
     @cached_property
@@ -113,7 +113,7 @@ class TonesInOrder(Tones):
 
 
 FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrder}
-"""Of a frequency response of several frequencies."""
+"""Forms of a frequency response of several frequencies."""
 
 
 class Orders:

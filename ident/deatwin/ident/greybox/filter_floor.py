@@ -1,4 +1,4 @@
-"""What accounts for a residual in which nothing is missing: the sensor's noise and the plant's own error."""
+"""Noise and model error that explain a residual if no physics is missing."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from deatwin.ident.greybox.filter_linear import Linear
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """What accounts for a residual where nothing is opened."""
+    """Noise and model error that explain a residual with nothing opened."""
 
     noise: float  # Standard deviation of the sensor's white noise, SI
     model_error: float = 0.0  # Rms of the plant's own error in the reading, SI
-    memory: float = 1.0  # How long that error stays the same, s
+    memory: float = 1.0  # Correlation time of the model error, s
 
     @classmethod
     def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
@@ -27,7 +27,7 @@ class Floor:
 
 
 def _correlation_time(linear: Linear) -> float:
-    """Of the states' motion, weighted by what the reading sees of each, s."""
+    """Correlation time of the states, weighted by their contribution to the reading, s."""
     motion = sum(
         (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),
         start=np.zeros(linear.residual.size),

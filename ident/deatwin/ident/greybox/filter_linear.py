@@ -37,8 +37,8 @@ SPREAD = 0.3
 class Linear:
     """A plant, linearised along its free run through one part of the recordings."""
 
-    plant: Plant  # That was linearised
-    openings: tuple[Opening, ...]  # What may be opened
+    plant: Plant  # Linearised plant
+    openings: tuple[Opening, ...]
     timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
     residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
     transition: Array  # shape (n, n_x, n_x): F_k, from the start of a sample to its end
@@ -50,16 +50,16 @@ class Linear:
     rows_entering: Array  # shape (n, n_openings): L_k
     states: Mapping[str, Array]
     counts: Array  # shape (n,): Readings of which `residual` is the mean: 1 or 0, more where samples were joined
-    interval: float  # From one of them to the next, s
+    interval: float  # Interval between samples, s
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """Whether a reading counts at the end of each sample, shape (n,)."""
+        """True where a reading is used at the end of a sample, shape (n,)."""
         return self.counts > 0
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Of x, in its order."""
+        """Names of the states x, in order."""
         return self.plant.equations.states
 
     @cached_property
@@ -69,7 +69,7 @@ class Linear:
         return np.array([_spread(parameter) ** 2 for parameter in free])
 
     def joined(self, size: int) -> Linear:
-        """The same, with so many samples joined into one, in which what enters is constant."""
+        """Model with several samples joined into one, in which the unknown input is constant."""
         if size == 1:
             return self
         n_x, n_p = self.start_by_parameter.shape
@@ -226,7 +226,7 @@ def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Columns:
-    """Which derivative stands in which column."""
+    """Columns of the derivatives."""
 
     free: list[int]
     held: list[int]

@@ -24,7 +24,7 @@ NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
 RANK = 1e-12
-"""Of the squares of singular values, over the largest one: a direction in which the readings change less is none."""
+"""Squares of singular values below this share of the largest one count as zero."""
 REMAINING = 10.0
 """Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
 A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
@@ -278,7 +278,7 @@ def calibrate(
 
 
 def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float) -> FitStatus:
-    """How a fit ended: settled only where its gradient is small, and no other start contradicts."""
+    """Outcome of a fit: settled only if its gradient is small and no other start contradicts it."""
     if fit.status is not FitStatus.SETTLED:
         return fit.status
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
@@ -286,7 +286,7 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
     exact = fit.rms <= EXACT * float(np.std(measured))  # what is left is rounding, whose gradient means nothing
     gain = 0.0
     if any(moves) and not exact:
-        # Where a parameter hardly matters, what its range does not allow is no way that was left out.
+        # If a parameter hardly matters, its bound does not hide a better fit.
         slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
         gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
     if gain > REMAINING * tolerance * fit.rms**2:
@@ -319,7 +319,7 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def _width(parameter: Parameter) -> float:
-    """Of a parameter's range, in its coordinate; 1 of a range without ends."""
+    """Width of a parameter's range in its coordinate; 1 for an unbounded range."""
     least, most = parameter.ends
     return most - least if np.isfinite([least, most]).all() else 1.0
 

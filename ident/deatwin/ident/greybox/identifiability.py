@@ -1,4 +1,4 @@
-"""How well recordings determine a calibrated parameter: profile likelihood."""
+"""Profile likelihood: how well recordings determine a calibrated parameter."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))
-"""That quantile of the chi-squared law with one degree of freedom."""
+"""Quantile at this level of the chi-squared law with one degree of freedom."""
 CLOSE = 0.02
 """Share of the limit by which the deviance may miss it at an end of the interval."""
 MOST_POINTS = 6
@@ -162,7 +162,7 @@ class _Side:
 
 
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
-    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
+    """Value at which the deviance reaches its limit, by steps that are exact for a parabola."""
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
@@ -188,7 +188,7 @@ def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int)
 
 
 def _next_step(step: float, deviance: float, inner: float, outer: float) -> float:
-    """Where the parabola through the last point reaches the limit, or between the points that enclose that."""
+    """Next step: to where the parabola through the last point reaches the limit, or between enclosing points."""
     guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
     if inner < guess < outer:
         return float(guess)

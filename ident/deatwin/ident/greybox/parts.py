@@ -1,4 +1,4 @@
-"""Which samples of experiments count, and what a plant that runs free reads there."""
+"""Selected samples of experiments, and the simulated readings of a plant there."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Part:
 
 
 Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording]
-"""What a plant can be calibrated on."""
+"""Data on which a plant can be calibrated."""
 
 
 def parts_of(records: Records) -> tuple[Part, ...]:

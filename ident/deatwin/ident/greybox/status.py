@@ -1,4 +1,4 @@
-"""How a calibration ended."""
+"""Outcomes of a calibration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where do actuators differ, and is it the actuators or the age at which they were recorded?
+"""Find where actuators differ, and distinguish the actuators from the age at which they were recorded.
 
 All records are fitted with the same terms. What each block of a record says of the parameters, carried on to the mean
 of H_n over a band, is a short series in time about that of the whole record. Its slowest cosines are the drift of that
@@ -39,7 +39,7 @@ SLOW = 8
 """Cosines of a drift, of half a period to four periods in the record: a cycle that comes twice in it, at any phase, has
 most of its power in them."""
 TIMES = np.linspace(0.0, 1.0, 41)
-"""At which drifting records are compared, as shares of a record: ten to the period of the fastest cosine."""
+"""Times at which drifting records are compared, as shares of a record: ten per period of the fastest cosine."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,7 +149,7 @@ def _centre(models: Sequence[NarxModel]) -> Array:
 
 
 def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
-    """How a mean goes through its record, before any correction."""
+    """Course of a mean through its record, uncorrected."""
     way = cosines.drift(TIMES)
     reach = float(np.linalg.norm(way[:, None] - way, axis=-1).max())
     test = no_drift(cosines)

@@ -154,7 +154,7 @@ def nofrf_exact(
 
 
 def _wanted_orders(order: int, highest: int | None) -> range:
-    """How many orders may be fitted."""
+    """Range of the number of orders to fit."""
     fewest = order if highest is None else whole_number(highest, "highest", order)
     if fewest > _HIGHEST:
         raise ModelError(
@@ -171,7 +171,7 @@ class _Runs:
     levels: Array  # shape (n_levels,): Factors of the excitation
     spectra: Complex  # shape (n_levels, n_lines): Of the output's deviations
     lost: Array  # Factors at which the model diverges
-    settled: bool  # Whether all others repeat
+    settled: bool  # True if all other levels repeat
 
     @property
     def kept_share(self) -> float:
@@ -210,7 +210,7 @@ def _result(
     runs: _Runs,
     fit: LevelFit,
 ) -> Nofrf:
-    """What was fitted, before it is judged; its derivatives are those of the exact orders, without truncation."""
+    """Result of the fit before it is judged; its derivatives are those of the exact orders, without truncation."""
     outputs = tuple(_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,

@@ -129,7 +129,7 @@ def _axis(uncertain: Uncertain) -> tuple[Array, str]:
 
 
 def _is_line(uncertain: Uncertain) -> bool:
-    """Whether neighbours belong together: lines of a spectrum do not, nor do points of a grid."""
+    """True if neighbouring points form a curve: lines of a spectrum and points of a grid do not."""
     if uncertain.response.symbol == "Y":
         return False
     return uncertain.omega.ndim == 1 or _goes_one_way(_sums(uncertain))

@@ -73,12 +73,12 @@ class Polar(Frozen):
 
     @property
     def gain_index(self) -> Array:
-        """How far the gain is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the gain, shape (n,): the larger of its bend and the relative deviation."""
         return np.maximum(self.gain_bend, self.relative_deviation)
 
     @property
     def phase_index(self) -> Array:
-        """How far the phase is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the phase, shape (n,): the larger of its bend and the relative deviation."""
         return np.maximum(self.phase_bend, self.relative_deviation)
 
 

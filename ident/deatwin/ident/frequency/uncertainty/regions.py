@@ -1,4 +1,4 @@
-"""What propagated and sampled uncertainties of a frequency response have in common."""
+"""Common base of propagated and sampled uncertainties of a frequency response."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Uncertain(Frozen, ABC):
     @property
     @abstractmethod
     def source(self) -> str:
-        """Where the uncertainty comes from, for legends."""
+        """Origin of the uncertainty, for legends."""
 
     @property
     def values(self) -> Complex:
@@ -92,7 +92,7 @@ class Uncertain(Frozen, ABC):
     @property
     @abstractmethod
     def linear_law(self) -> NDArray[np.bool_]:
-        """Whether the ellipses describe real and imaginary part, shape (n,)."""
+        """True where the ellipses describe real and imaginary part, shape (n,)."""
 
     @abstractmethod
     def joint_covariance(self) -> Array:

@@ -132,13 +132,13 @@ def _equilibrium(model: NarxModel, level: float) -> Equilibrium | None:
 
 
 def _is_clear(point: Equilibrium, near: float) -> bool:
-    """Whether the chosen equilibrium is much nearer to that of before than the others are."""
+    """True if the chosen equilibrium is much nearer to the previous one than all others are."""
     distances = np.abs(point.outputs - near)
     return bool(np.all(distances[point.chosen] <= _CLEAR * np.delete(distances, point.chosen)))
 
 
 def _has_between(trajectory: ThetaTrajectory, first: float, last: float) -> bool:
-    """Whether the trajectory has a time between two."""
+    """True if the trajectory has a time between two given ones."""
     return bool(np.searchsorted(trajectory.timepts, last) > np.searchsorted(trajectory.timepts, first, side="right"))
 
 
