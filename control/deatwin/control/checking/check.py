@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, function, generator, instance, numbers, pair, positive, taking, whole
-from deatwin.control.checking.designed import SAME, Design, UndesignedError, designed
 from deatwin.control.checking.given import (
+    SAME,
+    Design,
+    UndesignedError,
+    designed,
     integral_only,
     known_caveats,
     known_excitation,
@@ -23,8 +26,8 @@ from deatwin.control.checking.given import (
     require_pair,
     trained_range,
 )
-from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
+from deatwin.control.checking.rows import OperatingPoint
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.subject import Subject
 from deatwin.control.checking.trial import STEP_SHARE, require_short_runs

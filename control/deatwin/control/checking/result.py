@@ -9,8 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from deatwin.control.checking.operating import OperatingPoint
-from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.checking.cycles import judge_cycles
-from deatwin.control.checking.film import judge_film
-from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
-from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
-from deatwin.control.checking.scope import judge_band, judge_rests, judge_training, judge_unknown_band
+from deatwin.control.checking.rows import MarginRow, OperatingPoint, row_of_band, rows_of_family
+from deatwin.control.checking.scope import judge_band, judge_film, judge_rests, judge_training, judge_unknown_band
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import (

@@ -37,13 +37,13 @@ class LqgGains:
 
     @property
     def regulator_poles(self) -> NDArray[np.complex128]:
-        """Of the model with the true states fed back, shape (n + 1,), in the z plane."""
+        """Poles of the model with the true states fed back, shape (n + 1,), in the z plane."""
         a, b = _in_steps(self.states)
         return np.asarray(np.linalg.eigvals(a - np.outer(b, self.regulator)), dtype=np.complex128)
 
     @property
     def observer_poles(self) -> NDArray[np.complex128]:
-        """Of the observer's error, shape (n + 1,), in the z plane."""
+        """Poles of the observer's error, shape (n + 1,), in the z plane."""
         a, c = _with_drift(self.states)
         return np.asarray(np.linalg.eigvals(a - np.outer(a @ self.observer, c)), dtype=np.complex128)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from deatwin.control.arguments import instance, taking
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.model import LinearModel
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium, linear_part
 from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
@@ -18,7 +18,6 @@ from deatwin.ident.narx.covariance import transformed
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 
 @taking(model=instance(NarxModel))

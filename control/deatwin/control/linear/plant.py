@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from deatwin.control.arguments import each, generator, instance, number, numbers
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
+from deatwin.control.progress import Progress
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.plant.calibrated import CalibratedPlant
@@ -22,7 +22,6 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.small_signal import SmallSignal, small_signals
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 _PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
 _GROWS = 1e-9

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any, ClassVar
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx import NarxModel
@@ -20,7 +21,6 @@ from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.datasets import Metadata, coordinate
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

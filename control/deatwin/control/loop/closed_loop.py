@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
+from deatwin.control.progress import Progress
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 _LEVEL = 5  # samples at one value at least, for a level of a step reference
 _NEWS = 100  # samples between two calls of progress

@@ -15,6 +15,7 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.residual import Residual
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 LEVEL = 0.95
 _SETTLE = 500  # samples at the operating input before the loop is closed

@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from deatwin.ident.greybox.filter_floor import Floor
-from deatwin.ident.greybox.filter_linear import Linear, linearise
+from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother
