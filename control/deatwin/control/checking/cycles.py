@@ -1,4 +1,4 @@
-"""Judge if the loop can oscillate by itself, from describing functions of plant, command limits and quantisers."""
+"""Judge whether the loop can oscillate by itself, from describing functions of plant, command limits and quantisers."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class OperatingPoint:
     static_gain : float or None
         Static gain, output unit by input unit; None if the model does not settle.
     status : LinearStatus
-        Status of the linear model; it tells if a controller could be designed there.
+        Status of the linear model; it says whether a controller could be designed there.
     sample_time : float
         Sampling time, s.
     input_unit, output_unit : str

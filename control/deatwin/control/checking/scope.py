@@ -1,4 +1,4 @@
-"""Judge if the loop stays where its model holds: in the band and range of the data, and with the film in tension."""
+"""Judge whether the loop stays where its model holds: in the band and range of the data, and with the film in tension."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Two limits of a number: up to where it passes, and beyond which it fails.
+    """Limits of a number: one up to which it passes, and one beyond which it fails.
 
     Parameters
     ----------

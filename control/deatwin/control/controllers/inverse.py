@@ -179,7 +179,7 @@ class StaticCurve(Described):
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the curve.
+        """Plot the output at rest over the constant input.
 
         Parameters
         ----------

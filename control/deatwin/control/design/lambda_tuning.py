@@ -74,12 +74,11 @@ def lambda_tuning(
     :math:`K_i = 1/(K(\lambda + \theta))` and :math:`K_p = T K_i`.
 
     - theta includes half a sample for the hold.
-    - K is the largest gain from 0 Hz to the crossover, so that a model that answers more at once than at rest
-      is not given too much.
+    - K is the largest gain from 0 Hz to the crossover, because a model may respond more strongly at once than at rest.
     - A lag shorter than lambda is not cancelled but counted with the delay: :math:`K_p = 0`,
-      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed and lift the loop gain
-      at all frequencies above, where a DEA has its ball's lightly damped mode, which a recording up to 1 Hz
-      does not show. So a nearly static actuator gets an integral controller.
+      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed and raise the loop gain at all
+      higher frequencies, where a DEA has its ball's lightly damped mode, which a recording up to 1 Hz does not show. So
+      a nearly static actuator gets an integral controller.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ def from_control(
     Returns
     -------
     LinearModel
-        Linear model with the system's signal names and zero covariance. Its status says if it is stable and has a
+        Linear model with the system's signal names and zero covariance. Its status says whether it is stable and has a
         static gain; modes of a state-space system that the input does not excite are considered too.
 
     Raises

@@ -85,7 +85,7 @@ class Frd(Described):
         return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain with its pointwise 95 % band over frequency.
+        """Plot the gain with its pointwise 95 % band over frequency.
 
         Parameters
         ----------

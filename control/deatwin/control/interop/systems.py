@@ -37,7 +37,8 @@ def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
     Parameters
     ----------
     source : NarxModel or Plant
-        Model or plant. Channels other than a plant's command keep the values they have when nobody measures them.
+        Model or plant. Channels other than a plant's command keep the values that the rig assumes when they are not
+        measured.
     name : str, optional
         Name of the system; chosen by python-control by default.
 

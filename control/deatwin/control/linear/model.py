@@ -84,7 +84,7 @@ class LinearModel(Described):
     operating_output : float or None
         Output at rest, in its unit; None if there is no equilibrium.
     status : LinearStatus
-        Status that tells if a controller can be designed on the model.
+        Status that says whether a controller can be designed on the model.
     detail : str
         Explanation if the status is not OK or digits were lost, otherwise empty.
     input_name, output_name, input_unit, output_unit : str

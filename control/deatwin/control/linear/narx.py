@@ -35,7 +35,7 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Returns
     -------
     LinearModel
-        Linear model. Its status says if there is an equilibrium and if a controller can be designed there.
+        Linear model. Its status says whether there is an equilibrium and a controller can be designed there.
 
     Raises
     ------

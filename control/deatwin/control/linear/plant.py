@@ -64,7 +64,7 @@ def linearise_plant(
     -------
     LinearModel
         Linear model, SI by unit of the command, without covariance. If rows are read at the end of the hold its
-        numerator begins with lag 0; if at the start, b_0 = 0. Its status says if there is an equilibrium and if a
+        numerator begins with lag 0; if at the start, b_0 = 0. Its status says whether there is an equilibrium and a
         controller can be designed there.
 
     Raises

@@ -152,7 +152,7 @@ class Relay(DescribingFunction):
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(DescribingFunction):
-    """Play: the output follows half the gap behind the input, and stands still while the input crosses the gap.
+    """Play: the output follows half the gap behind the input, and stays constant while the input crosses the gap.
 
     Parameters
     ----------

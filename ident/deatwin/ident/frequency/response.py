@@ -111,7 +111,7 @@ class FrequencyResponse(Described, Frozen):
     point : Equilibrium
         Operating point.
     status : FrequencyStatus
-        Status that tells if the operating point is stable.
+        Status that says whether the operating point is stable.
     unit : str
         Unit of the values.
     theta_cov : ndarray, shape (n_terms, n_terms)
@@ -246,7 +246,8 @@ class FrequencyResponse(Described, Frozen):
         The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. That
         fails if the gain is not large compared with its uncertainty (the gain of a normal complex number near zero is
         Rice-distributed): below four standard deviations of the longer axis of the ellipse, ``linear_law`` is False.
-        Use `propagate` to test if the response itself is linear in the parameters. The lower limit is never below zero.
+        Use `propagate` to test whether the response itself is linear in the parameters. The lower limit is never below
+        zero.
 
         Parameters
         ----------

@@ -101,7 +101,7 @@ class Sampled(Uncertain):
 
     @property
     def status(self) -> SampleStatus:
-        """Status that tells if draws were left out."""
+        """Status that says whether draws were left out."""
         return SampleStatus.LOST if self.n_without or self.n_other else SampleStatus.OK
 
     @property

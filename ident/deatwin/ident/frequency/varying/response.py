@@ -192,8 +192,8 @@ class VaryingResponse(Described, Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return the pointwise confidence band of the gain at each time.
 
-        The band holds to first order in the parameters; ``propagate(model, quantity)`` with one of ``models`` tests if
-        they are known well enough.
+        The band holds to first order in the parameters; ``propagate(model, quantity)`` with one of ``models`` tests
+        whether they are known well enough.
 
         Parameters
         ----------

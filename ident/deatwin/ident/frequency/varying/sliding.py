@@ -153,7 +153,7 @@ def sliding_mean_and_gain(
     provided that a batch is longer than the correlation time; the correlation r that remains between neighbouring
     batches, measured over all windows, widens the band by sqrt((1 + r) / (1 - r)). The band follows the t distribution
     with nine degrees of freedom. The band of the logarithm of the gain comes from the jackknife over the batches, which
-    also removes the small-sample bias of a standard deviation. An analysis of variance of the batches tests if
+    also removes the small-sample bias of a standard deviation. An analysis of variance of the batches tests whether
     non-overlapping windows differ by more than chance.
 
     Parameters
