@@ -139,6 +139,7 @@ def _room(controller: Controller) -> float:
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
     """Crossover of the linear loop, rad/s; the requested bandwidth if its gain is never one."""
+    # A controller that hardly acts has its crossover at periods of days, which no run lasts.
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)

@@ -95,6 +95,8 @@ def judge_unknown_band() -> Finding:
 
 def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
     """Judge whether the film bears what the controller commands, and what it might command. Shapes: `commands` (n,)."""
+    # A run may leap over a pull-in from one sample to the next, so the largest and the smallest command must have a
+    # state of rest too.
     from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears  # which takes half a second
 
     rig = plants[0].rig

@@ -35,6 +35,9 @@ _HALVINGS = 12
 class MixedSensitivity:
     """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one."""
 
+    # |S| <= |(w + b l)/(w/M + b)| and |C S G(1)| <= effort / |1 + w/(2 b)|, with b the bandwidth, |w| = tan(omega h /
+    # 2) and l = 1e-4 in place of the integrator.
+
     bandwidth_Hz: float  # Up to where the sensitivity is below one, Hz
     max_sensitivity: float  # Largest sensitivity, M
     effort: float  # Largest command that a reference asks, against the command that holds it at rest

@@ -48,6 +48,8 @@ class Robustness:
         """Up to which factor loops may be raised from nothing before a bound is reached. Shapes: `loops` (n,
         n_frequencies); returns (n,).
         """
+        # The lower root k of |1 + k L|² = 1/M², or |k L| = 1 where the phase of L is within the margin of -180°. Below
+        # the least over all frequencies the locus never touches the circle about -1.
         real, square = loops.real, np.abs(loops) ** 2
         outside = 1.0 - 1.0 / self.max_sensitivity**2
         under = real**2 - square * outside

@@ -30,6 +30,9 @@ After = tuple[Array, float]
 class PlantSystem:
     """A plant sample by sample, from any state."""
 
+    # States are deviations from the rig's rest in typical sizes: python-control starts at zeros, and the fixed steps of
+    # `control.linearize` suit all of them.
+
     def __init__(self, plant: Plant) -> None:
         self._plant, self._equations, self._values = plant, plant.equations, plant.free_values
         self._rest_command = plant.rig.start.rest_command

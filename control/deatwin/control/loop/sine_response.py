@@ -190,6 +190,7 @@ def _of_frequency(
 
 def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
     """Fundamental of the reading over that of the command; NaN where the plant fails."""
+    # By least squares, since periods need not be whole numbers of samples; mean and drift are removed.
     level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
     for number in _pieces(sine.count, progress):
         commands = centre + size * np.sin(sine.angle * number)

@@ -276,6 +276,7 @@ def _tangent(
     logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
 ) -> tuple[Complex, tuple[Complex, Complex], Array]:
     """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle."""
+    # With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order.
     slopes = []
     for row in (0, 1):
         ends = []

@@ -134,6 +134,8 @@ def _with_ends(places: Places, count: int) -> Places:
 
 def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
     """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain."""
+    # With slow lags close together the last digits of a denominator are rounding; a margin without such crossings would
+    # be unsafe.
     values, sizes, above_rounding = [], [], []
     for polynomial in (top, bottom):
         columns = np.ascontiguousarray(polynomial[places.loops].T)

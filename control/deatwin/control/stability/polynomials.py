@@ -90,6 +90,8 @@ def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
     """True where all closed-loop poles lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
     returns (n,).
     """
+    # Schur and Cohn's recursion decides, for polynomials shrunk and grown a little too; where they disagree,
+    # eigenvalues decide.
     closed = numerators + denominators
     posed = np.abs(closed[:, 0]) > 64 * np.finfo(float).eps * (np.abs(numerators[:, 0]) + np.abs(denominators[:, 0]))
     closed = closed / np.where(posed, closed[:, 0], 1.0)[:, None]

@@ -154,6 +154,8 @@ def motion(model: NarxModel, values: Array) -> Array:
     """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `values`
     (n_variables,); returns (n_terms,).
     """
+    # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
+    # rounding.
     a = feedback(model, values)[1]
     terms, stiffness = model.table.at(values), 1.0 - float(a.sum())
     degrees, curvature = _along_output(model, values)

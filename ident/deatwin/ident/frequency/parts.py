@@ -21,6 +21,8 @@ _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many round
 class Tones:
     """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order)."""
 
+    # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
+
     def __init__(self, angles: Array) -> None:
         self._take(list(angles.T))
 

@@ -65,6 +65,7 @@ class Linear:
     @cached_property
     def prior(self) -> Array:
         """Variances of the constant parameters' coordinates, shape (n_p,)."""
+        # A parameter that may be zero has the width of its range as deviation; another, a share of its value.
         free = [self.plant.parameters[name] for name in self.plant.parameters.free]
         return np.array([_spread(parameter) ** 2 for parameter in free])
 

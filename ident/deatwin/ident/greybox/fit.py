@@ -293,6 +293,8 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
 
 def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Covariance of least squares under residuals that are correlated in time."""
+    # Newey-West at zero frequency, over lags up to the root of the record: model errors are slow, and white-noise
+    # formulas too narrow. As the estimate is noisy and low, no variance is taken below that of white noise.
     scaled, scale = _scaled(jacobian)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
     scores = scaled * residuals[:, None]

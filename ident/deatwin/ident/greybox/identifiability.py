@@ -219,6 +219,8 @@ def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float)
 
 def _moved(best: Calibration, parts: Sequence[Part], name: str, value: float) -> Plant:
     """The plant with one parameter moved and the others where the covariance expects them then."""
+    # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
+    # that can be simulated.
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
     start = problem.start()

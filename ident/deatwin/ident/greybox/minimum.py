@@ -37,6 +37,8 @@ def minimise(
     problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE, hopeless: float = np.inf
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
+    # Only smooth coordinates move: a step of an event past a sample breaks the promise of its derivative, and the trust
+    # region would shrink to nothing.
     cost = _Memory(problem, hopeless)
     start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
     first = cost(start)

@@ -29,6 +29,7 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
     """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are
     near. Shapes: `timepts` (n_times,); `inputs` (n_times,).
     """
+    # The nearest equilibrium continues the branch; if others are about as near, times between are tried too.
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):
         found = _step(trajectory, last, time, level)

@@ -256,6 +256,7 @@ def _moments(signal: Array, firsts: NDArray[np.intp], size: int) -> Array:
 
 def _log_variance(mean: Array, variance: Array) -> Array:
     """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches)."""
+    # With l_i the logarithm without batch i, the pseudo-value is B l - (B - 1) l_i.
     off, others = mean - mean.mean(axis=1, keepdims=True), _BATCHES - 1
     squares = variance + off**2
     without = (squares.sum(axis=1, keepdims=True) - squares) / others - (off / others) ** 2
