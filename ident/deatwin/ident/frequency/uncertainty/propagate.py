@@ -163,15 +163,7 @@ class Propagated(Uncertain):
         )
 
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
-
-        Its rank is at most the number of parameters.
-
-        Raises
-        ------
-        ModelError
-            If the matrix needs more than 2 GiB.
-        """
+        # Its rank is at most the number of parameters.
         require_memory(4 * self.values.size**2, JOINT)
         gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
         return read_only(gradient @ self.response.theta_cov @ gradient.T)

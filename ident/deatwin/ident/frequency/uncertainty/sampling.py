@@ -123,13 +123,6 @@ class Sampled(Uncertain):
         return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
 
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
-
-        Raises
-        ------
-        ModelError
-            If the matrix needs more than 2 GiB.
-        """
         require_memory(4 * self.values.size**2, JOINT)
         away = self.draws - self.mean
         parts = np.concatenate([away.real, away.imag], axis=1)
