@@ -6,11 +6,17 @@ Long ones are handed to workers first, so that no worker is left alone with them
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from deatwin.studies.stories import Setting
 
 # What a property test draws follows from its code alone: every run sees the same examples.
 settings.register_profile("fixed", derandomize=True, database=None)
@@ -36,3 +42,33 @@ def as_loud_as_before() -> Iterator[None]:
     level = logger.level
     yield
     logger.setLevel(level)
+
+
+@pytest.fixture
+def setting(tmp_path: Path) -> Setting:
+    """Give a story a temporary folder, seed 0 and one process."""
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.stories import Setting
+
+    return Setting(
+        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
+    )
+
+
+@pytest.fixture
+def mistaken() -> Iterator[Callable[..., Any]]:
+    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
+    from deatwin.studies.interrupts import forward_signals
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupted(*_: object, **__: object) -> Any:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise SystemError("DM.__array__ returned a result with an exception set")
+
+    try:
+        with forward_signals():
+            yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)

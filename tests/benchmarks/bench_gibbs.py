@@ -1,6 +1,6 @@
 """A sampler of structures beside variational Bayes on S4, in one run: ``python tests/benchmarks/bench_gibbs.py``.
 
-The sampler is that of `deatwin.scenarios.svb_benchmark.gibbs`, which unit tests hold against enumeration. Both get the
+The sampler is that of `deatwin.ident.narx.spike_slab`, which unit tests hold against enumeration. Both get the
 same draws of S4, of 500 samples and 165 candidates. Three things are shown for each draw: whether the terms that the
 sampler holds for more likely in than out are those of SVB; which probability the sampler gives to SVB's 95 % intervals,
 with SVB's structure and over all structures; and how far two chains, one started without terms and one with 20 at
@@ -14,8 +14,8 @@ import argparse
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from deatwin.scenarios.svb_benchmark.draws import BURN_IN, FLIPS, Comparison, compare
 from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.sampling import BURN_IN, FLIPS, Comparison, compare
 
 
 def line(found: Comparison) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-from deatwin.studies.stories import STORIES
+from deatwin.app.stories import stories
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 OPTIONS = (
@@ -209,7 +209,7 @@ def scenario(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Callable
 
 def run_scenario(name: str, folder: Path) -> str:
     """Run a scenario as a user would, in its smallest size, and return its complaint."""
-    size = [word for least in STORIES[name].sizes[:1] for word in ("--size", least)]
+    size = [word for least in stories()[name].sizes[:1] for word in ("--size", least)]
     program = "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"
     line = ["scenario", name, *size, "--out", str(folder), "--jobs", "1", "--quiet"]
     done = subprocess.run([sys.executable, "-c", program, *line], capture_output=True, text=True, check=False)

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from deatwin.app.stories import stories
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.studies.stories import STORIES
 
 COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
 MODULE = """
@@ -83,14 +83,15 @@ def commands(folder: Path) -> None:
         assert main([*line, "--quiet"]) == 0
 
 
-def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
+def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Run three stories, with less work where they can be had with less."""
+    from deatwin.app.stories import story
     from deatwin.scenarios import prestretch, svb_benchmark
     from deatwin.scenarios.regression_lessons import occam, shrinkage, variance
-    from deatwin.scenarios.svb_benchmark import sampling
+    from deatwin.scenarios.svb_benchmark import draws
     from deatwin.scenarios.svb_benchmark.study import Plan
     from deatwin.studies.folder import ResultFolder
-    from deatwin.studies.stories import Setting, story
+    from deatwin.studies.stories import Setting
 
     small = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
     for module, name, less in (
@@ -101,7 +102,7 @@ def stories(folder: Path, patch: pytest.MonkeyPatch) -> None:
         (prestretch, "PRESTRETCHES", np.linspace(1.0, 5.0, 3)),
         (prestretch, "RATIOS", np.linspace(1.0, 3.0, 2)),
         (svb_benchmark, "PLAN", small),
-        (sampling, "FLIPS", 300),
+        (draws, "FLIPS", 300),
     ):
         patch.setattr(module, name, less)
     for name in LESSENED:
@@ -128,7 +129,7 @@ def reports(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(params=[*REPORTS, *(pytest.param(f"scenario {name}", marks=pytest.mark.study) for name in STORIES)])
+@pytest.fixture(params=[*REPORTS, *(pytest.param(f"scenario {name}", marks=pytest.mark.study) for name in stories())])
 def report(request: pytest.FixtureRequest) -> Path:
     """One of the reports; in a study those of all scenarios too."""
     kind = str(request.param)

@@ -12,7 +12,7 @@ __all__ = ["run"]
 INSTRUMENTED = [
     "deatwin.plant.files",
     "deatwin.plant.documents",
-    "deatwin.scenarios.real_data",
+    "deatwin.studies.public",
     "deatwin.studies.sweep",
     "tomllib",
     "json",

@@ -15,18 +15,17 @@ from readers import SEEDS, Kind
 
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios import evidence, vhb4910
-from deatwin.scenarios.concealed_physics.page import opened_study, page_data
+from deatwin.scenarios import vhb4910
+from deatwin.scenarios.concealed_physics.page import page_data
+from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
-from deatwin.scenarios.control_check.page import story_data
-from deatwin.scenarios.real_data.tables import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
-DOCS = Path(__file__).parents[2] / "docs"
 SWEEP = SweepSeal(schema="deatwin/study-case/1", parts={"code": "c" * 64, "seed": 3, "levels": [0.1, 0.2]})
 KEY = key_of(())
 
@@ -104,52 +103,6 @@ def read_key(path: Path) -> dict[str, Any]:
     with beside(path, "key.json", {"seal.json": as_bytes(study_seal().to_dict())[0]}) as folder:
         study, seal = opened_study(folder)
         return page_data(study, score(study), seal)
-
-
-def page_kind(name: str) -> Kind:
-    """A data file of the documents, from which their tables are made."""
-
-    def read(path: Path) -> dict[str, str]:
-        others = {f"data/{file.name}": file.read_bytes() for file in (DOCS / "data").glob("*.json")}
-        others |= {page: (DOCS / page).read_bytes() for page in ("control-check.md", "validation.md")}
-        with beside(path, f"data/{name}.json", others) as folder:
-            return evidence.pages(folder)
-
-    def require_pages(found: dict[str, str]) -> None:
-        assert len(found) == 4 and all(found.values())
-
-    return Kind(stem=name, ending=".json", read=read, require_sound=require_pages, seeds=lambda: shortened(name))
-
-
-@cache
-def shortened(name: str) -> tuple[bytes, ...]:
-    """A data file of the documents with two rows of each list."""
-    whole = json.loads((DOCS / "data" / f"{name}.json").read_text(encoding="utf-8"))
-    return as_bytes({key: value[:2] if isinstance(value, list) else value for key, value in whole.items()})
-
-
-STORY = {
-    "measures": [{"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False}],
-    "tracking": {"nominal rig": {"PI": {"rms_error": 2.4e-5, "gain_margin": 4.0, "phase_margin_deg": 61.0}}},
-    "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
-    "models": [],
-    "concealed": [],
-}
-STORY_RUN = {"seed": 9, "versions": {"deatwin": "7.8"}}
-
-
-def story_kind(name: str, content: Any) -> Kind:
-    """A file of a control check's results."""
-    files = {"control-check.json": as_bytes(STORY)[0], "run.json": as_bytes(STORY_RUN)[0]}
-
-    def read(path: Path) -> dict[str, Any]:
-        with beside(path, f"{name}.json", files) as folder:
-            return story_data(folder)
-
-    def require_story(found: dict[str, Any]) -> None:
-        json.dumps(found, allow_nan=False)
-
-    return Kind(stem=name, ending=".json", read=read, require_sound=require_story, seeds=lambda: as_bytes(content))
 
 
 def run_record() -> Any:
@@ -240,9 +193,6 @@ STUDIES: Mapping[str, Kind] = {
         require_sound=lambda found: json.dumps(found, allow_nan=False),
     ),
     "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
-    **{name: page_kind(name) for name in evidence.DATA},
-    "story": story_kind("control-check", STORY),
-    "story run": story_kind("run", STORY_RUN),
     "shown run": Kind(
         stem="run", ending=".json", read=shown, require_sound=require_shown, seeds=lambda: as_bytes(run_record())
     ),

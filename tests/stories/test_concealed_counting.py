@@ -10,14 +10,12 @@ import pytest
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics import study as running
-from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.opened import Opened, open_key
-from deatwin.scenarios.concealed_physics.page import opened_study, results_page, write_results
+from deatwin.scenarios.concealed_physics.page import results_page
+from deatwin.scenarios.concealed_physics.results import Opened, open_key, opened_study
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
-from deatwin.scenarios.concealed_physics.seal import Seal, digest
-from deatwin.scenarios.concealed_physics.store import Store
-from deatwin.scenarios.concealed_physics.tables import csv_files, reported, tables
+from deatwin.scenarios.concealed_physics.seal import Seal, Store, digest
+from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, csv_files, reported, tables
 from deatwin.studies.sweep.casefile import decode, encode
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
@@ -262,8 +260,7 @@ def test_figures_tables_and_page_hold_the_counts(
     opened: Opened, made: tuple[Store, dict[str, Any]], tmp_path: Path
 ) -> None:
     goals = score(opened)
-    figures, data = drawings(opened)
-    assert [f.data for f in figures] == list(data)
+    assert all(isinstance(figure.columns, str) for figure in drawings(opened))
     assert "structural residual over noise" in summary(opened)
     files = csv_files(opened, goals)
     assert len(files["cases.csv"].splitlines()) == 1 + len(MADE)
@@ -273,9 +270,9 @@ def test_figures_tables_and_page_hold_the_counts(
     assert "1 of 4, 25.0 %" in page
     assert "ValueError: no" in page
     (tmp_path / "key.json").write_text(json.dumps(made[1]), encoding="utf-8")
-    write_results(tmp_path, tmp_path / "results.md")
-    assert (tmp_path / "results.md").read_text(encoding="utf-8") == page
-    assert summary(opened_study(tmp_path)[0]) == summary(opened)
+    study, seal = opened_study(tmp_path)
+    assert results_page(study, score(study), seal) == page
+    assert summary(study) == summary(opened)
     assert "interrupted" not in page
 
 
@@ -285,8 +282,8 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     clean = [each.name for each in specs if each.kind == "clean"][:2]
     store.put(clean[0], done("none", ratio=0.0, check=CLEAN))
     store.put(clean[1], done("unknown", ratio=0.0, check=CLEAN))
-    write_results(tmp_path, tmp_path / "results.md")
-    page = (tmp_path / "results.md").read_text(encoding="utf-8")
+    study, seal = opened_study(tmp_path)
+    page = results_page(study, score(study), seal)
     assert f"2 of {len(specs)} cases have run (the order is mixed" in page.splitlines()[2]
     assert "| clean data called none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
     assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
@@ -297,7 +294,7 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
 def test_results_of_a_part_are_not_written_under_another_key(tmp_path: Path) -> None:
     Store(tmp_path, Seal.of("tiny", 2, {"names": {}, "cases": []}))
     with pytest.raises(DataError, match="not the one that was sealed"):
-        write_results(tmp_path, tmp_path / "results.md")
+        opened_study(tmp_path)
 
 
 # --- the seal -------------------------------------------------------------------------------------------------------

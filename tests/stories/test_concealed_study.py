@@ -15,9 +15,9 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics import study as running
-from deatwin.scenarios.concealed_physics.opened import open_key
-from deatwin.scenarios.concealed_physics.seal import Seal, thresholds
-from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.concealed_physics.results import open_key
+from deatwin.scenarios.concealed_physics.seal import DECIDING, Seal, Store
+from deatwin.studies.sweep.constants import constants
 
 TINY_SEED = 1001
 
@@ -28,7 +28,7 @@ TINY_SEED = 1001
 def test_thresholds_are_the_constants_of_the_engine() -> None:
     from deatwin.ident.mismatch import excess
 
-    found = thresholds()
+    found = constants(DECIDING)
     assert found["deatwin.ident.mismatch.excess.SIGNIFICANCE"] == excess.SIGNIFICANCE
     assert all(name.startswith(("deatwin.ident.mismatch.", "deatwin.ident.greybox.")) for name in found)
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.app.stories import stories
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.stability.margins import Margins
@@ -15,20 +16,27 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.fleet import Actuator
 from deatwin.plant.simulate import RunStatus
 from deatwin.scenarios import control_check
-from deatwin.scenarios.concealed_physics.rates import least
-from deatwin.scenarios.control_check import record, trials
 from deatwin.scenarios.control_check import study as running
-from deatwin.scenarios.control_check.matters import Achieved, Interval, Matter, Matters
-from deatwin.scenarios.control_check.promises import kept, promises
-from deatwin.scenarios.control_check.rates import Rate, broken, caught, in_words, inside, sound
-from deatwin.scenarios.control_check.record import Trials, name_of
+from deatwin.scenarios.control_check import trials
+from deatwin.scenarios.control_check.matters import QUANTITIES, Interval, Matter, Matters, Promise
 from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tables import tables, trials_csv, verdicts_seen
+from deatwin.scenarios.control_check.tables import judge, tables, trials_csv, verdicts_seen
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
-from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, try_one
-from deatwin.scenarios.control_check.verdicts import judge
+from deatwin.scenarios.control_check.trials import (
+    NO_MODEL,
+    Outcome,
+    Trials,
+    broken,
+    caught,
+    in_words,
+    inside,
+    name_of,
+    sound,
+    try_one,
+)
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import STORIES, Setting
+from deatwin.studies.rates import Rate
+from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.casefile import decode, encode
 
 H = 0.02
@@ -95,16 +103,15 @@ def test_trials_of_another_seed_are_refused_before_any_is_run(tmp_path: Path, mo
 
 def test_trials_of_other_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     put(Trials(tmp_path, seed=0), outcome(0))
-    monkeypatch.setattr(record, "_digest", lambda: "another")
+    monkeypatch.setattr(trials, "_digest", lambda: "another")
     with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, \"another\" now\)"):
         Trials(tmp_path, seed=0)
 
 
-@pytest.mark.parametrize("file", ["000.nc", "000.json"])
-def test_trials_without_a_seal_are_refused(tmp_path: Path, file: str) -> None:
+def test_trials_without_a_seal_are_refused(tmp_path: Path) -> None:
     (tmp_path / "trials").mkdir()
-    (tmp_path / "trials" / file).write_bytes(b"{}")
-    with pytest.raises(DataError, match=r"holds cases (but no seal|as JSON files, as former versions wrote them)"):
+    (tmp_path / "trials" / "000.nc").write_bytes(b"{}")
+    with pytest.raises(DataError, match=r"holds cases but no seal"):
         Trials(tmp_path, seed=0)
 
 
@@ -180,8 +187,6 @@ def test_what_counts_as_kept() -> None:
 
 
 def test_rates_are_written_with_their_exact_bound() -> None:
-    # All of n: the lower bound is 0.05^(1/n).
-    assert least(Rate(hits=20, count=20)) == pytest.approx(0.05 ** (1 / 20), rel=1e-9)
     assert in_words(Rate(hits=20, count=20)) == "20 of 20, 100 % (with 95 % confidence at least 86 %)"
     # 89.89 %: a bound that is printed as 90 % would promise more than was shown.
     assert in_words(Rate(hits=44, count=45)) == "44 of 45, 98 % (with 95 % confidence at least 89 %)"
@@ -273,16 +278,15 @@ def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "elec
 
 
 def matters() -> Matters:
+    predicted = ((1.0, 0.9, 1.1), (0.02, 0.01, 0.04), (5.0, 4.0, 6.0), (8e-6, 7e-6, 9e-6))
+    several = zip(QUANTITIES, predicted, (1.05, 0.04, 6.5, 7.5e-6), strict=True)
     known = Matter(
         name="physics plant",
         residual=2e-6,
-        bandwidth_Hz=Interval(value=1.0, low=0.9, high=1.1),
-        overshoot=Interval(value=0.02, low=0.01, high=0.04),
-        gain=Interval(value=5.0, low=4.0, high=6.0),
-        rms=Interval(value=8e-6, low=7e-6, high=9e-6),
-        controller=None,
-        steps=None,
-        achieved=Achieved(bandwidth_Hz=1.05, overshoot=0.04, gain=6.5, rms=7.5e-6),
+        promises=tuple(
+            Promise.of("physics plant", quantity, Interval(value=value, low=low, high=high), achieved)
+            for quantity, (value, low, high), achieved in several
+        ),
     )
     lost = Matter(name="linear ARX", residual=None, reason="the model is unstable")
     return Matters(models=(lost, known), output_rms=2e-4)
@@ -348,11 +352,10 @@ def test_nine_tenths_are_enough() -> None:
 
 
 def test_promises_are_counted_where_there_is_a_design() -> None:
-    every = promises(matters())
-    assert [p.quantity.key for p in every] == ["bandwidth_Hz", "overshoot", "gain", "rms"]
+    every = matters().promises
+    assert [p.quantity.column for p in every] == ["bandwidth_Hz", "overshoot_percent", "gain_margin", "rms_error_um"]
     # The ends belong to an interval; the gain margin of 6.5 lies above 6.
     assert [p.kept for p in every] == [True, True, False, True]
-    assert kept(every) == Rate(hits=3, count=4)
     assert every[3].achieved == pytest.approx(7.5)  # µm
     assert every[1].predicted.high == pytest.approx(4.0)  # %
 
@@ -406,7 +409,7 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_the_story_is_listed_with_its_sizes() -> None:
-    story = STORIES["control-check"]
+    story = stories()["control-check"]
     assert story.sizes == tuple(running.SIZES) == ("short", "standard", "full")
     assert story.told.endswith(" (short 3 min, standard 15 min, full 55 min; resumes)")
     with pytest.raises(DataError, match="no size 'shrt'; did you mean"):

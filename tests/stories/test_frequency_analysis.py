@@ -5,80 +5,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, identify_alike
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
+from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
-from deatwin.scenarios import fleet_frequency, frequency_analysis
-from deatwin.scenarios.fleet_frequency import OPERATING_INPUT, Fleet, choose_structure, fit, identify_alike
-from deatwin.scenarios.fleet_models.preparation import DEGREES, HELD_OUT, LAGS, Orders, Plan, Prepared
-from deatwin.scenarios.fleet_models.variants import VARIANTS
-from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, left_by
-from deatwin.scenarios.frequency_analysis.anchor import anchor
-from deatwin.scenarios.frequency_analysis.benchmarks import Benchmarks, benchmarks, in_ranges, settled
-from deatwin.scenarios.frequency_analysis.closed_forms import DUFFING, HAMMERSTEIN, LINEAR, QUADRATIC, ClosedForm
-from deatwin.scenarios.frequency_analysis.removal import remove
-from deatwin.scenarios.frequency_analysis.verdicts import judge, spread
-from deatwin.studies.folder import ResultFolder
+from deatwin.scenarios import frequency_analysis
+from deatwin.scenarios.frequency_analysis.actuators import Actuators, actuators, anchor
+from deatwin.scenarios.frequency_analysis.known import Known, known_systems
+from deatwin.scenarios.frequency_analysis.measures import judge, spread
 from deatwin.studies.stories import Setting
 
 PERIOD, STEP, NOISE = 60, 0.12, 1e-6
 """Samples of the probing tones; sample time and noise, s and m, of the made-up actuators."""
 GAINS = (1.0, 1.2, 1.5)
 """Of the made-up actuators."""
-
-
-def tones(lines: tuple[int, ...], size: float) -> NDArray[np.float64]:
-    time = np.arange(PERIOD)
-    return np.asarray(size * sum(np.cos(2 * np.pi * line * time / PERIOD) for line in lines))
-
-
-@pytest.mark.parametrize(
-    ("system", "lines"),
-    [
-        (LINEAR, (7,)),
-        (HAMMERSTEIN, (3,)),
-        (HAMMERSTEIN, (3, 8)),
-        (HAMMERSTEIN, (1, 4, 12)),
-        (QUADRATIC, (5,)),
-        (QUADRATIC, (3, 8)),
-        (QUADRATIC, (1, 4, 12)),
-        (QUADRATIC, (1, 3, 9, 16)),
-        (DUFFING, (5,)),
-        (DUFFING, (1, 4, 12)),
-    ],
-)
-def test_closed_forms_are_what_simulation_gives(system: ClosedForm, lines: tuple[int, ...]) -> None:
-    # n tones of size a make n! H_n (a/2)^n at the sum of their lines. The n-fold difference over the signs leaves what
-    # is odd in each tone; the next such terms have two further tones, so the error is of the order a^2: at a = 0.01
-    # it is 1e-4 of H_n times what two further tones multiply, at most some tens.
-    n, size = len(lines), 0.01
-    total = np.zeros(PERIOD // 2 + 1, dtype=np.complex128)
-    for signs in np.ndindex(*[2] * n):
-        weights = 1 - 2 * np.array(signs)
-        inputs = np.sum([w * tones((line,), size) for w, line in zip(weights, lines, strict=True)], axis=0)
-        total += weights.prod() * settled(system.model, inputs, periods=20) / 2**n
-    found = total[sum(lines)] / np.prod(np.arange(1, n + 1)) / (size / 2) ** n
-    expected = system.responses[n](2 * np.pi * np.array([lines]) / PERIOD)[0]
-    assert abs(found - expected) < 3e-3 * abs(expected)
-
-
-def test_a_series_that_ends_and_one_that_does_not() -> None:
-    inputs = tones((2, 5), 0.5)
-    ends = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "u(k-1)^2": 1.0, "u(k)^3": 1.0}, sample_time=1.0)
-    endless = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)": 1.0, "y(k-1)u(k)": 0.1}, sample_time=1.0)
-    left = [left_by(model, inputs) for model in (ends, endless)]
-    assert left[0][1] > 1e-3 and left[0][2:].max() < 1e-13
-    # Of the bilinear one each order is at most |0.1 w / (1 - 0.74)| of the one before: it converges, and does not end.
-    assert np.all(np.diff(np.log(left[1])) < np.log(0.4)) and left[1][-1] > 1e-12
-
-
-def test_lines_in_bands() -> None:
-    lines = np.array([0.0, 0.1, 0.2, 0.3, 0.4])
-    assert in_ranges(lines, np.array([[0.1, 0.2], [0.4, 0.5]])).tolist() == [False, True, True, False, True]
 
 
 def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
@@ -125,66 +70,8 @@ def found(made: Fleet) -> Actuators:
 
 
 @pytest.fixture(scope="module")
-def known() -> Benchmarks:
-    return benchmarks(np.random.default_rng(0), recordings=20)
-
-
-def test_a_common_structure_holds_the_law(made: Fleet) -> None:
-    truth = {"y(k-1)", "u(k)^2", "u(k-1)^2", "u(k)u(k-1)"}
-    assert truth <= {str(term) for term in made.structure}
-    assert all(one.model.terms == made.structure for one in made.actuators)
-    # The free run's error is the noise through the loop, 1 / sqrt(1 - 0.55^2) = 1.2 of it at the mean command.
-    for one, error in zip(made.actuators, made.errors, strict=True):
-        assert error < 2 * NOISE / one.sections[0].outputs.std()
-        assert one.sections[1].duration == pytest.approx(HELD_OUT, abs=STEP) and one.fit_percent > 95
-
-
-def test_the_shortest_of_equally_good_structures(monkeypatch: pytest.MonkeyPatch) -> None:
-    records = [made_up(gain, 600, seed) for seed, gain in enumerate(GAINS)]
-    passed = [[("a", "b", "c")], [("a", "b"), ("a",)], [("a", "d")]]
-    # Least: three terms. Two terms are worse by half a standard error of the paired differences, one by far.
-    least, noise = np.array([0.1, 0.2, 0.3]), 0.01 * np.array([-1.0, 0.0, 1.0])
-    errors = {("a", "b", "c"): least, ("a", "b"): least + noise + 0.003, ("a",): least + 0.1, ("a", "d"): least + 0.05}
-    calls = iter(passed)
-    monkeypatch.setattr(fleet_frequency, "_passed", lambda *_: next(calls))
-    rows = iter(range(3))
-    monkeypatch.setattr(
-        fleet_frequency,
-        "_free_run_errors",
-        lambda structures, *_: [errors[s][i] for i in [next(rows)] for s in structures],
-    )
-    structure, chosen, tried = choose_structure(records, plan_of())
-    assert structure == ("a", "b") and tried == 4  # type: ignore[comparison-overlap]
-    np.testing.assert_allclose(chosen, errors["a", "b"])
-
-
-def test_a_fit_has_a_covariance_that_the_scatter_bears_out() -> None:
-    terms = ["y(k-1)", "u(k)^2", "u(k-1)^2", "u(k)u(k-1)"]
-    models = [
-        fit(NarxModel.from_terms(dict.fromkeys(terms, 1.0), sample_time=1.0).terms, made_up(1.0, 600, seed))
-        for seed in range(40)
-    ]
-    gains = [gfrf(m, 1, [0.5], operating_input=OPERATING_INPUT) for m in models]
-    scatter = np.std([float(g.gain[0]) for g in gains], ddof=1)
-    stated = np.sqrt(np.mean([float(g.gain_deviation[0]) ** 2 for g in gains]))
-    # The scatter of 40 is known to 11 %; the robust variance of 600 samples (28 cosines) has 19 % and is averaged.
-    assert scatter / stated == pytest.approx(1.0, abs=0.35)
-
-
-def test_removal_changes_nothing_and_deletion_does() -> None:
-    # y = 0.6 y1 + 0.4 u + 0.1 y1^2 + 0.3: rests at 1 at zero input; v = 0.8 v1 + 0.4 w + 0.1 v1^2
-    model = NarxModel.from_terms({"1": 0.3, "y(k-1)": 0.6, "u(k)": 0.4, "y(k-1)^2": 0.1}, sample_time=1.0)
-    u = 0.1 * np.sin(np.arange(200.0) ** 1.3)
-    removal = remove(model, Recording.from_arrays(u, np.ones(200), 1.0))
-    assert dict(zip(map(str, removal.shifted.model.terms), removal.shifted.model.theta, strict=True)) == pytest.approx(
-        {"y(k-1)": 0.8, "u(k)": 0.4, "y(k-1)^2": 0.1}
-    )
-    assert removal.error < 1e-13 and removal.new_terms == 0
-    v = np.zeros(200)
-    for k in range(1, 200):  # the law without its constant, given deviations
-        v[k] = 0.6 * v[k - 1] + 0.4 * u[k] + 0.1 * v[k - 1] ** 2
-    np.testing.assert_allclose(removal.deleted_run, 1 + v, atol=1e-13)
-    assert removal.deleted_error == pytest.approx(np.sqrt(np.mean((1 + v - removal.run) ** 2)) / removal.run.std())
+def known() -> Known:
+    return known_systems(np.random.default_rng(0), recordings=20)
 
 
 def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
@@ -197,22 +84,19 @@ def test_measures_of_known_actuators(made: Fleet, found: Actuators) -> None:
     second = [gfrf(law, 2, np.column_stack([near, s * near]), operating_input=OPERATING_INPUT).gain for s in (-1, 1)]
     for one in found.each:
         assert one.ridge == pytest.approx(float(np.mean(second[0] / second[1])), rel=0.05)
-        assert one.removal.error < 1e-10 and one.sum_error < 1e-6
+        assert one.removal.error < 1e-10 and one.nofrfs.sum_error < 1e-6
     assert found.side.by_random.status.name == "ERRATIC_EXCITATION" and found.side.designed.status.ok
     inputs = np.array([one.sections[0].inputs[0] for one in made.actuators]) - OPERATING_INPUT
     assert found.signal.amplitude == pytest.approx(min(-inputs.min(axis=1).max(), inputs.max(axis=1).min()))
 
 
 def test_the_page_and_what_fails_on_it(
-    made: Fleet, found: Actuators, known: Benchmarks, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: Fleet, found: Actuators, known: Known, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(frequency_analysis, "identify_fleet", lambda *_, **__: made)
-    monkeypatch.setattr(frequency_analysis, "benchmarks", lambda *_: known)
+    monkeypatch.setattr(frequency_analysis, "known_systems", lambda *_: known)
     monkeypatch.setattr(frequency_analysis, "actuators", lambda *_, **__: found)
     monkeypatch.setattr(frequency_analysis, "anchor", lambda one, fleet: anchor(one, fleet, (0.2, 0.4, 1.0)))
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = frequency_analysis.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (
@@ -244,14 +128,17 @@ def test_the_page_and_what_fails_on_it(
     assert "table 4.3" in page and "figure 4.12" in page and (tmp_path / "run.json").is_file()
 
 
-def test_verdicts_fail_where_they_should(found: Actuators, known: Benchmarks, made: Fleet) -> None:
+def test_verdicts_fail_where_they_should(found: Actuators, known: Known, made: Fleet) -> None:
     truth = anchor(made.actuators[0], made, (0.5, 1.0))
     sound = {row.measure: row.passed for row in judge(known, found, truth)}
     first = found.each[0]
     moved = replace(first.removal, shifted_run=first.removal.run + 1e-9)
     spoilt = replace(
         found,
-        each=(replace(first, simulated=1.01 * first.simulated, removal=moved), *found.each[1:]),
+        each=(
+            replace(first, nofrfs=replace(first.nofrfs, simulated=1.01 * first.nofrfs.simulated), removal=moved),
+            *found.each[1:],
+        ),
         side=replace(found.side, designed_inputs=found.side.random_inputs),
     )
     wrong = replace(known, errors={"S2": {1: 1e-9}})

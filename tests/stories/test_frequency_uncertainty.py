@@ -2,30 +2,31 @@
 
 import json
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.comparison.bands import BandMean
-from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.equality import Scatter
+from deatwin.ident.frequency.comparison.fleet import shares_of
+from deatwin.ident.frequency.uncertainty import beside_draws
 from deatwin.ident.frequency.uncertainty.propagate import propagate
-from deatwin.ident.narx import NarxModel
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios import frequency_uncertainty
-from deatwin.scenarios.frequency_uncertainty import actuators, benchmarks, consistency, speed, spread, study
-from deatwin.scenarios.frequency_uncertainty.actuators import BEGIN, FACTOR, SHARED, STRUCTURE, recorded, tasks
-from deatwin.scenarios.frequency_uncertainty.benchmarks import spectra
-from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, contrast, shares_of
-from deatwin.scenarios.frequency_uncertainty.spread import Spread, departure, spread_of, whitened
+from deatwin.scenarios.frequency_uncertainty import fleet, known
+from deatwin.scenarios.frequency_uncertainty.fleet import (
+    BEGIN,
+    FACTOR,
+    SHARED,
+    STRUCTURE,
+    Consistency,
+    actuators,
+    recorded,
+)
+from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, CASES, LINEAR, spectra
 from deatwin.scenarios.frequency_uncertainty.study import Plan
-from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 SAMPLE_TIME = 0.12
@@ -67,51 +68,8 @@ def test_what_tolerances_predict() -> None:
     assert replace(fleet_of([1.0]), shares=shares).predicted == pytest.approx([0.25 / np.sqrt(3)])
 
 
-def test_a_measured_difference_beside_the_true_one() -> None:
-    # The true one is 0.3j; the measured one has 0.36 of it along, and 0.02 across: 0.06 beside it of 0.0632 in all.
-    true = mean(1.0 + 0.3j), mean(1.0)
-    apart = contrast((mean(1.02 + 0.36j, 5e-4), mean(1.0, 5e-4)), true)
-    assert (apart.true, apart.measured) == pytest.approx((0.15, 0.18))
-    assert apart.error == pytest.approx(np.sqrt(1e-3) / 2)
-    # The squared distance is 0.004 / 0.001 = 4 < 5.99; with half the variance it is 8.
-    assert apart.inside
-    assert not contrast((mean(1.02 + 0.36j, 2.5e-4), mean(1.0, 2.5e-4)), true).inside
-
-
-def test_departure_of_covariances() -> None:
-    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
-    reference = (turn @ np.diag([4.0, 0.01]) @ turn.T)[None]
-    # 20 % less along the short axis is what counts, however short it is.
-    other = (turn @ np.diag([4.2, 0.008]) @ turn.T)[None]
-    assert departure(reference, other) == pytest.approx(0.2)
-    np.testing.assert_allclose(np.linalg.eigvalsh(whitened(reference, other)), [[0.8, 1.05]])
-    flat = (turn @ np.diag([4.0, 0.0]) @ turn.T)[None]
-    assert departure(flat, 1.1 * flat) == pytest.approx(0.1)
-
-
-def drawn(model: NarxModel, scale: float, seed: int) -> Spread:
-    """Draws of a response that is linear in its parameters, from a covariance that is off by a factor."""
-    omega = 2 * np.pi * np.linspace(0.02, 0.4, 10)
-    found = spread_of("case", model, partial(gfrf, order=1, omega=omega), np.random.default_rng(seed))
-    draws = found.sampled.values + scale * (found.sampled.draws - found.sampled.values)
-    return replace(found, sampled=replace(found.sampled, draws=draws))
-
-
-def test_a_covariance_that_is_off_is_seen() -> None:
-    # b1 z^-1 + b2 z^-2 is linear in its parameters: the law is exact, and the band holds with a probability of 99 %.
-    theta_cov = np.array([[1e-4, 5e-5], [5e-5, 4e-4]])
-    model = replace(NarxModel.from_terms({"u(k-1)": 1.0, "u(k-2)": 0.5}, sample_time=1.0), theta_cov=theta_cov)
-    right = drawn(model, 1.0, 0)
-    assert right.strict.all() and right.largest < right.allowed
-    assert right.held == pytest.approx(0.95, abs=4 * np.sqrt(0.95 * 0.05 / 20_000))
-    # A variance 6 % too large is 6 % over sqrt(2/20000), 6 of its standard errors; the band is 3.6 of them wide.
-    wrong = drawn(model, np.sqrt(1.06), 0)
-    assert wrong.largest > wrong.allowed > 3
-    assert wrong.ratio == pytest.approx(1.06, abs=0.05)
-
-
 def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spread, "DRAWS", 200)
+    monkeypatch.setattr(beside_draws, "DRAWS", 200)
     first, second, third = spectra(CASES[BILINEAR], (0,))
     lines = [np.round(each.propagated.frequency_Hz * 64).astype(int).tolist() for each in (first, second, third)]
     # Harmonics 3 to 8: the first order has these, the second sums and differences, the third sums of three.
@@ -126,7 +84,7 @@ def test_the_lines_of_an_order_are_those_with_power(monkeypatch: pytest.MonkeyPa
 
 
 def test_who_shares_what() -> None:
-    found = {key: one for key, (one, _) in tasks(3, 4).items()}
+    found = actuators(3, 4)
     groups = {group: [one for (its, _), one in found.items() if its == group] for group, _ in found}
     assert {group: len(every) for group, every in groups.items()} == {
         "fleet": 6,
@@ -150,7 +108,7 @@ def test_who_shares_what() -> None:
 
 def test_one_quantity_at_the_end_of_its_tolerance() -> None:
     wished = specification()
-    for (group, name), (one, _) in tasks(0, 1).items():
+    for (group, name), one in actuators(0, 1).items():
         if group != "tolerances":
             continue
         known = {n: parameter.value for n, parameter in wished.parameters.items() if parameter.value != 0}
@@ -194,31 +152,23 @@ def polynomial(actuator: Actuator, duration: float) -> Recording:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The story on polynomials, with few draws."""
-    monkeypatch.setattr(study, "recorded", polynomial)
+    monkeypatch.setattr(fleet, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
     for module, name, less in (
-        (spread, "DRAWS", 500),
-        (speed, "DRAWS", 500),
-        (speed, "CHUNKS", 3),
-        (speed, "LOOP", 3),
-        (benchmarks, "SURFACE", 9),
-        (consistency, "ORDERS", (1, 2)),
-        (consistency, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
+        (beside_draws, "DRAWS", 500),
+        (beside_draws, "CHUNKS", 3),
+        (beside_draws, "LOOP", 3),
+        (known, "SURFACE", 9),
+        (fleet, "ORDERS", (1, 2)),
+        (fleet, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
     ):
         monkeypatch.setattr(module, name, less)
 
 
 @pytest.mark.usefixtures("quick")
-def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
+def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Path) -> None:
     told: list[tuple[float, str]] = []
-    setting = Setting(
-        folder=ResultFolder(tmp_path),
-        data=None,
-        command=["test"],
-        jobs=1,
-        seed=0,
-        progress=lambda share, text: told.append((share, text)),
-    )
+    setting = replace(setting, progress=lambda share, text: told.append((share, text)))
     result = frequency_uncertainty.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     figures = (
@@ -244,7 +194,7 @@ def test_the_page_says_who_differs_and_who_drifts(tmp_path: Path) -> None:
     assert shares == sorted(shares) and 0 <= shares[0] and shares[-1] <= 1
 
     steady, recorded_ = result["tables"]["steady"], result["tables"]["fleet"]
-    gains = {n: 1 / one.plant.rig.thickness**4 for (g, n), (one, _) in tasks(0, 1).items() if g == "steady"}
+    gains = {n: 1 / one.plant.rig.thickness**4 for (g, n), one in actuators(0, 1).items() if g == "steady"}
     first = [d for d in steady["differences"] if d["order"] == 1]
     for d in first:
         # H_1 is proportional to the film's gain; the noise lets 1 % of it be seen.
@@ -265,7 +215,7 @@ def test_the_structure_is_set_beforehand() -> None:
     texts = {str(term) for term in STRUCTURE}
     assert len(texts) == 16 and {"1", "y(k-1)", "u(k)^3", "u(k)u(k-1)^2"} <= texts
     assert not any(text.count("y(k-1)") > 1 or "y(k-1)^" in text for text in texts)
-    assert actuators.BANDS[0][0] == 0 and actuators.BANDS[-1][1] == actuators.INPUT_BAND[1]
+    assert fleet.BANDS[0][0] == 0 and fleet.BANDS[-1][1] == fleet.INPUT_BAND[1]
 
 
 def test_linear_cases_are_propagated_as_they_are() -> None:
@@ -282,14 +232,3 @@ def test_linear_cases_are_propagated_as_they_are() -> None:
     slopes = np.array([(response(model.theta + s) - response(model.theta - s)) / 2e-6 for s in steps]).T
     parts = np.stack([slopes.real, slopes.imag], axis=1)
     np.testing.assert_allclose(found.covariance, parts @ model.theta_cov @ parts.swapaxes(1, 2), rtol=1e-6, atol=1e-12)
-
-
-def test_agreements_are_counted_by_column() -> None:
-    kinds = ("DIFFERENT", "ALIKE", "DRIFT", "DIFFERENT", "DIFFERENT", "ALIKE")
-    table = SimpleNamespace(
-        differences=[SimpleNamespace(agreement=Agreement[kind]) for kind in kinds],
-        pairs=("ab", "ac", "bc"),
-        columns=(1, 2),
-    )
-    shares = consistency.share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
-    np.testing.assert_allclose(shares, [2 / 3, 1 / 3])

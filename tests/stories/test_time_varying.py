@@ -6,33 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Fixed, NarxModel, Term, ThetaTrajectory, generate_terms
+from deatwin.ident.narx import ThetaTrajectory, generate_terms
+from deatwin.ident.narx.fleet.alike import linear_in_output
+from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import time_varying
-from deatwin.scenarios.time_varying import benchmark, study
-from deatwin.scenarios.time_varying.benchmark import covered, follow, frozen_run
-from deatwin.scenarios.time_varying.following import (
-    BLOCK,
-    CHOOSING,
-    CONSTANT,
-    CYCLE,
-    JUDGING,
-    LIKELIEST,
-    SHARES,
-    VARYING,
-    blocks_of,
-    chosen_share,
-    follow_actuator,
-    free_run_errors,
-    stretches,
-    walked,
-)
-from deatwin.scenarios.time_varying.spectra import BANDS, compare_windows, series_error, short_time, windows_of
+from deatwin.scenarios.time_varying import known, study
+from deatwin.scenarios.time_varying.known import covered, follow, frozen_run
+from deatwin.scenarios.time_varying.measures import judge
 from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
-from deatwin.scenarios.time_varying.systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk, recorded, standing_at
-from deatwin.scenarios.time_varying.verdicts import judge
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 STEP = 0.12
@@ -50,45 +33,10 @@ def made_up(drift: float, seed: int = 0, duration: float = 1100.0) -> Recording:
     return Recording.from_arrays(u, y, STEP)
 
 
-SMALL = tuple(Term.parse(text) for text in ("1", "y(k-1)", "u(k)", "u(k)^2"))
-
-
-def test_a_recording_obeys_the_equation_of_each_instant() -> None:
-    rng = np.random.default_rng(0)
-    for system in SYSTEMS:
-        truth = system.truth(duration=20.0)
-        u, e = system.excitation(rng, 20.0), 0.01 * rng.standard_normal(400)
-        y = recorded(truth, u, e).outputs[0]
-        lag = truth.model.table.max_lag
-        assert not y[:lag].any()
-        for k in range(lag, 400):
-            known = {"1": 1.0, "y(k-1)": y[k - 1], "y(k-2)": y[k - 2], "u(k-1)": u[k - 1], "y(k-1)^2": y[k - 1] ** 2}
-            terms = [known[str(term)] for term in truth.terms]
-            assert y[k] == pytest.approx(truth.theta[:, k] @ terms + e[k], abs=1e-12)
-
-
-def test_parameters_go_there_and_back() -> None:
-    assert RESONANCE.is_linear and not MOVING_DC.is_linear
-    for speed in (1.0, 4.0):
-        constant = MOVING_DC.truth(speed).theta[0]
-        assert constant.max() == pytest.approx(0.5, abs=1e-4)
-        turns = np.sum(np.diff(np.sign(constant - 0.25)) != 0)
-        assert turns == 2 * speed
-
-
-def test_a_held_equilibrium_is_one_and_nothing_else_changes() -> None:
-    truth = MOVING_DC.truth(duration=30.0)
-    for output in (0.0, 0.7):
-        held = standing_at(truth, output)
-        np.testing.assert_array_equal(held.theta[1:], truth.theta[1:])
-        c, a, _, q = held.theta
-        np.testing.assert_allclose(c + a * output + q * output**2, output, atol=1e-14)
-
-
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark, "TIMES", 20)
+    monkeypatch.setattr(known, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
-    found = benchmark.carry_out_benchmark(
+    found = known.known_systems(
         (), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}], np.zeros(1), np.zeros(1)
     )
     truth = MOVING_DC.truth()
@@ -111,12 +59,12 @@ def test_tones_measure_the_response_of_a_system_that_stands_still() -> None:
     first = 0.5 * z / (1 - 0.7 * z)
     second = -0.15 * first**2 * z**2 / (1 - 0.7 * z**2)
     late = slice(800, None)
-    np.testing.assert_allclose(benchmark._probed(still, omega, 1)[late], first, rtol=1e-4)
-    np.testing.assert_allclose(benchmark._probed(still, omega, 2)[late], second, rtol=1e-4)
+    np.testing.assert_allclose(known._probed(still, omega, 1)[late], first, rtol=1e-4)
+    np.testing.assert_allclose(known._probed(still, omega, 2)[late], second, rtol=1e-4)
 
 
 def test_slow_variation_is_estimated_and_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark, "TIMES", 60)
+    monkeypatch.setattr(known, "TIMES", 60)
     for system, count in ((RESONANCE, 1), (MOVING_DC, 2)):
         runs = frozen_run(system, 4.0)
         assert len(runs) == count
@@ -136,99 +84,6 @@ def test_walks_are_covered_or_not() -> None:
     assert all(each.dtype == bool for each in held.values())
 
 
-def test_blocks_are_a_partition() -> None:
-    record = made_up(0.0, duration=333.0)
-    left = stretches(record, (CHOOSING, JUDGING))
-    parts = [*left, *blocks_of(record, CHOOSING), *blocks_of(record, JUDGING)]
-    times = np.sort(np.concatenate([part.timepts for part in parts]))
-    whole = record.timepts[: times.size]
-    np.testing.assert_allclose(times, whole)
-    assert record.n_samples - times.size < BLOCK / STEP + 2
-    assert all(part.n_samples % 2 == 0 for part in parts)
-    assert len(blocks_of(record, JUDGING)) == pytest.approx(len(parts) / CYCLE, abs=3)
-    assert chosen_share(np.array([3.0, 1.0, 2.0, np.inf, 4.0])) == SHARES[1]
-
-
-def test_a_walk_that_may_not_wander_is_least_squares() -> None:
-    record = made_up(0.2, duration=120.0)
-    model = Fixed(terms=SMALL).fit(record).model_
-    smoother = walked(SMALL, [record], 0.0, record)
-    # The start is worth 1e-4 of a sample among a thousand, and is the same estimate.
-    for theta in (smoother.trajectory_.theta[:, 0], smoother.filtered_.theta[:, -1]):
-        np.testing.assert_allclose(theta, model.theta, rtol=1e-6)
-    wander = walked(SMALL, [record], 0.1, record).trajectory_.drift_variance * record.n_samples
-    products = model.table.rows(record.inputs, record.outputs, 1, record.n_samples)
-    size = np.sqrt(np.mean(np.asarray(products) ** 2, axis=1))
-    np.testing.assert_allclose(np.sqrt(wander) * size, 0.1 * record.outputs.std(), rtol=1e-9)
-
-
-def test_a_run_that_diverges_has_no_finite_error() -> None:
-    model = NarxModel.from_terms({"y(k-1)": 2.0, "u(k)": 1.0}, sample_time=STEP)
-    record = made_up(0.0, duration=60.0)
-    model = replace(model, operating=Fixed(terms=["u(k)"]).fit(record).model_.operating)
-    assert np.isinf(free_run_errors(model, [record])).all()
-
-
-def test_drift_is_followed_and_standing_still_is_not_made_worse() -> None:
-    drifting = follow_actuator("DEA 1", made_up(0.3), SMALL)
-    for kind in (drifting.seen, drifting.unseen, drifting.ahead):
-        assert kind[VARYING] < 0.5 * kind[CONSTANT]
-    still = follow_actuator("DEA 6", made_up(0.0), SMALL)
-    assert still.share == SHARES[0]
-    assert still.unseen[VARYING] < 1.02 * still.unseen[CONSTANT]
-    assert drifting.seen[LIKELIEST] <= drifting.seen[CONSTANT]
-    known = drifting.trajectory.theta[3]
-    # The gain grows by 0.3 of itself, and the constant and the linear term, which move along, take a part of it.
-    growth = drifting.trajectory.at(1000.0).theta @ [1, 0, 2.4, 2.4**2] - drifting.trajectory.at(100.0).theta @ [
-        1,
-        0,
-        2.4,
-        2.4**2,
-    ]
-    assert growth == pytest.approx(0.3 * 900 / 1100 * 1e-5 * 2.4**2, rel=0.15)
-    assert known.shape == drifting.trajectory.timepts.shape
-
-
-def test_a_window_is_seen_as_its_hann_weighted_transform() -> None:
-    values = np.random.default_rng(3).standard_normal(64) + 5.0
-    weights = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(64) / 64)
-    expected = np.fft.rfft(weights * (values - values.mean())) / weights.sum()
-    frequencies, found = short_time(values, 0.1)
-    np.testing.assert_allclose(frequencies, np.fft.rfftfreq(64, 0.1))
-    np.testing.assert_allclose(np.abs(found), np.abs(expected), atol=1e-14)
-    tone = 3.0 * np.cos(2 * np.pi * 8 * np.arange(64) / 64)
-    assert np.abs(short_time(tone, 0.1)[1][8]) == pytest.approx(1.5)
-
-
-def test_a_periodic_recording_is_predicted_exactly() -> None:
-    model = NarxModel.from_terms(
-        {"1": 1e-5, "y(k-1)": 0.6, "u(k)": 2e-5, "u(k)u(k-1)": 1e-5, "u(k)^3": 3e-6, "u(k-1)^5": 1e-7}, sample_time=STEP
-    )
-    period = 2.4 + 0.5 * np.random.default_rng(4).standard_normal(166)
-    long = Recording.from_arrays(np.tile(period, 12), np.zeros(12 * 166), STEP)
-    steady = model.simulate(long).outputs[0]
-    record = replace(long, outputs=steady[None]).section(6 * 166, 12 * 166)
-    n = 6 * 166
-    trajectory = ThetaTrajectory(
-        model=model,
-        timepts=record.timepts,
-        theta=np.repeat(model.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, 6, 6)),
-        drift_variance=np.zeros(6),
-    )
-    windows = windows_of(record, 166 * STEP)
-    assert len(windows) == 11 and windows[1].start == pytest.approx(windows[0].start + 83 * STEP)
-    found = compare_windows(windows, {CONSTANT: model, VARYING: trajectory}, 2.4)
-    for way in (CONSTANT, VARYING):
-        for band in BANDS:
-            assert found.error(way, band) < 1e-9
-            np.testing.assert_allclose(found.power_ratio_dB(way, band), 0.0, atol=1e-8)
-    assert series_error(trajectory, windows[0], 2.4) < 1e-9
-    doubled = replace(found, predicted={VARYING: 2 * found.recorded})
-    np.testing.assert_allclose(doubled.power_ratio_dB(VARYING, BANDS[0]), 6.0206, atol=1e-4)
-    assert doubled.error(VARYING, BANDS[0]) == pytest.approx(1.0)
-
-
 def test_the_series_of_the_structure_ends_with_the_fifth_order() -> None:
     assert len(STRUCTURE) == 22 and len(set(STRUCTURE)) == 22
     assert max(term.degree for term in STRUCTURE) == 5
@@ -240,10 +95,10 @@ def test_the_series_of_the_structure_ends_with_the_fifth_order() -> None:
 def made() -> Study:
     """A study of made-up actuators, drifting but for the last, and of known systems on coarse maps."""
     with pytest.MonkeyPatch.context() as patch:
-        structure = tuple(generate_terms(1, (0, 1), 3, rule=study._feedback_is_linear))
+        structure = tuple(generate_terms(1, (0, 1), 3, rule=linear_in_output))
         patch.setattr(study, "STRUCTURE", structure)
         patch.setattr(study, "MAP_TIMES", 12)
-        patch.setattr(benchmark, "TIMES", 12)
+        patch.setattr(known, "TIMES", 12)
         falling, rising, still = (
             _analysed(name, drift, drawn)
             for name, drift, drawn in (("DEA 1", -0.3, True), ("DEA 2", 0.3, True), ("DEA 6", 0.0, False))
@@ -252,10 +107,10 @@ def made() -> Study:
         frozen = tuple(run for system in SYSTEMS for speed in (2.0, 4.0) for run in frozen_run(system, speed))
         timepts, frequencies = np.array([10.0, 20.0]), np.array([0.5, 2.0])
         held = [covered(np.random.default_rng(k), timepts, frequencies) for k in range(4)]
-        known = benchmark.carry_out_benchmark(followed, frozen, held, timepts, frequencies)
+        systems = known.known_systems(followed, frozen, held, timepts, frequencies)
     plain = replace(rising, maps={}, whole=None, frozen={})
     driven = (falling, rising, *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still)
-    return Study(benchmark=known, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))
+    return Study(known=systems, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))
 
 
 def _analysed(name: str, drift: float, drawn: bool) -> Driven:
@@ -264,11 +119,11 @@ def _analysed(name: str, drift: float, drawn: bool) -> Driven:
 
 
 def test_known_systems_are_followed(made: Study) -> None:
-    for one in made.benchmark.followed:
+    for one in made.known.followed:
         assert one.covered.min() > 0.85
         assert one.error("H1") < 0.05
     with pytest.raises(KeyError):
-        made.benchmark.followed[0].error("H2")
+        made.known.followed[0].error("H2")
 
 
 def test_what_does_not_hold_fails(made: Study) -> None:
@@ -282,11 +137,10 @@ def test_what_does_not_hold_fails(made: Study) -> None:
     assert [row.passed for row in judge(swapped) if "last tenth" in row.measure] == [False]
 
 
-def test_the_page_shows_all_of_it(made: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_shows_all_of_it(
+    made: Study, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(time_varying, "carry_out", lambda *_, **__: made)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = time_varying.run(setting)
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     names = (

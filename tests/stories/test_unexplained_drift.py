@@ -23,14 +23,11 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.scenarios import unexplained_drift
-from deatwin.scenarios.concealed_physics import seal
 from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed, study
-from deatwin.scenarios.unexplained_drift.examine import Finding, Track
-from deatwin.scenarios.unexplained_drift.recordings import VISITS, Case, case_of
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
-from deatwin.scenarios.unexplained_drift.study import Answers, Study, carry_out
+from deatwin.scenarios.unexplained_drift.study import VISITS, Answers, Case, Finding, Study, Track, carry_out, case_of
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 from deatwin.studies.sweep import SweepSeal
@@ -147,7 +144,7 @@ def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, m
         with pytest.raises(DataError, match=r"another seal \(thresholds: "):
             opened(tmp_path, 5)
     with monkeypatch.context() as patch:
-        patch.setattr(seal, "SEALED_CODE", seal.SEALED_CODE[:1])
+        patch.setattr(sealed, "PACKAGES", sealed.PACKAGES[:1])
         with pytest.raises(DataError, match=r"another seal \(code: "):
             opened(tmp_path, 5)
     copied = tmp_path / "story" / "sealed.py"  # as if a source of the story had been edited
@@ -384,9 +381,9 @@ def test_a_malformed_case_is_one_clear_error(tmp_path: Path) -> None:
 
 def test_a_figure_of_answers_without_one() -> None:
     scores = judged([finding(diagnosis(Verdict.UNKNOWN, {}))], Key.of(fleet(5)))
-    drawing, columns = figures.verdicts(scores)
+    drawing = figures.verdicts(scores)
     assert "left open" in drawing.svg
-    assert np.isnan(columns["after_um"]).all()
+    assert np.isnan(drawing.columns["after_um"]).all()
 
 
 @pytest.mark.study

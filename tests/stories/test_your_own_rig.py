@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant import Experiment, Plant
 from deatwin.plant.sources import load_plant
@@ -15,7 +16,7 @@ from deatwin.scenarios.your_own_rig.elsewhere import CAR, Car, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import Drives, bumps, concealed, record, rough_road, unread
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 STEP = plant().rig.sample_time
 

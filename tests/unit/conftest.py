@@ -1,8 +1,6 @@
 """What the unit tests share. Plants of equal structure share compiled equations by themselves."""
 
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,7 +23,6 @@ from deatwin.plant import (
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.integrator.compiled import compiler
-from deatwin.studies.interrupts import heard
 
 
 @pytest.fixture
@@ -121,20 +118,3 @@ def kept(tmp_path: Path) -> Callable[[Any], Any]:
         return back
 
     return through_a_file
-
-
-@pytest.fixture
-def mistaken() -> Iterator[Callable[..., Any]]:
-    """What CasADi makes of Ctrl-C, as a function: the interrupt is gone, and an error comes in its place."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    def interrupted(*_: object, **__: object) -> Any:
-        with suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        raise SystemError("DM.__array__ returned a result with an exception set")
-
-    try:
-        with heard():
-            yield interrupted
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -18,7 +18,7 @@ import typer.main
 
 from deatwin.app.cli import app
 from deatwin.app.options import fold_experiments
-from deatwin.studies.stories import STORIES
+from deatwin.app.stories import stories
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -91,7 +91,7 @@ def parse(arguments: list[str]) -> None:
     context = command.make_context(name, rest, parent=root)
     chosen = context.params.get("name")
     if name == "scenario" and not PLACEHOLDER.fullmatch(chosen):
-        STORIES[chosen].require_size(context.params["size"])
+        stories()[chosen].require_size(context.params["size"])
 
 
 def told_by(error: Exception) -> str:
@@ -195,7 +195,7 @@ def test_every_page_is_in_the_navigation() -> None:
     assert listed == {page.relative_to(DOCS).as_posix() for page in DOCS.rglob("*.md")}
 
 
-@pytest.mark.parametrize("name", STORIES)
+@pytest.mark.parametrize("name", stories())
 def test_every_scenario_is_in_the_table(name: str) -> None:
     assert f"| `{name}` |" in text_of(DOCS / "thesis.md")
 

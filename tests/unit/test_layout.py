@@ -25,9 +25,9 @@ def test_no_module_in_a_source_root(root: str) -> None:
     assert [path.name for path in (ROOT / root).glob("*.py") if path.name != "conftest.py"] == []
 
 
-@pytest.mark.parametrize("root", SOURCE_ROOTS)
-def test_each_package_is_typed_and_described(root: str) -> None:
-    package = ROOT / root / "deatwin" / root
+@pytest.mark.parametrize("name", [*SOURCE_ROOTS, "studies", "app"])
+def test_each_package_is_typed_and_described(name: str) -> None:
+    package = ROOT / (name if name in SOURCE_ROOTS else "scenarios") / "deatwin" / name
     assert (package / "py.typed").is_file()
     assert (package / "__init__.py").read_text(encoding="utf-8").startswith('"""')
 

@@ -34,8 +34,8 @@ PLACES = {
     "python tests/benchmarks/bench_plant.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/benchmarks/bench_sweep.py": "a benchmark takes minutes, and no timing decides a test",
     "python tests/fuzz/fuzz_recordings.py --seconds 300": "tests/property/test_readers_fuzzed.py, for ten seconds",
-    "python -m deatwin.scenarios.evidence docs": "tests/stories/test_evidence.py",
-    "python -m deatwin.scenarios.evidence docs --scenarios results": "tests/stories/test_evidence.py",
+    "python tests/tools/evidence.py docs": "tests/unit/tools/test_evidence.py",
+    "python tests/tools/evidence.py docs --scenarios results": "tests/unit/tools/test_evidence.py",
     "python -m pytest -m study": "the long studies, which are run by hand",
 }
 """Where each is run, or why it is not."""

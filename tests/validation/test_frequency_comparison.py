@@ -12,12 +12,11 @@ import pytest
 from deatwin.ident.frequency.comparison.compare import Agreement
 from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.narx import generate_terms
+from deatwin.ident.narx.fleet.records import RECORDED, STEADY, as_variant, thinned
 from deatwin.ident.narx.rules import AtMost
 from deatwin.plant import Recording
 from deatwin.plant.fleet import Actuator, fleet
 from deatwin.plant.integrator.compiled import compiler
-from deatwin.scenarios.fleet_models.preparation import thinned
-from deatwin.scenarios.fleet_models.variants import RECORDED, STEADY, as_variant
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="many simulations: without a C compiler they take minutes")
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))

@@ -1,6 +1,6 @@
 """How often structures are found, and whether intervals cover: a gate on few draws, and the whole study.
 
-What is demanded is stated in `deatwin.scenarios.svb_benchmark.verdicts`; the whole study is marked as such.
+What is demanded is stated in `deatwin.scenarios.svb_benchmark.tables`; the whole study is marked as such.
 """
 
 from pathlib import Path
@@ -10,10 +10,9 @@ import pytest
 
 from deatwin.ident.parallel import run_jobs
 from deatwin.scenarios.svb_benchmark import run
-from deatwin.scenarios.svb_benchmark.coverage import VARIATIONAL, covered
-from deatwin.scenarios.svb_benchmark.sampling import compare
+from deatwin.scenarios.svb_benchmark.draws import compare, covered, try_out
+from deatwin.scenarios.svb_benchmark.methods import VARIATIONAL
 from deatwin.scenarios.svb_benchmark.study import WHITE
-from deatwin.scenarios.svb_benchmark.trials import try_out
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 

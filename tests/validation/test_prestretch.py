@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
+from deatwin.app.stories import story
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 MU, LIMIT, PERMITTIVITY, THICKNESS = 25e3, 107.0, 4.5 * VACUUM_PERMITTIVITY, 0.5e-3
 BRANCH, TIME = 26.06e3, 0.6074

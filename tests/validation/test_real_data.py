@@ -9,10 +9,10 @@ import pytest
 
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
-from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
-from deatwin.scenarios.real_data.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
+from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.stories import Setting
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")

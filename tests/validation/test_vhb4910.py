@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from deatwin.app.stories import story
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.stories import Setting, story
+from deatwin.studies.stories import Setting
 
 DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from deatwin.app.check_report import View, write_check_report
-from deatwin.app.designs import DesignName, Wanted, design_named
 from deatwin.control import Check, ControlError, Specification
 from deatwin.control import check as check_design
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.ident.mismatch.diagnosis import SCHEMA
 from deatwin.ident.narx import NarxModel, excited_band
-from deatwin.ident.narx.excited import BAND_KEY
+from deatwin.ident.narx.excited import highest_excited_Hz
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.documents import read_document
 from deatwin.plant.errors import DataError, ModelError
@@ -40,13 +39,13 @@ class CheckTask:
 
     model: NarxModel  # Identified
     plant: CalibratedPlant  # The physics
-    files: Sequence[str | Path]  # What model, plants and recording were read from
+    files: Sequence[str | Path]  # Model, plants and recording were read from them
     command: Sequence[str]
-    design: DesignName  # How the controller is designed
+    design: str  # Name of the controller's design
     closed_loop_time: float | None  # s; by default as lambda tuning chooses it
     operating_input: float | None
     operating_range: tuple[float, float] | None  # Over which margins are judged, in the input's unit
-    recording: Recording | None  # From which the model was identified, or better another
+    recording: Recording | None  # The model was identified from it, or better from another
     rivals: Mapping[str, CalibratedPlant]  # Further plants that the actuator may be
     jobs: int  # Worker processes (for the record: a check is one piece of work), and seed of everything random
     seed: int
@@ -80,7 +79,9 @@ class CheckTask:
             model=self.model,
             reading=rig.reading,
             closed_loop_time=self.closed_loop_time,
-            band_Hz=self._band_Hz(),
+            band_Hz=highest_excited_Hz(self.model.provenance)
+            if self.recording is None
+            else excited_band(self.recording),
             operating_range=self.operating_range,
         )
         check = check_design(
@@ -101,17 +102,8 @@ class CheckTask:
         folder.save("check.json", check.save)
         write_check_report(folder, view, Origin.of(record))
         folder.remove_former(r"figures/\w+\.csv")
-        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        record.save(folder)
         return check
-
-    def _band_Hz(self) -> float | None:
-        if self.recording is not None:
-            return excited_band(self.recording)
-        written = self.model.provenance.get(BAND_KEY)
-        try:
-            return None if written is None else float(written)
-        except ValueError:
-            raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
 
     def _operating_input(self) -> float | None:
         if self.operating_input is not None or self.operating_range is None:
@@ -123,7 +115,7 @@ class CheckTask:
 
 
 def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
-    """Where the other plants are kept that the actuator may be, by the names under which they are judged."""
+    """Files of the other plants that the actuator may be, by name."""
     found = {} if diagnosis is None else _diagnosed(diagnosis)
     given = {**found, **{source: source for source in sources}}
     return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}

@@ -20,10 +20,9 @@ from deatwin.app.commands.simulate import simulate
 from deatwin.app.commands.view import view
 from deatwin.app.options import fold_experiments
 from deatwin.app.usage import Command, Group, unwrapped
-from deatwin.studies.interrupts import ORDINARY, heard
+from deatwin.app.working import DONE, INTERRUPTED, exit_status
+from deatwin.studies.interrupts import ORDINARY, forward_signals
 from deatwin.studies.voice import complain
-
-DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
 
 class Commands(Group):
@@ -70,22 +69,12 @@ def _program(version: Version = False) -> None:  # what stands before a command;
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        with heard(*ORDINARY):
+
+    def work() -> None:
+        with forward_signals(*ORDINARY):
             app(args=fold_experiments(given), prog_name="deatwin", obj=["deatwin", *given])
+
+    try:
+        return exit_status(work)
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else DONE
-    except KeyboardInterrupt:
-        complain("interrupted")
-        return INTERRUPTED
-    except OSError as error:  # what the machine refuses, as a full disk
-        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
-        return WRONG_INPUT
-    except Exception as error:
-        from deatwin.plant.errors import DeatwinError
-
-        if not isinstance(error, DeatwinError):
-            raise  # a fault of deatwin's own: the traceback is what its authors need
-        complain(str(error))
-        return WRONG_INPUT
-    return DONE

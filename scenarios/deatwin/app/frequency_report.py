@@ -1,9 +1,11 @@
-"""What `deatwin frequency` writes: tables, figures and a page."""
+"""The files of `deatwin frequency`: tables, figures and a page."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +20,12 @@ from deatwin.plant.amplitudes import amount
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
-from deatwin.studies.report.svg import COLOURS, draw, inline, standalone
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
+from deatwin.studies.report.svg import COLOURS, draw, standalone
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 Array = NDArray[np.float64]
 
@@ -42,10 +48,6 @@ def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | 
 
 def _table(name: str) -> str:
     return f"figures/{name}.csv"
-
-
-def _picture(name: str) -> str:
-    return f"figures/{name}.svg"
 
 
 def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
@@ -107,57 +109,42 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                     alpha=0.12,
                     linewidth=0,
                 )
-        folder.text(_picture("frequency"), standalone(figure))
-        yield Drawing(
-            name="frequency",
-            title="First order",
-            caption=caption,
-            svg=inline(figure, "frequency", "First order"),
-            data=_table("frequency"),
-        )
+        yield _drawn(figure, folder, "frequency", "First order", caption)
     for response in found.gfrfs[1:]:
         name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
         with draw((6.4, 4.8)) as figure:
             axes = response.plot(figure.add_subplot())
             axes.set_aspect("equal")
             axes.grid(False)
-            folder.text(_picture(name), standalone(figure))
-            shown = inline(figure, name, title)
-            caption = f"{at}.{_hatching(response)}"
-            yield Drawing(name=name, title=title, caption=caption, svg=shown, data=_table(name))
+            yield _drawn(figure, folder, name, title, f"{at}.{_hatching(response)}")
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
             for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
                 for error in axes.get_lines()[1:]:
                     error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
                 axes.legend(markerscale=1)
-            folder.text(_picture("nofrf"), standalone(figure))
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
-            yield Drawing(
-                name="nofrf",
-                title="NOFRFs",
-                data=data,
-                further=tuple(further),
-                svg=inline(figure, "nofrf", "NOFRFs"),
-                caption=f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+            caption = (
+                f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
-                "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known.",
+                "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known."
             )
+            drawing = _drawn(figure, folder, "nofrf", "NOFRFs", caption)
+            yield replace(drawing, data=data, further=tuple(further))
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
-            folder.text(_picture("test_signal"), standalone(figure))
-            yield Drawing(
-                name="test_signal",
-                title="Test signal",
-                data=_table("test_signal"),
-                svg=inline(figure, "test_signal", "Test signal"),
-                caption="One period, as deviations from the operating input; all its lines are in phase.",
-            )
+            caption = "One period, as deviations from the operating input; all its lines are in phase."
+            yield _drawn(figure, folder, "test_signal", "Test signal", caption)
+
+
+def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption: str) -> Drawing:
+    folder.text(f"figures/{name}.svg", standalone(figure))
+    return Drawing.of(figure, name, title, caption)
 
 
 def _hatching(*responses: FrequencyResponse) -> str:
-    """What the hatches mean, where there are any."""
+    """Explain the hatches, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
     return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
 
@@ -183,52 +170,53 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     )
 
 
-def _reliance(known: Reliance) -> Row:
-    """What held-out data said of the model itself."""
-    return Row(
-        measure="failed residual tests and bias of the model on held-out data",
-        demanded="none",
-        reached="; ".join(known.caveats) or "none",
-        passed=not known.caveats,
+def _reliance(known: Reliance) -> Measure:
+    """Show the caveats that held-out data gave the model."""
+    return Measure(
+        "failed residual tests and bias of the model on held-out data",
+        "none",
+        "; ".join(known.caveats) or "none",
+        not known.caveats,
     )
 
 
-def _rows(found: Responses) -> list[Row]:
-    """What a reader has to know before relying on a response."""
+def _rows(found: Responses) -> list[Measure]:
+    """List what a reader has to know before relying on a response."""
     poles = "stable" if found.first.status.ok else "unstable"
-    rows = [Row(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
+    rows = [Measure(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
     if (known := Reliance.of_provenance(found.model.provenance)) is not None:
         rows.append(_reliance(known))
     for response in found.gfrfs:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
-            Row(
-                measure=f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
-                demanded="all",
-                reached=f"{100 * share:.0f} %",
-                passed=share == 1.0,
+            Measure(
+                f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+                "all",
+                f"{100 * share:.0f} %",
+                share == 1.0,
             )
         )
     if found.missing:
-        rows.append(Row(measure="NOFRFs", demanded="there are some", reached=found.missing, passed=False))
+        rows.append(Measure("NOFRFs", "there are some", found.missing, False))
     if found.nofrfs is not None:
         fitted = found.nofrfs
         grown = max(u.largest_amplification for u in fitted.inputs[: fitted.order])
         left = float(fitted.residual[:, -1].max())
         rows += [
-            Row(
-                measure="test signal: by what an error of an order grows in its NOFRF",
-                demanded=f"at most {AMPLIFICATION:g}",
-                reached=f"{grown:.3g}",
-                passed=grown <= AMPLIFICATION,
+            Measure(
+                "test signal: by what an error of an order grows in its NOFRF",
+                f"at most {AMPLIFICATION:g}",
+                f"{grown:.3g}",
+                grown <= AMPLIFICATION,
             ),
-            Row(
-                measure=f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they "
-                "leave",
-                demanded="below 1 %",
-                reached=f"{100 * left:.2g} %",
-                passed=left < 0.01,
+            Measure(
+                f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they leave",
+                "below 1 %",
+                f"{100 * left:.2g} %",
+                left < 0.01,
             ),
-            Row(measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok),
+            Measure(
+                measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok
+            ),
         ]
     return rows

@@ -19,14 +19,14 @@ from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.narx import NarxModel, Reliance
-from deatwin.ident.narx.excited import BAND_KEY
+from deatwin.ident.narx.excited import highest_excited_Hz
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
 POINTS, DECADES = 200, 3
-"""Of H_1: frequencies, and over what range up to half the sampling rate."""
+"""Frequencies of H_1, and the decades below half the sampling rate that they span."""
 SIDE, COARSE_SIDE = 41, 21
 """Frequencies on each axis of a map, of orders up to three and beyond."""
 UNKNOWN_BAND = 0.25
@@ -35,8 +35,8 @@ DRAWN = 0.95
 UNKNOWN, ROUNDING = 0.1, 1e-9
 """Share of a NOFRF's gain above which its truncation error is told, and of the output that is rounding."""
 LOWERED, MARGIN = 4, 0.9
-"""How often the test signal's amplitude is lowered at most where orders beyond those fitted act at it, and to which
-share of what is advised."""
+"""If orders beyond those fitted act, the test signal's amplitude is lowered at most so often, to this share of the
+advised level."""
 TOO_LARGE = (NofrfStatus.TRUNCATED, NofrfStatus.DIVERGED)
 
 
@@ -61,7 +61,7 @@ class Responses:
 
     @property
     def extrapolated(self) -> bool:
-        """Whether H_1 goes beyond what the training input excited."""
+        """True if H_1 goes beyond the band that the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
     @property
@@ -75,13 +75,13 @@ class Responses:
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:
-        """What the model's file says against relying on it."""
+        """Warnings that stand in the model's file."""
         reliance = Reliance.of_provenance(self.model.provenance)
         return () if reliance is None else reliance.caveats
 
     @cached_property
     def laws(self) -> tuple[Propagated, ...]:
-        """How far the linear law of propagation holds, for each of ``gfrfs``."""
+        """The propagation of uncertainty for each of ``gfrfs``, with the status of its linear law."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UncertaintyWarning)  # told among the lines
             return tuple(self._law(response) for response in self.gfrfs)
@@ -91,7 +91,7 @@ class Responses:
 
     @property
     def lines(self) -> Iterator[str]:
-        """What there is to say, in lines."""
+        """All messages, a line each."""
         point, unit = self.first.point, self.model.input_units[0]
         yield from self.caveats
         yield f"operating input {amount(f'{point.operating_input[0]:.4g}', unit)}: {self.first.status.value}"
@@ -177,7 +177,7 @@ def respond(
 ) -> Responses:
     """Compute the frequency responses of a model up to an order."""
     highest = np.pi / model.sample_time
-    excited = _excited(model)
+    excited = highest_excited_Hz(model.provenance)
     band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
     first = gfrf(model, 1, omega, operating_input=operating_input)
@@ -246,7 +246,7 @@ def _with_nofrfs(found: Responses, order: int, operating_input: float | None, am
 
 
 def _room(model: NarxModel, operating_input: float | None) -> float | None:
-    """How far the input can go to either side within the training data, if these are known."""
+    """Largest symmetric deviation of the input within the training data; None if these are not known."""
     shifted = remove_dc(model, operating_input).operating
     if shifted is None:
         return None
@@ -263,15 +263,6 @@ def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: fl
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)
         return nofrf(model, signal, order, operating_input=operating_input)
-
-
-def _excited(model: NarxModel) -> float | None:
-    """Below what the training input has 99 % of its power, Hz, as the model's provenance tells."""
-    written = model.provenance.get(BAND_KEY)
-    try:
-        return None if written is None else float(written)
-    except ValueError:
-        raise ModelError(f"the model's provenance has {BAND_KEY} = {written!r}: it must be a number") from None
 
 
 def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | None) -> tuple[float, float]:
@@ -297,7 +288,7 @@ def _map(order: int, band: tuple[float, float]) -> Array:
 
 
 def _truncated(found: Nofrf) -> Iterator[str]:
-    """At how many lines orders beyond those fitted have a say, unless these leave rounding only."""
+    """Tell at how many lines orders beyond those fitted matter, unless the fit leaves rounding only."""
     if found.residual[:, -1].max() < ROUNDING:
         return
     for g, error in zip(found.orders[: found.order], found.truncation, strict=False):

@@ -1,4 +1,4 @@
-"""What a command was given: the plant, and the recordings that go with it."""
+"""The plant and the recordings that a command is given."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class GivenPlant:
     """A plant as the command line named it."""
 
     source: str  # Rig file, ``model.json`` or ``module:function``
-    model: CalibratedPlant  # What it is
+    model: CalibratedPlant  # The plant
     described: RigFile | None  # The rig file, whose command range is checked
     input_column: str | None  # Columns asked for; by default those with the names of the plant's own signals
     output_column: str | None
@@ -126,7 +126,7 @@ def _own_column(name: str, unit: str) -> str | None:
 
 
 def clock_notes(records: Iterable[Recording]) -> list[str]:
-    """What was done to the clocks of recordings, a sentence each."""
+    """Tell what was done to the clocks of recordings, a sentence each."""
     return [
         f"{label(record)}: {said}"
         for record in records

@@ -1,4 +1,4 @@
-"""Which input lags `deatwin identify` lets compete, and what it says of dead times."""
+"""Input lags that compete in `deatwin identify`, chosen by the dead times."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FIRST, LAST = 0, 2
 class InputLags:
     """Input lags, and why these."""
 
-    lags: tuple[int, ...]  # In samples, ascending
+    lags: tuple[int, ...]  # Samples, ascending
     dead_times: tuple[DeadTime, ...]
-    sentences: tuple[str, ...]  # What the user should know
+    sentences: tuple[str, ...]  # For the user
 
     @property
     def document(self) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What `deatwin identify --report` writes: the model beside the recordings that it has not seen."""
+"""The report of `deatwin identify --report`: the model beside held-out data."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
-from deatwin.studies.report.svg import COLOURS, draw
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
+from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
 from deatwin.studies.report.tracks import envelope
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER = (COLOURS[role][0] for role in ("ink", "measured", "before", "after"))
 MOST = 6
 """Recordings that have a figure of their own."""
 ROW = 0.3
@@ -38,13 +38,13 @@ class Identified:
     """A model and what it was judged on."""
 
     model: NarxModel
-    method: str  # How its terms were chosen
+    method: str  # That chose its terms
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
     validation: Validation | None
     why_not: str = ""  # Then the reason
-    complete: bool = True  # Whether the search for terms went to its end
-    notes: tuple[str, ...] = ()  # What is to be known about the fit
-    clocks: Sequence[str] = ()  # What was done to the sampling of the recordings
+    complete: bool = True  # False if the search for terms was interrupted
+    notes: tuple[str, ...] = ()  # About the fit
+    clocks: Sequence[str] = ()  # About the sampling of the recordings
 
     @property
     def scale(self) -> float:
@@ -53,7 +53,7 @@ class Identified:
 
     @property
     def unit(self) -> str:
-        """That unit, empty for a pure number."""
+        """Unit in which outputs are shown; empty for a pure number."""
         shown = written_amplitude(self.model.output_units[0])[0]
         return "" if shown == "1" else shown
 
@@ -65,17 +65,17 @@ class Identified:
 
     @property
     def steps(self) -> int | None:
-        """How many steps ahead an unstable model is judged; None where it is judged by its free run."""
+        """Steps ahead by which an unstable model is judged; None if its free run judges it."""
         unstable = None if self.validation is None else self.validation.unstable
         return None if unstable is None else unstable.steps
 
     @property
     def judged(self) -> str:
-        """What it is judged by."""
+        """Name of the prediction that judges the model."""
         return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
 
     def run(self, part: Recording) -> NarxResponse:
-        """What it is judged by, over a recording."""
+        """Run the prediction that judges the model over a recording."""
         return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
 
     def amount(self, value: float) -> str:
@@ -86,18 +86,16 @@ class Identified:
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
     """Write figures' data and the report."""
     runs = [found.run(part) for part in found.unseen]
-    drawings = [_free_run(found, folder, number, part, run) for number, (part, run) in _first(found, runs)]
-    drawings.append(_terms(found, folder))
+    drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
+    drawings.append(_terms(found))
     if found.validation is not None and found.validation.tests:
-        drawings.append(_tests(found.validation, folder))
+        drawings.append(_tests(found.validation))
     rows = _rows(found, runs)
-    reached = sum(row.passed for row in rows)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
         f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its "
         f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
-        f"{reached} of {len(rows)} "
-        "measures reached."
+        f"{reached(rows)} measures reached."
     )
     said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
     unstable = None if found.validation is None else found.validation.unstable
@@ -120,7 +118,7 @@ def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, t
     return list(enumerate(zip(found.unseen, runs, strict=True), start=1))[:MOST]
 
 
-def _free_run(found: Identified, folder: ResultFolder, number: int, part: Recording, run: NarxResponse) -> Drawing:
+def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse) -> Drawing:
     """Measured and simulated output of an unseen part, what is left, and the input."""
     name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
@@ -129,11 +127,11 @@ def _free_run(found: Identified, folder: ResultFolder, number: int, part: Record
     input_unit = f" ({part.input_units[0]})" if part.input_units[0] not in ("", "1") else ""
     with draw((7.4, 5.0)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
-        upper.plot(*envelope(timepts, measured), color=MEASURED, linewidth=2.2, label="measured")
-        upper.plot(*envelope(timepts, simulated), color=AFTER, linewidth=1.0, label=f"{found.judged} of the model")
-        middle.plot(*envelope(timepts, measured - simulated), color=BEFORE, linewidth=0.8)
-        middle.axhline(0, color=INK, linewidth=0.6)
-        lower.plot(*envelope(timepts, command), color=INK, linewidth=0.8)
+        upper.plot(*envelope(timepts, measured), color=Hue.MEASURED, linewidth=2.2, label="measured")
+        upper.plot(*envelope(timepts, simulated), color=Hue.AFTER, linewidth=1.0, label=f"{found.judged} of the model")
+        middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
+        middle.axhline(0, color=Hue.INK, linewidth=0.6)
+        lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
         upper.set_ylabel(f"{found.model.output_names[0].replace('_', ' ')}{unit}")
         middle.set_ylabel(f"residual{unit}")
         lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
@@ -141,15 +139,11 @@ def _free_run(found: Identified, folder: ResultFolder, number: int, part: Record
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
         caption = f"Only the input and {given} are given to it. None of this was fitted."
-        drawing = Drawing.of(figure, name, title, caption)
-    folder.csv(
-        drawing.data,
-        {"time_s": timepts, "input": command, f"measured{found.column}": measured, f"model{found.column}": simulated},
-    )
-    return drawing
+        outputs = {f"measured{found.column}": measured, f"model{found.column}": simulated}
+        return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
 
 
-def _terms(found: Identified, folder: ResultFolder) -> Drawing:
+def _terms(found: Identified) -> Drawing:
     """Each parameter in units of its standard deviation: from two on it is told from zero."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -160,8 +154,8 @@ def _terms(found: Identified, folder: ResultFolder) -> Drawing:
     with draw((7.4, 1.1 + ROW * len(model.terms))) as figure:
         axes = figure.add_subplot()
         places = np.arange(order.size)
-        axes.plot(certainty[order], places, "o", color=AFTER, markersize=5)
-        axes.axvline(1.96, color=INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
+        axes.plot(certainty[order], places, "o", color=Hue.AFTER, markersize=5)
+        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -169,39 +163,33 @@ def _terms(found: Identified, folder: ResultFolder) -> Drawing:
         axes.xaxis.set_minor_formatter(NullFormatter())
         figure.legend(loc="outside upper left")
         caption = "How surely each term is there: its parameter beside what is not known of it."
-        drawing = Drawing.of(figure, "terms", "Terms", caption)
-        folder.text(drawing.data, drawn_table(figure))
-    return drawing
+        return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))
 
 
-def _tests(validation: Validation, folder: ResultFolder) -> Drawing:
+def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
         caption = "Correlations of the residual one step ahead with itself and with the input; grey: what chance gives."
-        drawing = Drawing.of(figure, "tests", "Is anything left?", caption)
-        folder.text(drawing.data, drawn_table(figure))
-    return drawing
+        return Drawing.of(figure, "tests", "Is anything left?", caption, drawn_table(figure))
 
 
-def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
+def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
     rows = []
     for part, run in zip(found.unseen, runs, strict=True):
         moved = float(np.std(run.measured[0]))
         rows.append(
-            Row(
-                measure=f"{found.judged} on the unseen part of {label(part)}",
-                demanded=f"below {found.amount(moved)} rms, which the mean of the output leaves",
-                reached=f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
-                passed=run.status.ok and run.rms_error < moved,
+            Measure(
+                f"{found.judged} on the unseen part of {label(part)}",
+                f"below {found.amount(moved)} rms, which the mean of the output leaves",
+                f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
+                run.status.ok and run.rms_error < moved,
             )
         )
     if found.validation is not None and found.validation.tests:
         failed = [test.name for test in found.validation.failed]
-        reached = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
-        rows.append(
-            Row(measure="correlation tests of the residual", demanded="none fails", reached=reached, passed=not failed)
-        )
+        told = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
+        rows.append(Measure("correlation tests of the residual", "none fails", told, not failed))
     return rows
 
 

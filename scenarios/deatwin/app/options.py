@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated
@@ -33,10 +34,15 @@ TimeColumn = Annotated[
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 
 
-def _positive(value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise typer.BadParameter(f"{value:g} is not a positive number")
-    return value
+def positive(complaint: str) -> Callable[[float | None], float | None]:
+    """Make the callback of an option that takes positive numbers only; the complaint may show the value."""
+
+    def require(value: float | None) -> float | None:
+        if value is not None and not 0.0 < value < math.inf:
+            raise typer.BadParameter(complaint.format(value))
+        return value
+
+    return require
 
 
 def _some_files(values: list[str] | None) -> list[str] | None:
@@ -47,13 +53,18 @@ def _some_files(values: list[str] | None) -> list[str] | None:
 
 SampleTime = Annotated[
     float | None,
-    typer.Option("--dt", metavar="SECONDS", callback=_positive, help="Sample time of files that hold no times."),
+    typer.Option(
+        "--dt",
+        metavar="SECONDS",
+        callback=positive("{:g} is not a positive number"),
+        help="Sample time of files that hold no times.",
+    ),
 ]
 Resample = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
-        callback=_positive,
+        callback=positive("{:g} is not a positive number"),
         help="Bring samples at uneven times, or too many, onto an even clock of this sample time.",
     ),
 ]

@@ -22,7 +22,7 @@ class Thinned:
     """Recordings for identification."""
 
     records: list[Recording]  # Decimated, or as they came
-    notes: list[str]  # What was done, or would do
+    notes: list[str]  # On decimation that was done, or would help
 
 
 def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:

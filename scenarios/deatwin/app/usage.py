@@ -1,4 +1,4 @@
-"""How commands show themselves in their help."""
+"""Help of the commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Command(TyperCommand):
 
 
 class Group(TyperGroup):
-    """The same for what stands before a command."""
+    """A group of commands in whose help flags have no type."""
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:
         """Return the parameters, those of typer's own among them."""

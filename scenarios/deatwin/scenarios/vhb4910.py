@@ -26,9 +26,10 @@ from deatwin.plant.files import read_csv
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.coupon import Coupon
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 LENGTH = 80e-3
 """Between the clamps, m."""
@@ -75,7 +76,7 @@ def case(folder: Path) -> Case:
         plant=Plant(rig=Coupon(length=LENGTH)),
         fitted=fitted,
         held_out=(
-            HeldOut(name="The pull to 2 at 0.03 1/s", experiment=higher, rival=_black_box(fitted, higher)),
+            HeldOut(name="The pull to 2 at 0.03 1/s", experiment=higher, black_box=_black_box(fitted, higher)),
             HeldOut(name="The pull to 1.5 at 0.03 1/s", experiment=lower),
             HeldOut(name="Half an hour at a stretch of 2", experiment=pull(relaxed)),
         ),
@@ -116,8 +117,6 @@ def _black_box(fitted: Sequence[Experiment], judged: Experiment) -> DataSet:
         title="VHB 4910",
         unit="N",
         scale=1.0,
-        files=(),
-        note="",
         train=coarse(fitted),
         test=coarse([judged]),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=10),
@@ -158,15 +157,6 @@ def far_files(folder: Path) -> list[Path]:
 def pull(file: Path) -> Experiment:
     """One pull: stretch in, force out."""
     measured = read_csv(file, input_column="#2", output_column="#3")[0]
-    record = Recording.from_arrays(
-        1 + measured.inputs / LENGTH,
-        measured.outputs,
-        measured.sample_time,
-        start=measured.start,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-        provenance=measured.provenance,
-    )
-    return Experiment(recordings=(record,))
+    stretch, force = 1 + measured.inputs[0] / LENGTH, measured.outputs[0]
+    more = {"start": measured.start, "provenance": measured.provenance}
+    return experiment_of(Coupon(length=LENGTH), stretch, force, measured.sample_time, **more)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from deatwin.studies.voice import Progress
 RIVALS = "rivals"
 """Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
 WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
-"""What a diagnosis writes under the same name whatever it finds."""
+"""Files that every diagnosis writes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,9 +29,9 @@ class DiagnosisTask:
 
     plant: Plant  # Nominal or amended
     experiments: Sequence[Experiment]  # Each from rest
-    files: Sequence[str | Path]  # What the plant and the recordings were read from
+    files: Sequence[str | Path]  # Plant and recordings were read from them
     command: Sequence[str]
-    effects: Sequence[Effect] | None = None  # Those considered; the catalogue by default
+    effects: Sequence[Effect] | None = None  # Considered; the catalogue by default
     jobs: int = 1  # Worker processes
     seed: int = 0
 
@@ -53,7 +52,7 @@ class DiagnosisTask:
             folder.save(INPUT_FILE, advice.save_input)
         write_report(folder, diagnosis, Origin.of(record))
         folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
-        folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+        record.save(folder)
         return diagnosis
 
     def _diagnosed(self, folder: ResultFolder, record: RunRecord, progress: Progress) -> Diagnosis:

@@ -62,7 +62,7 @@ class ResultFolder:
 
     @property
     def summary(self) -> str:
-        """What was written, in words."""
+        """List the files that were written, in words."""
         return f"{self.path} holds {', '.join(self.written)}" if self.written else f"nothing was written to {self.path}"
 
     def _remove_empty(self) -> None:

@@ -25,7 +25,7 @@ class _Remembering:
 
 
 @contextmanager
-def heard(*signals: signal.Signals) -> Iterator[None]:
+def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]

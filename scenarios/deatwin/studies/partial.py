@@ -1,4 +1,4 @@
-"""What is kept of a diagnosis that was interrupted: its finished steps, in files that are no diagnosis."""
+"""The finished steps of an interrupted diagnosis, in files that are no diagnosis."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class FinishedSteps:
 
 
 def holds_only_partial(folder: Path) -> bool:
-    """Whether a folder holds what was kept of an interrupted run, and nothing else."""
+    """Test if a folder holds the steps of an interrupted run, and nothing else."""
     if folder.is_symlink() or (folder / FOLDER).is_symlink():
         return False
     held = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import platform
 import time
 from collections.abc import Iterable, Sequence
@@ -10,7 +11,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from deatwin.studies.folder import ResultFolder
 
 from deatwin.plant.files.formats.xlsx import split_sheet
 
@@ -43,7 +47,7 @@ class RunRecord:
     inputs: Sequence[dict[str, str]]
     seed: int
     jobs: int
-    started: datetime = field(default_factory=lambda: datetime.now(UTC))  # When
+    started: datetime = field(default_factory=lambda: datetime.now(UTC))  # Time of the start
     _tick: float = field(default_factory=time.monotonic)
 
     def finished(self, outputs: Sequence[str]) -> dict[str, Any]:
@@ -63,3 +67,7 @@ class RunRecord:
             "inputs": list(self.inputs),
             "outputs": list(outputs),
         }
+
+    def save(self, folder: ResultFolder) -> None:
+        """Write ``run.json`` into a folder, with the names of all that it holds."""
+        folder.text("run.json", json.dumps(self.finished([*folder.written, "run.json"]), indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""How long a piece of work still takes, from the share of it that is done."""
+"""Time left of a piece of work, from the share that is done."""
 
 from __future__ import annotations
 

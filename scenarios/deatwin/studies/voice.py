@@ -1,4 +1,4 @@
-"""What a command says: lines for people, JSON for machines, progress as a bar or, off a terminal, in lines."""
+"""Output of commands: lines for people, JSON for machines, progress as a bar or, off a terminal, in lines."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EVERY = 30.0
 
 @dataclass(frozen=True, kw_only=True)
 class Voice:
-    """How much a command says, and in which form."""
+    """Amount and form of a command's output."""
 
     as_json: bool = False  # The result goes to stdout as JSON and nothing else does
     quiet: bool = False

@@ -14,9 +14,9 @@ import pytest
 from deatwin.app import checking
 from deatwin.app.check_report import View, write_check_report
 from deatwin.app.cli import main
-from deatwin.app.designs import DesignName, Wanted, design_named
 from deatwin.control import Check, Specification, linearise
 from deatwin.control.controllers.scheduled import ScheduledController
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.ident.narx import Frols, NarxModel, assessed, excited_band, free_run_residual, hold_out
 from deatwin.plant import Coupon, Creep, Plant
 from deatwin.plant.calibrated import CalibratedPlant
@@ -360,10 +360,10 @@ def test_the_schedule_spans_the_range_that_is_asked_for(at_desk: Path) -> None:
     reading = strip().rig.reading
     linear = linearise(model, 1.5).in_loop(reading)
     wanted = Wanted(model=model, reading=reading, closed_loop_time=1.0, band_Hz=None, operating_range=(1.3, 1.6))
-    found = design_named(DesignName.SCHEDULED, wanted)(linear, command_limits=(1.0, 2.0))
+    found = design_named("scheduled", wanted)(linear, command_limits=(1.0, 2.0))
     assert isinstance(found, ScheduledController)
     np.testing.assert_allclose(found.points, [1.3, 1.375, 1.45, 1.5, 1.525, 1.6])
-    curve = design_named(DesignName.INVERSE, wanted)(linear, command_limits=(1.0, 2.0))
+    curve = design_named("inverse", wanted)(linear, command_limits=(1.0, 2.0))
     assert (curve.command_min, curve.command_max) == (1.3, 1.6)
 
 

@@ -9,19 +9,20 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, get_type_hints
 
 import pytest
 from typer.main import get_command
 
 from deatwin.app import options
+from deatwin.app import stories as app_stories
 from deatwin.app.cli import app, main
 from deatwin.app.commands.scenario import complete_sizes
 from deatwin.app.options import complete_effects, fold_experiments
+from deatwin.app.stories import stories
 from deatwin.plant.effects import catalogue
-from deatwin.studies import stories
-from deatwin.studies.stories import STORIES, Setting, Story
+from deatwin.studies.stories import Setting, Story
 from deatwin.studies.voice import Voice
 
 COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
@@ -122,7 +123,8 @@ def at_work(on_bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     monkeypatch.setitem(sys.modules, "story_of_mine", SimpleNamespace(run=run))
     mine = Story(name="mine", line="told at once", minutes=0, module="story_of_mine")
-    monkeypatch.setattr(stories, "STORIES", MappingProxyType({"mine": mine}))
+    theirs = [SimpleNamespace(load=lambda: (mine,))]  # an entry point of somebody else's package
+    monkeypatch.setattr(app_stories, "entry_points", lambda group: theirs)
     return on_bench
 
 
@@ -175,7 +177,7 @@ def test_effects_and_sizes_are_completed() -> None:
 @pytest.mark.parametrize(
     ("typed", "offered"),
     [
-        ("deatwin scenario ", set(STORIES)),
+        ("deatwin scenario ", set(stories())),
         ("deatwin demo --effect electrode_", {"electrode_loss", "electrode_rc"}),
         ("deatwin simulate rig.toml in.csv --effect cre", {"creep"}),
         ("deatwin scenario concealed-physics --size ", {"tiny", "long", "standard", "full"}),

@@ -141,20 +141,6 @@ def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pyt
     assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "figures/gfrf8.csv"}
 
 
-def test_a_run_removes_what_releases_before_wrote_beside_the_report(
-    square: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
-    folder = square / "response"
-    folder.mkdir()
-    former = ["frequency.csv", "nofrf.csv", "gfrf2.svg", "report.html"]
-    for name in (*former, "gfrf3.csv"):
-        (folder / name).write_text("")
-    (folder / "run.json").write_text(json.dumps({"outputs": former}))
-    assert main(["frequency", "narx.json", "--out", "response"]) == 0
-    assert files_of(folder) == {"figures/frequency.csv", "report.html", "run.json", "gfrf3.csv"}  # which no run wrote
-
-
 @pytest.mark.parametrize(
     ("units", "headers"),
     [

@@ -22,7 +22,7 @@ from deatwin.plant import Experiment, Recording, thesis_plant
 from deatwin.plant.errors import DataError
 from deatwin.studies.sweep import CaseStore, SweepSeal, grid, open_study, run_study, run_sweep
 from deatwin.studies.sweep.casefile import decode
-from deatwin.studies.sweep.lock import alone
+from deatwin.studies.sweep.lock import exclusive_lock
 
 ROOT = Path(__file__).parents[3]
 SEAL = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1})
@@ -322,19 +322,7 @@ def test_no_backend_is_forced_anywhere() -> None:
 
 def test_a_second_run_at_the_same_time_is_refused(tmp_path: Path) -> None:
     store = CaseStore(tmp_path, SEAL)
-    with alone(tmp_path / "running"), pytest.raises(DataError, match="another process is running these cases"):
+    with exclusive_lock(tmp_path / "running"), pytest.raises(DataError, match="another process is running these cases"):
         run_sweep(numbers, {"case-00": "case-00"}, store)
     run_sweep(numbers, {"case-00": "case-00"}, store)
     assert store.has("case-00")
-
-
-def test_cases_of_a_former_version_are_refused_and_stay(tmp_path: Path) -> None:
-    store = CaseStore(tmp_path, SEAL)
-    former = tmp_path / "cases" / "case-00.json"
-    former.write_text("{}")
-    with pytest.raises(DataError, match="holds cases as JSON files, as former versions wrote them"):
-        run_sweep(numbers, {"case-00": "case-00"}, store)
-    assert former.exists() and not store.has("case-00")
-    (tmp_path / "seal.json").unlink()
-    with pytest.raises(DataError, match="holds cases as JSON files"):
-        CaseStore(tmp_path, SEAL)

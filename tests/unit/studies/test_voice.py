@@ -10,7 +10,7 @@ from contextlib import suppress
 import pytest
 
 from deatwin.studies import voice
-from deatwin.studies.interrupts import ORDINARY, heard
+from deatwin.studies.interrupts import ORDINARY, forward_signals
 from deatwin.studies.voice import PlainProgress, Voice, print_lines
 
 
@@ -165,13 +165,13 @@ def test_lines_that_nobody_takes_do_not_end_the_work(monkeypatch: pytest.MonkeyP
 def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: bool, number: signal.Signals) -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        with heard(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
+        with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("work") as tell:
             tell(0.1, "solving")
             with suppress(KeyboardInterrupt):
                 signal.raise_signal(number)
             with pytest.raises(KeyboardInterrupt):
                 tell(0.2, "solved")
-        with heard(*ORDINARY), Voice(quiet=quiet).progress("more work") as tell:
+        with forward_signals(*ORDINARY), Voice(quiet=quiet).progress("more work") as tell:
             tell(0.1, "solving")  # what ended one command does not end the next
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
@@ -183,7 +183,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def asked_and(error: Exception) -> None:
-        with heard():
+        with forward_signals():
             with suppress(KeyboardInterrupt):
                 signal.raise_signal(signal.SIGINT)
             raise error
@@ -193,7 +193,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
             asked_and(SystemError("DM.__array__ returned a result with an exception set"))
         with pytest.raises(OSError, match="disk is full"):  # what became of the work is told nevertheless
             asked_and(OSError("the disk is full"))
-        with pytest.raises(SystemError, match="of its own"), heard():
+        with pytest.raises(SystemError, match="of its own"), forward_signals():
             raise SystemError("of its own")
     finally:
         signal.signal(signal.SIGINT, before)
@@ -202,7 +202,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one_only_where_one_was_asked_for()
 def test_a_batch_system_is_heard_where_ctrl_c_is_ignored() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as of what a shell runs in the background
     try:
-        with heard(*ORDINARY), Voice().progress("work") as tell:
+        with forward_signals(*ORDINARY), Voice().progress("work") as tell:
             assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
             with suppress(KeyboardInterrupt):
                 signal.raise_signal(signal.SIGTERM)
@@ -213,7 +213,7 @@ def test_a_batch_system_is_heard_where_ctrl_c_is_ignored() -> None:
 
 
 def test_a_worker_leaves_what_kills_it_alone() -> None:
-    with heard():
+    with forward_signals():
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
@@ -221,7 +221,7 @@ def test_a_worker_leaves_what_kills_it_alone() -> None:
 def test_where_interrupts_are_ignored_they_stay_so(number: signal.Signals) -> None:
     before = signal.signal(number, signal.SIG_IGN)
     try:
-        with heard(*ORDINARY), Voice().progress("work") as tell:
+        with forward_signals(*ORDINARY), Voice().progress("work") as tell:
             signal.raise_signal(number)
             tell(0.1, "solving")
         assert signal.getsignal(number) is signal.SIG_IGN

@@ -20,6 +20,7 @@ from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
@@ -157,6 +158,11 @@ class Deviations(Frozen):
     model: NarxModel
     jacobian: Array
     point: Equilibrium  # Origin of the deviations
+
+    def seen(self, recording: Recording) -> Recording:
+        """Return a recording as deviations from the equilibrium."""
+        inputs = recording.inputs - self.point.operating_input[:, None]
+        return replace(recording, inputs=inputs, outputs=recording.outputs - self.point.output)
 
 
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -13,7 +13,7 @@ from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import require_one_input
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
-from deatwin.ident.frequency.many import spectrum_of_many
+from deatwin.ident.frequency.many import Evaluated, spectrum_of_many
 from deatwin.ident.frequency.parts import Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
@@ -200,3 +200,32 @@ def _steady(model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike 
     require_one_input(model)
     about = deviations(model, operating_input)
     return _Steady(model=model, about=about, parts=Orders(one_period(excitation, model.sample_time), highest))
+
+
+def inner_lines(
+    model: NarxModel, excitation: Array, order: int, operating_input: ArrayLike | None = None
+) -> FrequencyResponse:
+    """An order of the output at the lines where it is complex and not zero: its covariance has two dimensions there.
+    Shapes: `excitation` (n_samples,).
+    """
+    whole = output_orders(model, excitation, order, operating_input=operating_input)[-1]
+    inner = np.arange(1, whole.values.size - 1)
+    kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]
+    return replace(
+        whole,
+        values=whole.values[kept],
+        omega=whole.omega[kept],
+        differentiate=partial(_slopes_at, whole, kept),
+        evaluate=partial(_values_at, whole, kept),
+    )
+
+
+def _slopes_at(whole: FrequencyResponse, kept: NDArray[np.intp]) -> Complex:
+    return whole.gradient[kept]
+
+
+def _values_at(whole: FrequencyResponse, kept: NDArray[np.intp], thetas: Array) -> Evaluated:
+    if whole.evaluate is None:
+        raise ValueError("an order of the output knows its values at many parameters")
+    found = whole.evaluate(thetas)
+    return replace(found, values=found.values[:, kept])

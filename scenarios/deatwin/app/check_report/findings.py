@@ -34,28 +34,28 @@ class Row:
 class Group:
     """Lines that belong together."""
 
-    title: str  # Their heading
+    title: str  # Heading
     rows: list[Row]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """How findings on one subject are shown."""
+    """Format of the findings on one subject."""
 
-    group: str  # Where they stand, with ``{}`` for whose they are
+    group: str  # Heading; ``{}`` stands for the source
     form: str = ".3g"  # Format of a number, and its unit with the space before it
     unit: str = ""
     scale: float = 1.0
     limit: str = ""  # Field of the specification; empty where none belongs to it
 
     def value(self, value: float | None) -> str:
-        """What was found, as text."""
+        """Write a value that was found."""
         if value is None:
             return "–"
         return amount(self.scale * value, self.form, self.unit) if isfinite(value) else "∞"
 
     def asked(self, value: float) -> str:
-        """What was asked, as text: whatever its size."""
+        """Write a limit, whatever its size."""
         return f"{self.scale * value:{self.form}}{self.unit}"
 
 
@@ -70,7 +70,7 @@ def groups(view: View) -> list[Group]:
 
 
 def _split(subject: str, view: View) -> tuple[str, str]:
-    """What a finding is about, and whose: the model's or the physics plant's own say nothing in brackets."""
+    """Split a finding's subject into its name and its source; the model and the physics plant need no brackets."""
     match = re.fullmatch(r"(.+?) \((.+)\)", subject)
     if match is not None and match[2] in view.looks:
         return match[1], match[2]
@@ -96,7 +96,7 @@ def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
 
 
 def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[str, str]:
-    """What is good, and what is still tolerated."""
+    """Write the limits of good and of tolerable."""
     if kind.limit:
         limit: Limit = getattr(view.specification.on_a_stand_in, kind.limit)
         sign = "≥" if limit.good > limit.poor else "≤"

@@ -27,7 +27,7 @@ class Loops:
 
     frequency_Hz: Array  # shape (n,): Hz
     values: dict[str, Complex]  # shape (n,): Of the model and of each plant that has a state of rest there
-    band: MarginBand | None  # What the model's covariance makes of its loop; None where that is unstable
+    band: MarginBand | None  # Of the model's loop, from its covariance; None if the loop is unstable
 
     @classmethod
     def of(cls, view: View, controller: Controller) -> Loops:

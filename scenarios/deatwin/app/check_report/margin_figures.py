@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from deatwin.app.check_report.loops import Loops
 from deatwin.app.check_report.run_figures import Columns
-from deatwin.app.check_report.view import AFTER, BEFORE, INK, MARK, View, header
+from deatwin.app.check_report.view import View, header
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.controllers.base import Controller
 from deatwin.plant.amplitudes import amount
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class _Measure:
 
     field: str
     label: str
-    limit: Limit  # What was asked
+    limit: Limit  # From the specification
     scale: float = 1.0
     ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
 
@@ -55,32 +56,17 @@ class _Measure:
         return (0.0 if high < _FAR * self.limit.poor else 0.6 * self.limit.poor), high
 
 
-def draw_margins(view: View) -> tuple[Drawing, Columns]:
+def draw_margins(view: View) -> Drawing:
     """Draw margins over operating points."""
-    unit = view.check.operating.input_unit
-    label = f"constant {view.command}"
-    return _draw(
-        view,
-        view.rows(along_time=False),
-        lambda row: row.operating_input,
-        label,
-        header("input", unit),
-        "margins",
-        "Margins over operating points",
-    )
+    rows, column = view.rows(along_time=False), header("input", view.check.operating.input_unit)
+    names = "margins", "Margins over operating points"
+    return _draw(view, rows, lambda row: row.operating_input, f"constant {view.command}", column, *names)
 
 
-def draw_margins_over_time(view: View) -> tuple[Drawing, Columns]:
+def draw_margins_over_time(view: View) -> Drawing:
     """Draw margins along time."""
-    return _draw(
-        view,
-        view.rows(along_time=True),
-        lambda row: row.time or 0.0,
-        "time (s)",
-        "time_s",
-        "margins_time",
-        "Margins over time",
-    )
+    rows, names = view.rows(along_time=True), ("margins_time", "Margins over time")
+    return _draw(view, rows, lambda row: row.time or 0.0, "time (s)", "time_s", *names)
 
 
 def _draw(
@@ -91,7 +77,7 @@ def _draw(
     column: str,
     name: str,
     title: str,
-) -> tuple[Drawing, Columns]:
+) -> Drawing:
     measures = _measures(view)
     with draw((7.4, 5.4)) as figure:
         panels = figure.subplots(2, 2, sharex=True)
@@ -113,8 +99,7 @@ def _draw(
         if samples > 1:
             caption += " Shaded, down to the thin line: to the 2.5 % quantile of its draws, which is judged."
         caption += " At the upper edge nothing bounds a margin; at zero, or the lower edge, the loop is unstable."
-        drawing = Drawing.of(figure, name, title, caption)
-    return drawing, _columns(rows, place, column, measures)
+        return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
 def _measures(view: View) -> tuple[_Measure, ...]:
@@ -145,8 +130,8 @@ def _draw_source(axes: Axes, view: View, source: str, places: Array, own: Array,
 def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axes.axhline(limit.good, color=INK, linestyle="--", linewidth=0.9, label="good from here on")
-    axes.axhline(limit.poor, color=INK, linestyle=":", linewidth=1.1, label="fails below")
+    axes.axhline(limit.good, color=Hue.INK, linestyle="--", linewidth=0.9, label="good from here on")
+    axes.axhline(limit.poor, color=Hue.INK, linestyle=":", linewidth=1.1, label="fails below")
     if low > 0.0:
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -175,7 +160,7 @@ def _columns(
     return columns
 
 
-def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
+def draw_nyquist(view: View, controller: Controller) -> Drawing:
     """Draw the loops at the operating point, with the disks that they have to stay out of."""
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
@@ -191,7 +176,7 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
                 at = int(np.argmin(np.abs(loops.frequency_Hz - known)))
                 label = f"{known:.3g} Hz: excited up to here" if source == "model" else "_"
                 axes.plot(values[at].real, values[at].imag, "D", markersize=5, color=look.colour, label=label)
-        axes.plot(-1.0, 0.0, "+", color=INK, markersize=10, markeredgewidth=1.5, label="−1")
+        axes.plot(-1.0, 0.0, "+", color=Hue.INK, markersize=10, markeredgewidth=1.5, label="−1")
         axes.set(xlim=(-_REACH, 0.8), ylim=(-_REACH, 0.8), xlabel="real part of L", ylabel="imaginary part of L")
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
@@ -203,17 +188,19 @@ def draw_nyquist(view: View, controller: Controller) -> tuple[Drawing, Columns]:
             " A loop outside of a disk bears every change of gain and phase at once that the disk stands for; outside "
             "of the larger one the margin is good, inside of the smaller one it fails."
         )
-        drawing = Drawing.of(figure, "nyquist", "The loop at the operating point", caption)
-    columns: Columns = {"frequency_Hz": loops.frequency_Hz}
-    for source, values in loops.values.items():
-        columns[header(f"{source}_real", "")], columns[header(f"{source}_imag", "")] = values.real, values.imag
-    return drawing, columns
+        columns: Columns = {"frequency_Hz": loops.frequency_Hz}
+        for source, values in loops.values.items():
+            columns[header(f"{source}_real", "")], columns[header(f"{source}_imag", "")] = values.real, values.imag
+        return Drawing.of(figure, "nyquist", "The loop at the operating point", caption, columns)
 
 
 def _draw_disks(axes: Axes, view: View) -> None:
-    """Of a symmetric disk margin alpha: through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
+    """A symmetric disk margin alpha is a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
-    for margin, colour, label in ((limit.good, MARK, "disk of a good margin"), (limit.poor, BEFORE, "of a poor one")):
+    for margin, colour, label in (
+        (limit.good, Hue.MARK, "disk of a good margin"),
+        (limit.poor, Hue.BEFORE, "of a poor one"),
+    ):
         far = (2.0 + margin) / (2.0 - margin)
         centre, radius = -0.5 * (far + 1.0 / far), 0.5 * (far - 1.0 / far)
         axes.fill(
@@ -234,4 +221,6 @@ def _draw_ellipses(axes: Axes, loops: Loops) -> None:
     shown = near[np.searchsorted(length, np.linspace(0.0, length[-1], _ELLIPSES)).clip(max=near.size - 1)]
     outlines = loops.band.ellipse()[shown]
     lines = list(np.stack([outlines.real, outlines.imag], axis=-1))
-    axes.add_collection(LineCollection(lines, colors=AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model"))
+    axes.add_collection(
+        LineCollection(lines, colors=Hue.AFTER, linewidths=0.7, alpha=0.5, label="95 % band of the model")
+    )

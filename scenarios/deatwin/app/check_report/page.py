@@ -8,7 +8,7 @@ from math import isfinite
 from deatwin.app.check_report.findings import TONES, groups
 from deatwin.app.check_report.gains import written_gains
 from deatwin.app.check_report.margin_figures import draw_margins, draw_margins_over_time, draw_nyquist
-from deatwin.app.check_report.run_figures import Columns, draw_others, draw_sine, draw_steps
+from deatwin.app.check_report.run_figures import draw_others, draw_sine, draw_steps
 from deatwin.app.check_report.view import View
 from deatwin.control import Check, Verdict
 from deatwin.studies.folder import ResultFolder
@@ -30,22 +30,23 @@ class Tile:
 def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None:
     """Write ``report.html`` and the data of its figures."""
     drawn = _drawn(view)
-    for drawing, columns in drawn:
-        folder.csv(drawing.data, columns)
+    for drawing in drawn:
+        drawing.save_data(folder)
     check = view.check
     sentence, more = _verdict(check)
     write_page(
         folder,
         "check.html.j2",
-        [drawing for drawing, _ in drawn],
+        drawn,
         origin,
+        __package__,
         verdict=check.verdict.value,
         tone=TONES[check.verdict],
         sentence=sentence,
         more=more,
         tiles=_tiles(view),
         groups=groups(view),
-        figures={drawing.name: drawing for drawing, _ in drawn},
+        figures={drawing.name: drawing for drawing in drawn},
         here=_margins_here(view),
         caveats=[_capital(text) for text in check.caveats],
         gains=written_gains(check),
@@ -69,7 +70,7 @@ def _capital(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}"
 
 
-def _drawn(view: View) -> list[tuple[Drawing, Columns]]:
+def _drawn(view: View) -> list[Drawing]:
     """The figures of what there is, in the order of the page."""
     check = view.check
     found = []

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.app.check_report.view import AFTER, BEFORE, INK, MEASURED, View, header, thinned
+from deatwin.app.check_report.view import View, header, thinned
 from deatwin.control import ClosedLoop
 from deatwin.control.checking.verdict import late_rms_error
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tracks import envelope
 
@@ -25,14 +26,14 @@ Columns = dict[str, Array]
 _TIME = "time since the loop was closed (s)"
 
 
-def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
+def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
     """Draw the steps on the physics plant in the predicted band, and the command below."""
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
         upper.plot(
             *envelope(steps.timepts, steps.measured / view.size),
-            color=MEASURED,
+            color=Hue.MEASURED,
             linewidth=0.5,
             alpha=0.6,
             label="simulated reading",
@@ -40,12 +41,12 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
         _draw_reference(upper, view, steps)
         upper.plot(
             *envelope(steps.timepts, steps.output / view.size),
-            color=BEFORE,
+            color=Hue.BEFORE,
             linewidth=1.3,
             label="on the physics plant",
         )
         upper.set_ylabel(view.reading)
-        _draw_command(lower, steps, BEFORE)
+        _draw_command(lower, steps, Hue.BEFORE)
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
@@ -60,11 +61,10 @@ def draw_steps(view: View, steps: ClosedLoop) -> tuple[Drawing, Columns]:
                 " No band is predicted: every draw of the model diverged, or neither a recording nor the model's file "
                 "tells what its free run leaves."
             )
-        drawing = Drawing.of(figure, "steps", "Steps on the physics plant", caption)
-    return drawing, _step_columns(view, steps)
+        return Drawing.of(figure, "steps", "Steps on the physics plant", caption, _step_columns(view, steps))
 
 
-def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, Columns]:
+def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
     """Draw the steps on the other plants."""
     longest = max(others.values(), key=lambda run: run.timepts.size)
     with draw((7.0, 4.9)) as figure:
@@ -81,31 +81,31 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> tuple[Drawing, 
         _draw_limits(lower, view, longest)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "rivals",
             "The same steps on the rivals",
             "Plants that the actuator may be as well. A line that ends early: the plant failed there.",
+            _other_columns(view, others, longest),
         )
-    return drawing, _other_columns(view, others, longest)
 
 
-def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
+def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
     """Draw the run with a slow sine, its error, and the command."""
     unit, error = view.shown_unit, sine.error / view.size
     with draw((7.0, 5.2)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.5))
         _draw_reference(upper, view, sine)
-        upper.plot(*envelope(sine.timepts, sine.output / view.size), color=BEFORE, label="on the physics plant")
-        middle.plot(*envelope(sine.timepts, error), color=BEFORE, linewidth=0.9)
-        middle.axhline(0, color=INK, linewidth=0.6)
+        upper.plot(*envelope(sine.timepts, sine.output / view.size), color=Hue.BEFORE, label="on the physics plant")
+        middle.plot(*envelope(sine.timepts, error), color=Hue.BEFORE, linewidth=0.9)
+        middle.axhline(0, color=Hue.INK, linewidth=0.6)
         caption = "A sine at a fifth of the bandwidth asked for, what the physics plant made of it, and the error."
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
                 middle.axhline(
                     sign * size,
-                    color=AFTER,
+                    color=Hue.AFTER,
                     linestyle="--",
                     linewidth=0.9,
                     label="predicted amplitude" if sign > 0 else "_",
@@ -117,15 +117,20 @@ def draw_sine(view: View, sine: ClosedLoop) -> tuple[Drawing, Columns]:
             )
         upper.set_ylabel(view.reading)
         middle.set_ylabel(f"error ({unit})" if unit not in ("", "1") else "error")
-        _draw_command(lower, sine, BEFORE)
+        _draw_command(lower, sine, Hue.BEFORE)
         lower.set(xlabel=_TIME, ylabel=view.command)
         figure.align_ylabels()
         handles, labels = (
             [*a, *b] for a, b in zip(upper.get_legend_handles_labels(), middle.get_legend_handles_labels(), strict=True)
         )
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
-        drawing = Drawing.of(figure, "sine", "A slow sine on the physics plant", caption)
-    return drawing, {"time_s": sine.timepts, **_run_columns(view, sine)}
+        return Drawing.of(
+            figure,
+            "sine",
+            "A slow sine on the physics plant",
+            caption,
+            {"time_s": sine.timepts, **_run_columns(view, sine)},
+        )
 
 
 def _draw_prediction(axes: Axes, view: View) -> None:
@@ -134,14 +139,18 @@ def _draw_prediction(axes: Axes, view: View) -> None:
         return
     timepts, middle, half = thinned(predicted.timepts, predicted.middle / view.size, predicted.half_width / view.size)
     axes.fill_between(
-        timepts, middle - half, middle + half, color=AFTER, alpha=0.22, linewidth=0, label="predicted 95 % band"
+        timepts, middle - half, middle + half, color=Hue.AFTER, alpha=0.22, linewidth=0, label="predicted 95 % band"
     )
-    axes.plot(timepts, middle, color=AFTER, linewidth=1.0, label="predicted mean")
+    axes.plot(timepts, middle, color=Hue.AFTER, linewidth=1.0, label="predicted mean")
 
 
 def _draw_reference(axes: Axes, view: View, run: ClosedLoop) -> None:
     axes.plot(
-        *envelope(run.timepts, run.reference / view.size), color=INK, linestyle="--", linewidth=0.8, label="reference"
+        *envelope(run.timepts, run.reference / view.size),
+        color=Hue.INK,
+        linestyle="--",
+        linewidth=0.8,
+        label="reference",
     )
 
 
@@ -151,7 +160,7 @@ def _draw_command(axes: Axes, run: ClosedLoop, colour: str) -> None:
 
 def _draw_limits(axes: Axes, view: View, run: ClosedLoop) -> None:
     for limit in run.command_limits:
-        axes.axhline(limit, color=INK, linestyle=":", linewidth=1.0)
+        axes.axhline(limit, color=Hue.INK, linestyle=":", linewidth=1.0)
     axes.set(xlabel=_TIME, ylabel=view.command)
 
 

@@ -1,4 +1,4 @@
-"""What all parts of the report are made from, and how sources look in all figures."""
+"""Data behind all parts of the report, and the look of each source in all figures."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.model import Plant
-from deatwin.studies.report.svg import COLOURS
+from deatwin.studies.report.panels import Hue
 
 Array = NDArray[np.float64]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 _DRAWN = 1000  # points of a line: a picture shows no more
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How a source is called and drawn."""
+    """Label and line of a source."""
 
     label: str
     colour: str
@@ -37,13 +36,16 @@ class View:
     check: Check
     model: NarxModel
     plants: Mapping[str, Plant]  # The physics plant as ``plant``, and the others by their names
-    specification: Specification  # What was asked
+    specification: Specification  # Limits of the check
 
     @property
     def looks(self) -> dict[str, Look]:
-        """Of each source of margins and runs; what is said of a source in further words has its colour."""
-        styles = cycle(product(("-", "--", "-."), (MARK, MEASURED, INK)))
-        found = {"model": Look(label="model", colour=AFTER), "plant": Look(label="physics plant", colour=BEFORE)}
+        """Look of each source of margins and runs; variants of a source share its colour."""
+        styles = cycle(product(("-", "--", "-."), (Hue.MARK, Hue.MEASURED, Hue.INK)))
+        found = {
+            "model": Look(label="model", colour=Hue.AFTER),
+            "plant": Look(label="physics plant", colour=Hue.BEFORE),
+        }
         for name in self.plants:
             if name not in found:
                 line, colour = next(styles)
@@ -57,12 +59,12 @@ class View:
 
     @property
     def unit(self) -> str:
-        """Of outputs in columns, such as ``um``."""
+        """Unit of outputs in columns, such as ``um``."""
         return amplitude_unit(self.check.operating.output_unit)[0]
 
     @property
     def shown_unit(self) -> str:
-        """Of outputs for readers, such as ``µm``."""
+        """Unit of outputs for readers, such as ``µm``."""
         return written_amplitude(self.check.operating.output_unit)[0]
 
     @property

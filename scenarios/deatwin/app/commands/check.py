@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.app.designs import DesignName
 from deatwin.app.options import (
     AllowGaps,
     InputColumn,
@@ -22,18 +21,26 @@ from deatwin.app.options import (
     SampleTime,
     Seed,
     TimeColumn,
+    positive,
 )
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 if TYPE_CHECKING:
     from deatwin.app.given import GivenPlant
     from deatwin.plant.recording import Recording
 
 
-def _positive(value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise typer.BadParameter("give a positive number of seconds")
-    return value
+class DesignName(StrEnum):
+    """Names of `deatwin.control.design.named`, listed here so that help loads no numbers."""
+
+    PI = "pi"
+    PID = "pid"
+    INVERSE = "inverse"
+    LQG = "lqg"
+    HINF = "hinf"
+    SHAPED = "shaped"
+    SCHEDULED = "scheduled"
 
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
@@ -50,7 +57,7 @@ DesignOption = Annotated[
 ClosedLoopTime = Annotated[
     float | None,
     typer.Option(
-        callback=_positive,
+        callback=positive("give a positive number of seconds"),
         metavar="SECONDS",
         help="Wanted time constant of the closed loop; by default as fast as model and recording allow.",
     ),
@@ -129,7 +136,6 @@ def check(
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
     from deatwin.app.given import GivenPlant, clock_notes
     from deatwin.ident.narx import NarxModel
-    from deatwin.studies.folder import ResultFolder
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = NarxModel.load(model).deterministic
@@ -154,13 +160,8 @@ def check(
         jobs=jobs,
         seed=seed,
     )
-    folder = ResultFolder(out)
-    try:
-        with folder, voice.progress("closing the loop") as progress:
-            found = task.run(folder, progress)
-    except KeyboardInterrupt:
-        complain(f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out, voice, "closing the loop") as (folder, progress):
+        found = task.run(folder, progress)
     voice.say(found.sentence)
     if gains := written_gains(found):
         voice.say(", ".join(f"{name} {value}" for name, value in gains))

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from deatwin.app.options import Jobs, Json, Quiet, Seed, complete_effects
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
 Concealed = Annotated[
@@ -31,16 +32,10 @@ def demo(
     Example: deatwin demo --effect hysteresis --out demo
     """
     from deatwin.app.demo import run
-    from deatwin.studies.folder import ResultFolder
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    folder = ResultFolder(out)
-    try:
-        with folder, voice.progress("making a recording") as progress:
-            diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
-    except KeyboardInterrupt as stop:
-        complain(str(stop) or f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out, voice, "making a recording") as (folder, progress):
+        diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
     voice.say(f"concealed: {effect} (truth.json)")
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     voice.say(f"report: {folder.path / 'report.html'}")

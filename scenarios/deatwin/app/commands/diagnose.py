@@ -23,7 +23,8 @@ from deatwin.app.options import (
     TimeColumn,
     unfold_experiment,
 )
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 Recordings = Annotated[
     list[Path] | None, typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock.")
@@ -62,7 +63,6 @@ def diagnose(
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, clock_notes
     from deatwin.studies.diagnosing import DiagnosisTask
-    from deatwin.studies.folder import ResultFolder
 
     voice = Voice(as_json=as_json, quiet=quiet)
     plant = GivenPlant.load(
@@ -79,13 +79,8 @@ def diagnose(
         jobs=jobs,
         seed=seed,
     )
-    folder = ResultFolder(out)
-    try:
-        with folder, voice.progress("reading") as progress:
-            diagnosis = task.run(folder, progress)
-    except KeyboardInterrupt as stop:
-        complain(str(stop) or f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out, voice, "reading") as (folder, progress):
+        diagnosis = task.run(folder, progress)
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")

@@ -16,28 +16,20 @@ from deatwin.studies.voice import Voice
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from deatwin.plant.model import Plant
+
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A package that deatwin can do without.
-
-    Parameters
-    ----------
-    package : str
-        As an installer knows it.
-    use : str
-        What it is for.
-    versions : str
-        Those that do, as pyproject.toml states them; empty where any does.
-    """
+    """A package that deatwin can do without."""
 
     package: str
     use: str
-    versions: str = ""
+    versions: str = ""  # That suffice, as pyproject.toml states them; empty if any does
 
     @property
     def command(self) -> str:
-        """What installs it, wherever deatwin itself came from."""
+        """Command that installs it, wherever deatwin itself came from."""
         return f'pip install "{self.package}{self.versions}"' if self.versions else f"pip install {self.package}"
 
 
@@ -62,7 +54,7 @@ SLOWER = (
     ("free runs of NARX models", 250, "bench_semp.py"),
     ("Kalman filters and smoothers", 6, "bench_kalman.py"),
 )
-"""What takes how many times as long without a compiler, and the script of tests/benchmarks that measured it."""
+"""Tasks, how many times as long they take without a compiler, and the script of tests/benchmarks that measured it."""
 
 Warm = Annotated[
     bool, typer.Option("--warm", help="Compile the usual plants ahead, so that the first diagnosis is quick.")
@@ -128,7 +120,7 @@ def _data() -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What is said: a word, and what is to be known of it."""
+    """Lines of the answer: a label and its text."""
     yield from found["versions"].items()
     slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
     yield "compiler", found["compiler"] or "none found on the path: install gcc or clang"
@@ -152,18 +144,28 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def _warm(voice: Voice, jobs: int) -> int:
     """Compile the plants that a diagnosis of a diaphragm asks for; how many there are."""
-    from deatwin.app.warming import compile_plant, usual_plants
     from deatwin.ident.parallel import run_jobs
+    from deatwin.plant.effects import catalogue
     from deatwin.plant.integrator.compiled import compiler
+    from deatwin.plant.model import Plant
+    from deatwin.plant.rigs.diaphragm import Diaphragm
 
     if compiler() is None:
         return 0
-    plants = usual_plants()
+    plants = []
+    for ball in ("bonded", "sliding"):
+        rig = Diaphragm(ball=ball)
+        plants += [Plant(rig=rig), Plant(rig=rig.finer()), *(Plant(rig=rig, effects=(e,)) for e in catalogue())]
     with voice.progress("compiling") as progress:
         run_jobs(
-            compile_plant,
+            _compile,
             [(plant,) for plant in plants],
             workers=jobs,
             finished=lambda count: progress(count / len(plants), f"compiled {count} of {len(plants)}"),
         )
     return len(plants)
+
+
+def _compile(plant: Plant) -> None:
+    """Have the plant's equations compiled into the user's cache."""
+    plant.simulator  # noqa: B018  (building it compiles it)

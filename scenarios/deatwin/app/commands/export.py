@@ -24,7 +24,7 @@ PLANT, NARX, CHECK = "deatwin/plant/1", "deatwin/narx/1", "deatwin/check/1"
 
 
 class Form(StrEnum):
-    """What to write."""
+    """Form of the export."""
 
     FMU = "fmu"
     FMU_CS = "fmu-cs"
@@ -88,7 +88,7 @@ def _identifier(stem: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Given:
-    """What a command line names: how its C source is made, and the plant that it is, or whether it is a controller."""
+    """The model to export: the maker of its C source, and the plant if it is one."""
 
     source: Callable[..., SampledSource]
     plant: Plant | None = None
@@ -109,7 +109,7 @@ class _Given:
 
 
 def _schema(source: str) -> str | None:
-    """Of a JSON file; None where there is none, which loading it will complain about."""
+    """Schema of a JSON file; None if the file cannot be read, which loading it will report."""
     from deatwin.plant.documents import read_json
     from deatwin.plant.errors import ModelError
     from deatwin.plant.intake import clipped

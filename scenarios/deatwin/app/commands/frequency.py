@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import math
-import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from deatwin.app.options import Json, OutFolder, Quiet
+from deatwin.app.options import Json, OutFolder, Quiet, positive
 from deatwin.studies.voice import Voice
 
-FORMER = re.compile(r"(figures/)?(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)")
-"""Files that a run writes or not, as its model and order have it; releases before wrote them beside the report."""
-
-
-def _positive(value: float | None) -> float | None:
-    if value is not None and not 0.0 < value < math.inf:
-        raise typer.BadParameter("give a positive number")
-    return value
+FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
+"""Files that a run writes or not, as its model and order have it."""
 
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
@@ -37,7 +28,7 @@ Amplitude = Annotated[
     float | None,
     typer.Option(
         metavar="VALUE",
-        callback=_positive,
+        callback=positive("give a positive number"),
         help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
         "range.",
     ),
@@ -79,8 +70,8 @@ def frequency(
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
         found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
         write_responses(found, folder, record)
-    folder.remove_former(FORMER.pattern)
-    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    folder.remove_former(FORMER)
+    record.save(folder)
     for line in found.lines:
         voice.say(line)
     voice.say(folder.summary)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -28,16 +28,8 @@ if TYPE_CHECKING:
     from deatwin.studies.provenance import RunRecord
 
 
-class Candidates(TypedDict):
-    """Which terms compete."""
-
-    output_lags: int
-    input_lags: tuple[int, ...]
-    degree: int
-
-
 class Method(StrEnum):
-    """How terms are chosen."""
+    """Method that chooses the terms."""
 
     SVB = "svb"
     FROLS = "frols"
@@ -117,16 +109,15 @@ def identify(
     With a report: deatwin identify noise.csv --out narx.json --report identified
     """
     from contextlib import nullcontext
-    from functools import partial
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
-    from deatwin.app.thinning import LEAST, thinned
+    from deatwin.app.thinning import thinned
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
-    from deatwin.plant.errors import ModelError
     from deatwin.plant.files import read_recordings
+    from deatwin.plant.recording import label
     from deatwin.plant.rigs.base import ReadingTime
     from deatwin.studies.folder import ResultFolder, require_place
     from deatwin.studies.provenance import RunRecord, hashes
@@ -139,47 +130,28 @@ def identify(
     require_place(out, recordings)
     with nullcontext() if report is None else ResultFolder(report) as folder:
         record = RunRecord(command=context.obj or [], inputs=hashes(recordings), seed=0, jobs=1)
-        read = partial(
-            read_recordings,
-            input_column=input_column,
-            output_column=output_column,
-            time_column=time_column,
-            allow_gaps=allow_gaps,
-            dt=dt,
-            resample=resample,
-            reading=reading,
-        )
-        records = [record for path in recordings for record in read(path)]
+        columns = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
+        asked: dict[str, Any] = {**columns, "allow_gaps": allow_gaps, "dt": dt, "resample": resample}
+        records = [record for path in recordings for record in read_recordings(path, reading=reading, **asked)]
         notes = clock_notes(records)
         require_excitation(records)
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
         records, notes = fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
-        lags: Candidates = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
+        lags = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
-        with voice.progress("choosing terms") as progress:
-            progress(0.0, "choosing terms")
-            try:
-                identifier.fit(training, progress=progress)
-            except KeyboardInterrupt:
-                complain("interrupted before a model was found; nothing was written")
-                raise typer.Exit(130) from None
-            except ModelError as error:
-                if sum(part.n_samples for part in training) >= LEAST:
-                    raise
-                raise ModelError(f"{', '.join(dict.fromkeys(_labels(records)))}: {error}") from None
+        _fit(identifier, training, records, voice)
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
         _, unexcited = band_excited(records)
         model = assessed(identifier.model_, records, unseen)
         model.save(out)
         errors = [_errors(model, part) for part in unseen]
-        _say(voice, model, errors, _labels(records))
-        for note in (*identifier.notes_, *unexcited):
-            voice.say(f"note: {note}")
-        for remark in remarks_on_levels(training, degree):
-            voice.say(remark)
+        _say(voice, model, errors, [label(record) for record in records])
+        found = [*identifier.notes_, *unexcited]
+        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
+            voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
@@ -193,7 +165,7 @@ def identify(
                 "terms": terms,
                 "origins": _origins(model),
                 "complete": identifier.status_.ok,
-                "notes": [*identifier.notes_, *unexcited],
+                "notes": found,
                 "unseen": errors,
                 "input_lags": chosen.lags,
                 "dead_times": chosen.document,
@@ -202,6 +174,25 @@ def identify(
         )
         if not identifier.status_.ok:
             raise typer.Exit(130)
+
+
+def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Sequence[Recording], voice: Voice) -> None:
+    """Fit, and name the files in an error that comes of short recordings."""
+    from deatwin.app.thinning import LEAST
+    from deatwin.plant.errors import ModelError
+    from deatwin.plant.recording import label
+
+    with voice.progress("choosing terms") as progress:
+        progress(0.0, "choosing terms")
+        try:
+            identifier.fit(training, progress=progress)
+        except KeyboardInterrupt:
+            complain("interrupted before a model was found; nothing was written")
+            raise typer.Exit(130) from None
+        except ModelError as error:
+            if sum(part.n_samples for part in training) >= LEAST:
+                raise
+            raise ModelError(f"{', '.join(dict.fromkeys(label(record) for record in records))}: {error}") from None
 
 
 def _write_report(
@@ -213,8 +204,6 @@ def _write_report(
     identifier: NarxIdentifier,
     clocks: list[str],
 ) -> None:
-    import json
-
     from deatwin.app.identify_report import Identified, write_identified
     from deatwin.ident.narx import validate
     from deatwin.plant.errors import ModelError
@@ -236,19 +225,16 @@ def _write_report(
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
-    folder.text("run.json", json.dumps(record.finished([*folder.written, "run.json"]), indent=1) + "\n")
+    record.save(folder)
 
 
-def _identifier(method: Method, lags: Candidates, max_terms: int) -> NarxIdentifier:
+def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:
     from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
 
     if method is Method.SVB:
         return SvbNarx(**lags)
-    if method is Method.FROLS:
-        return Frols(**lags, max_terms=max_terms)
-    if method is Method.LASSO:
-        return Lasso(**lags, max_terms=max_terms)
-    return Semp(**lags, max_terms=max_terms)
+    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp}
+    return searches[method](**lags, max_terms=max_terms)
 
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
@@ -277,7 +263,7 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
 
 
 def _origins(model: NarxModel) -> dict[str, float]:
-    """By signal what its terms count from."""
+    """Origin from which terms count, by signal."""
     values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
     return dict(zip(model.input_names + model.output_names, values, strict=True))
 
@@ -307,9 +293,3 @@ def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
         "failed_tests": [test.name for test in found.failed],
         "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
     }
-
-
-def _labels(records: list[Recording]) -> list[str]:
-    from deatwin.plant.recording import label
-
-    return [label(record) for record in records]

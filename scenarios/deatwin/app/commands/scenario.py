@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from deatwin.app.options import Jobs, Json, Quiet, Seed
-from deatwin.studies.voice import Voice, complain
+from deatwin.app.stories import stories, story
+from deatwin.app.working import results
+from deatwin.studies.voice import Voice
 
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Folder for the results; by default deatwin-NAME.")
@@ -16,40 +18,15 @@ OutFolder = Annotated[
 
 
 def complete_names(incomplete: str) -> list[tuple[str, str]]:
-    """Stories with their lines, for the shell's completion.
-
-    Parameters
-    ----------
-    incomplete : str
-        What is typed so far.
-
-    Returns
-    -------
-    list of tuple of str
-    """
-    from deatwin.studies.stories import STORIES
-
-    return [(entry.name, entry.line) for entry in STORIES.values() if entry.name.startswith(incomplete)]
+    """Stories with their lines, for the shell's completion."""
+    return [(entry.name, entry.line) for entry in stories().values() if entry.name.startswith(incomplete)]
 
 
 def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
-    """Sizes of the story that is named, for the shell's completion; of all where none is.
-
-    Parameters
-    ----------
-    context : typer.Context
-        Its arguments are what is typed before.
-    incomplete : str
-        What is typed so far.
-
-    Returns
-    -------
-    list of str
-    """
-    from deatwin.studies.stories import STORIES
-
-    named = [STORIES[word] for word in context.args if word in STORIES]
-    sizes = dict.fromkeys(size for entry in named or STORIES.values() for size in entry.sizes)
+    """Sizes of the story that is named, for the shell's completion; of all where none is."""
+    known = stories()
+    named = [known[word] for word in context.args if word in known]
+    sizes = dict.fromkeys(size for entry in named or known.values() for size in entry.sizes)
     return [size for size in sizes if size.startswith(incomplete)]
 
 
@@ -82,23 +59,14 @@ def scenario(
 
     A long one, in a smaller size: deatwin scenario concealed-physics --size tiny --out tiny
     """
-    from deatwin.studies.folder import ResultFolder
-    from deatwin.studies.stories import Setting, story
+    from deatwin.studies.stories import Setting
 
     voice = Voice(as_json=as_json, quiet=quiet)
     chosen = story(name)
     chosen.require_size(size)
-    folder = ResultFolder(out or Path(f"deatwin-{name}"))
-    try:
-        with folder, voice.progress(name) as progress:
-            result = chosen.run(
-                Setting(
-                    folder=folder, data=data, command=context.obj, jobs=jobs, seed=seed, progress=progress, size=size
-                )
-            )
-    except KeyboardInterrupt as stop:
-        complain(str(stop) or f"interrupted; {folder.summary}")
-        raise typer.Exit(130) from None
+    with results(out or Path(f"deatwin-{name}"), voice, name) as (folder, progress):
+        given = {"data": data, "command": context.obj, "jobs": jobs, "seed": seed, "size": size}
+        result = chosen.run(Setting(folder=folder, progress=progress, **given))
     voice.say(str(result["sentence"]))
     voice.say(folder.summary)
     voice.result(result)
@@ -109,11 +77,9 @@ def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
 
     Example: deatwin scenarios
     """
-    from deatwin.studies.stories import STORIES
-
     voice = Voice(as_json=as_json, quiet=quiet)
-    width = max(map(len, STORIES))
-    for entry in STORIES.values():
+    width = max(map(len, stories()))
+    for entry in stories().values():
         voice.say(f"{entry.name:{width}} {entry.minutes:>4g} min  {entry.told}")
     voice.result(
         {
@@ -123,6 +89,6 @@ def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
                 "resumes": entry.resumes,
                 "sizes": dict(zip(entry.sizes, entry.times, strict=True)),
             }
-            for entry in STORIES.values()
+            for entry in stories().values()
         }
     )

@@ -24,23 +24,15 @@ class Comparison:
 
     def html(self) -> str:
         """Return the table with its drawings, for a page that defines the report's colours as CSS variables."""
-        from jinja2 import Environment, PackageLoader, StrictUndefined
+        from deatwin.studies.report.rendering import templates
 
-        from deatwin.studies.report.quantities import three_digits
-
-        environment = Environment(
-            loader=PackageLoader("deatwin.app.live"),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        environment.filters["number"] = three_digits
         pictures = [
             _drawn(number, verdict, limit) if limit else ""
             for number, (verdict, limit) in enumerate(zip(self.verdicts, self.limits, strict=True))
         ]
-        return environment.get_template("comparison.html.j2").render(comparison=self, pictures=pictures)
+        return (
+            templates("deatwin.app.live").get_template("comparison.html.j2").render(comparison=self, pictures=pictures)
+        )
 
 
 def compare(verdicts: Sequence[Verdict]) -> Comparison:

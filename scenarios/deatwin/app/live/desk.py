@@ -1,4 +1,4 @@
-"""What lies in the folder of the live view; no name leads out of it."""
+"""Contents of the folder of the live view; no name leads out of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RECORDINGS = (".csv", ".txt", ".tsv", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
 WRITTEN = {"figures", "rivals", "next_input.csv"}
-"""What results bring with them that is no recording."""
+"""Files of results that are no recordings."""
 DEEPEST = 3
 MOST_FILES = 2000
 LONGEST_NAME = 100

@@ -22,7 +22,7 @@ from deatwin.plant.errors import DataError
 from deatwin.studies.partial import holds_only_partial
 
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
-"""What runs a diagnosis; it is given the arguments of ``deatwin``."""
+"""Command that runs a diagnosis; the arguments of ``deatwin`` follow."""
 MOST_RUNNING = 2
 GRACE = 5.0
 """Seconds that a process has for stopping by itself."""
@@ -31,7 +31,7 @@ LAST_LINES = 50
 
 
 class State(Enum):
-    """What became of a job; the value is the word for it."""
+    """State of a job; the value is the word for it."""
 
     RUNNING = "running"
     DONE = "done"
@@ -54,7 +54,7 @@ class Order:
 
     @property
     def arguments(self) -> list[str]:
-        """Those of ``deatwin``, run in the folder."""
+        """Arguments of ``deatwin``, run in the folder."""
         files = [f"./{name}" if name.startswith("-") else name for name in (self.rig, *self.recordings)]
         columns = {"input": self.input_column, "output": self.output_column, "time": self.time_column}
         return [
@@ -76,7 +76,7 @@ class Job:
         self.order = order
         self.share = 0.0
         self.steps: list[tuple[str, float]] = []
-        """What has been done so far, and the seconds from the start at which it began."""
+        """Steps so far, and the seconds from the start at which each began."""
         self.sentence = ""
         """The verdict, or what went wrong."""
         self.state = State.RUNNING
@@ -185,7 +185,7 @@ class Board:
 
     @property
     def running(self) -> list[Job]:
-        """Those that have not ended."""
+        """Jobs that have not ended."""
         return [job for job in self.jobs if job.state is State.RUNNING]
 
     def start(self, order: Order) -> Job:
@@ -224,14 +224,14 @@ class Board:
 
 
 def _lines(pipe: IO[str] | None) -> Iterator[str]:
-    """What comes through a pipe, in lines; an endless one is cut."""
+    """Read a pipe in lines; an endless line is cut."""
     if pipe is not None:
         with pipe:
             yield from iter(lambda: pipe.readline(LONGEST_LINE), "")
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Whether two names lead to one folder: some systems take no notice of capitals."""
+    """Test if two names lead to one folder: some systems ignore capitals."""
     try:
         return one.samefile(other)
     except OSError:

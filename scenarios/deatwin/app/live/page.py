@@ -200,7 +200,7 @@ class View:
 
 
 class JobCard:
-    """What is seen of one job."""
+    """The card of one job."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
@@ -271,10 +271,7 @@ def _section(title: str) -> Any:
 
 def _style() -> str:
     """The style of the page, in the colours of the report."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
+    from deatwin.studies.report.rendering import templates
     from deatwin.studies.report.svg import COLOURS
 
-    loader = PackageLoader("deatwin.app.live")
-    environment = Environment(loader=loader, undefined=StrictUndefined, autoescape=True)
-    return environment.get_template("view.css.j2").render(colours=COLOURS)
+    return templates("deatwin.app.live").get_template("view.css.j2").render(colours=COLOURS)

@@ -26,7 +26,7 @@ SERVED = {
     ".svg": "image/svg+xml",
     ".nc": "application/x-netcdf",
 }
-"""What of a folder of results is sent, and as what."""
+"""Files of results that are sent, and their media types."""
 SANDBOX = "sandbox allow-scripts allow-downloads allow-popups"
 """A report is a page of a file: it runs without the rights of the live view, whoever wrote it."""
 PATIENCE = 2
@@ -103,7 +103,7 @@ def _stop_cleanly(server: Any) -> None:
 
 
 def _sender(root: Path) -> Callable[[str], Any]:
-    """What answers with a file of a folder of results."""
+    """Make the handler that answers with a file of results."""
     from starlette.responses import FileResponse, PlainTextResponse
 
     def send(name: str) -> Any:

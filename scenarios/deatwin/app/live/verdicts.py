@@ -1,4 +1,4 @@
-"""What a folder of results says."""
+"""Verdicts in folders of results."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ TONES = {"none": "good", "parameters": "good", "named": "good", "ambiguous": "do
 class Left:
     """An effect that was left out, in words."""
 
-    effect: str  # Its name
+    effect: str  # Name
     probability: float
     parameters: tuple[tuple[str, str, str], ...]  # Name, value with unit, and 95 % interval with unit of each
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What one folder of results says."""
+    """The verdict in a folder of results."""
 
     name: str  # The folder, relative to that of the live view
     fault: str = ""  # Why it cannot be read; empty where it can
@@ -41,13 +41,13 @@ class Verdict:
     sentence: str = ""
     unit: str = ""
     noise: float | None = None
-    causes: tuple[Left, ...] = ()  # What was left out
+    causes: tuple[Left, ...] = ()  # Effects that the plant lacked
     possible: tuple[str, ...] = ()  # The effects of the set that the recordings cannot tell apart
     fitted: tuple[float | None, float | None] = (None, None)
     unseen: tuple[float | None, float | None] = (None, None)
     inputs: Mapping[str, str] = field(default_factory=dict)
-    seconds: float | None = None  # That it took
-    report: bool = False  # Whether there is a page to open
+    seconds: float | None = None  # Time that the run took
+    report: bool = False  # True if there is a page to open
 
     @classmethod
     def read(cls, root: Path, name: str) -> Verdict:
@@ -103,7 +103,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _run(path: Path) -> dict[str, Any]:
-    """What the record of the run adds, as far as it is there and sound."""
+    """Read inputs and time from the record of the run, if it is there and sound."""
     try:
         if path.stat().st_size > MOST_BYTES:
             return {}

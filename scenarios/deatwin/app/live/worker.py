@@ -12,29 +12,18 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from deatwin.studies.voice import complain
-
-DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
+from deatwin.app.working import exit_status
+from deatwin.studies.interrupts import forward_signals
 
 
 def main(arguments: Sequence[str]) -> int:
     """Diagnose."""
-    from deatwin.plant.errors import DeatwinError
-    from deatwin.studies.interrupts import heard
 
-    try:
-        with heard():
+    def work() -> None:
+        with forward_signals():
             _diagnose(arguments)
-    except KeyboardInterrupt:
-        complain("interrupted")
-        return INTERRUPTED
-    except OSError as error:
-        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
-        return WRONG_INPUT
-    except DeatwinError as error:
-        complain(str(error))
-        return WRONG_INPUT
-    return DONE
+
+    return exit_status(work)
 
 
 def _diagnose(arguments: Sequence[str]) -> None:
@@ -66,7 +55,7 @@ def _progress(share: float, step: str) -> None:
 
 
 def _parse(arguments: Sequence[str]) -> dict[str, Any]:
-    """What the command line's own parser makes of the arguments."""
+    """Parse the arguments as the command line does."""
     from typer.main import get_command
 
     from deatwin.app.cli import app

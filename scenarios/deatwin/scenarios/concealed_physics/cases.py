@@ -2,110 +2,188 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import combinations
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from deatwin.plant.effects import effect_named
-from deatwin.plant.errors import DataError
-from deatwin.scenarios.concealed_physics.excitations import RICH
-from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, TIES
-from deatwin.scenarios.concealed_physics.mechanisms import log_uniform
-from deatwin.scenarios.concealed_physics.reach import SHOWN_BY, reach
-from deatwin.scenarios.concealed_physics.sizes import Size, size_named
-from deatwin.scenarios.concealed_physics.specs import CaseSpec
+from deatwin.plant.effects import catalogue, effect_named
+from deatwin.plant.errors import DataError, nearest
+from deatwin.scenarios.concealed_physics.generator.mechanism import log_uniform
+from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, SECONDS, CaseSpec
+from deatwin.scenarios.concealed_physics.generator.waves import RICH
+from deatwin.scenarios.concealed_physics.key import INVISIBLE, KEY, OUTSIDE, REACH, SHOWN_BY, TIES
 
+LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
+"""Strengths of the cases of an effect, structural residual over noise."""
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
 NOISE_SHARES = (0.01, 0.05)
 PAIRABLE = 5.0
 """Least reach, against the noise, of an effect that takes part in a pair."""
+FEW = 3
+"""Effects of a library whose intervals are tried."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """Numbers of cases, and how long each is recorded."""
+
+    clean: int  # Cases without an effect
+    effects: int  # Cases of each effect, or of all together where the library is small
+    outside: int  # Cases with a mechanism outside the catalogue
+    pairs: int  # Cases with two effects
+    ties: int  # Cases with poor input
+    draws: int  # Fits of each effect whose intervals are tried
+    ladder: tuple[float, ...] = LADDER
+    seconds: float = SECONDS  # Length of a case's recordings together, s
+    check_seconds: float = CHECK_SECONDS  # Length of its check record, s
+    excitation: str = ""  # Waveforms of every case; drawn if empty
+    form: str = "drawn"  # Form of every `CaseSpec`
+    library: tuple[str, ...] = ()  # Effects that the diagnosis knows; empty for the whole catalogue
+
+
+SIZES: Mapping[str, Size] = MappingProxyType(
+    {
+        # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
+        "tiny": Size(
+            clean=3,
+            effects=4,
+            outside=2,
+            pairs=2,
+            ties=1,
+            draws=1,
+            seconds=36.0,
+            check_seconds=16.0,
+            form="usual",
+            library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
+        ),
+        # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
+        "long": Size(
+            clean=12,
+            effects=2,
+            outside=14,
+            pairs=20,
+            ties=0,
+            draws=0,
+            ladder=(0.9, 2.8),
+            seconds=420.0,
+            check_seconds=120.0,
+            excitation="noise+holds",
+        ),
+        "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
+        "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalSpec:
+    """A fit on data of the reduced plant whose intervals are tried."""
+
+    name: str  # Unique in the study
+    effect: str  # Added to the plant that makes the data and to the one that is fitted
+    coloured: bool  # True if the sensor's noise is coloured
+    seed: int
+    kind: str = "interval"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data, for the key."""
+        return asdict(self)
+
+
+def size_named(name: str) -> Size:
+    """Return a size by its name."""
+    if name not in SIZES:
+        raise DataError(f"unknown size {name!r}{nearest(name, SIZES)} (known: {', '.join(SIZES)})")
+    return SIZES[name]
 
 
 def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
-    """The cases of a study."""
+    """List the cases of a study that are diagnosed."""
     of = size_named(size)
     if seed < 0:
         raise DataError(f"seed {seed}: it must not be negative")
     rng = np.random.default_rng([seed, len(size)])
-    effects = _few_effects(of.effects, of.library, rng) if of.library else _effects(of, rng)
-    several = [
-        *_clean(of.clean),
-        *effects,
-        *_outside(of.outside, rng),
-        *_pairs(of, rng),
-        *_ties(of.ties, of.library, rng),
-    ]
-    # A block of seeds for each study.
-    first = (seed + 1) * 1_000_000
+    effects = _few_effects(of, rng) if of.library else _effects(of, rng)
+    several = [*_clean(of), *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
+    first = (seed + 1) * 1_000_000  # a block of seeds for each study
     return tuple(
         CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, of.excitation, rng))
         for k, given in enumerate(several)
     )
 
 
+def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
+    """List the fits of a study whose intervals are tried."""
+    of = size_named(size)
+    effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in INVISIBLE)
+    pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
+    seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))
+    return tuple(
+        IntervalSpec(
+            name=f"interval-{effect.replace('_', '-')}-{draw:02}", effect=effect, coloured=bool(draw % 2), seed=int(s)
+        )
+        for (effect, draw), s in zip(pairs, seeds, strict=True)
+    )
+
+
 def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
-    """Pairs of concealed mechanisms that belong to different families and can both be seen, with the best commands."""
+    """List pairs of mechanisms of different families that can both be seen, with the best commands."""
     seen = _seen_well(library)
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
 
 
 def _is_shown(mechanism: str, excitation: str) -> bool:
-    """Whether commands that are given, or may be drawn, show a mechanism."""
+    """Test whether commands that are given, or may be drawn, show a mechanism."""
     return not excitation or mechanism not in SHOWN_BY or SHOWN_BY[mechanism] in excitation.split("+")
 
 
 def _seen_well(library: Sequence[str]) -> list[str]:
-    return [name for name, names in KEY.items() if reach(name) >= PAIRABLE and (not library or names[0] in library)]
+    return [name for name, names in KEY.items() if REACH[name] >= PAIRABLE and (not library or names[0] in library)]
 
 
 Given = dict[str, Any]
 
 
-def _clean(count: int) -> Iterator[Given]:
-    for k in range(count):
-        yield {"name": f"clean-{k + 1:03d}", "kind": "clean", "effects": (), "truth": (), "target_ratio": 0.0}
+def _given(name: str, kind: str, effects: tuple[str, ...], ratio: float, **more: Any) -> Given:
+    truth = tuple(KEY[effect][0] for effect in effects if effect in KEY)
+    return {"name": name, "kind": kind, "effects": effects, "truth": truth, "target_ratio": ratio, **more}
+
+
+def _clean(of: Size) -> Iterator[Given]:
+    for k in range(of.clean):
+        yield _given(f"clean-{k + 1:03d}", "clean", (), 0.0)
 
 
 def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    """Up the ladder of each effect; the least noise where the ratio is to be highest, so that more of it is reached."""
+    """Go up the ladder of each effect; the least noise comes with the highest ratio, so that more of it is reached."""
     ratios = sorted(of.ladder * (of.effects // len(of.ladder)))
-    for name, names in KEY.items():
+    for name in KEY:
         noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in ratios), reverse=True)
         for k, (ratio, noise) in enumerate(zip(ratios, noises, strict=True)):
-            yield {**_effect(name, names[0], f"{k + 1:02d}", ratio), "noise_share": round(noise, 4)}
+            yield _effect(name, k, ratio, noise_share=round(noise, 4))
 
 
-def _few_effects(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
-    """Some effects that can be seen well."""
-    for name in rng.choice(_seen_well(library), count, replace=False):
-        yield _effect(str(name), KEY[str(name)][0], "01", 2.8)
+def _few_effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
+    """Take some effects that can be seen well."""
+    for name in rng.choice(_seen_well(of.library), of.effects, replace=False):
+        yield _effect(str(name), 0, 2.8)
 
 
-def _effect(name: str, truth: str, number: str, ratio: float) -> Given:
-    return {
-        "name": f"{truth.replace('_', '-')}-{number}",
-        "kind": "effect",
-        "effects": (name,),
-        "truth": (truth,),
-        "target_ratio": ratio,
-    }
+def _effect(name: str, k: int, ratio: float, **more: Any) -> Given:
+    return _given(f"{KEY[name][0].replace('_', '-')}-{k + 1:02d}", "effect", (name,), ratio, **more)
 
 
-def _outside(count: int, rng: np.random.Generator) -> Iterator[Given]:
+def _outside(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     names = list(OUTSIDE)
-    for k in range(count):
-        yield {
-            "name": f"outside-{k + 1:02d}",
-            "kind": "outside",
-            "effects": (names[k % len(names)],),
-            "truth": (),
-            "target_ratio": log_uniform(rng, *OUTSIDE_RATIOS),
-        }
+    for k in range(of.outside):
+        yield _given(f"outside-{k + 1:02d}", "outside", (names[k % len(names)],), log_uniform(rng, *OUTSIDE_RATIOS))
 
 
 def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
@@ -113,34 +191,20 @@ def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     shuffled = [every[number] for number in rng.permutation(len(every))]
     shown = [pair for pair in shuffled if all(_is_shown(name, of.excitation) for name in pair)]
     for k, pair in enumerate(shown[: of.pairs]):
-        yield {
-            "name": f"pair-{k + 1:02d}",
-            "kind": "pair",
-            "effects": pair,
-            "truth": tuple(KEY[n][0] for n in pair),
-            "target_ratio": log_uniform(rng, *PAIR_RATIOS),
-            "noise_share": round(log_uniform(rng, *PAIR_NOISE_SHARES), 4),
-        }
+        ratio, noise = log_uniform(rng, *PAIR_RATIOS), log_uniform(rng, *PAIR_NOISE_SHARES)
+        yield _given(f"pair-{k + 1:02d}", "pair", pair, ratio, noise_share=round(noise, 4))
 
 
-def _ties(count: int, library: Sequence[str], rng: np.random.Generator) -> Iterator[Given]:
-    for k in range(count):
+def _ties(of: Size, rng: np.random.Generator) -> Iterator[Given]:
+    for k in range(of.ties):
         waveform, alike, mechanism, _ = TIES[k % len(TIES)]
-        rivals = tuple(name for name in alike if not library or name in library)
-        yield {
-            "name": f"tie-{k + 1:02d}",
-            "kind": "tie",
-            "effects": (mechanism,),
-            "truth": (KEY[mechanism][0],),
-            "rivals": rivals,
-            "target_ratio": log_uniform(rng, *TIE_RATIOS),
-            "excitation": waveform,
-            "rich": False,
-        }
+        rivals = tuple(name for name in alike if not of.library or name in of.library)
+        more = {"rivals": rivals, "excitation": waveform, "rich": False}
+        yield _given(f"tie-{k + 1:02d}", "tie", (mechanism,), log_uniform(rng, *TIE_RATIOS), **more)
 
 
 def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
-    """How a case is recorded, where that is left open."""
+    """Draw how a case is recorded, where that is left open."""
     drawn: Given = {
         "excitation": str(rng.choice(RICH)),
         "records": int(rng.choice([1, 2])),

@@ -1,7 +1,7 @@
-"""One case, from the making of its recordings to what is written of it.
+"""Examine one case, from the making of its recordings to its result.
 
-The diagnosis and the baselines get the nominal plant and the recordings, nothing else. When they are through, the
-oracle and the advised experiment ask the generator, and the check is run; what is right is decided when all cases are.
+The diagnosis and the baselines get the nominal plant and the recordings, nothing else. Only then do the oracle and the
+advised experiment ask the generator, and the check is run. What is right is decided when all cases are through.
 """
 
 from __future__ import annotations
@@ -9,21 +9,27 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import product
 from typing import Any
 
 import numpy as np
 
+from deatwin.ident.discrepancy import gaussian_process, narx, sparse_dynamics, track_of
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch import Diagnosis, diagnose
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.naming.screen import footprints, leads
+from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
 from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import DeatwinError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.concealed_physics.baselines import BASELINES, track_of
-from deatwin.scenarios.concealed_physics.oracle import consult
-from deatwin.scenarios.concealed_physics.specimens import Specimen, make
-from deatwin.scenarios.concealed_physics.specs import CaseSpec
+from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
+
+BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}
+"""Models of the residual that do not ask which physics is missing, in the order of the tables."""
 
 
 def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:
@@ -32,8 +38,7 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     with clock("make"):
         specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
     with clock("diagnose"):
-        known = _known(spec, specimen.plant)
-        diagnosis = diagnose(specimen.plant, specimen.experiments, effects=known, jobs=1, seed=spec.seed)
+        diagnosis = _diagnosed(spec, specimen.plant, specimen.experiments)
     parts = [Part.whole(experiment) for experiment in specimen.experiments]
     with clock("base"):
         base = _base(diagnosis, parts)
@@ -59,9 +64,10 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
     return {**result, "seconds": clock.seconds}
 
 
-def _known(spec: CaseSpec, plant: Plant) -> list[Effect] | None:
-    """The library of a case; None is the whole catalogue."""
-    return [effect for effect in plant.rig.effects() if effect.name in spec.library] if spec.library else None
+def _diagnosed(spec: CaseSpec, plant: Plant, experiments: Sequence[Experiment]) -> Diagnosis:
+    """Diagnose with the library of a case, or the whole catalogue where it has none."""
+    known = [effect for effect in plant.rig.effects() if effect.name in spec.library] if spec.library else None
+    return diagnose(plant, experiments, effects=known, jobs=1, seed=spec.seed)
 
 
 class _Clock:
@@ -98,27 +104,11 @@ def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
 def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
     """The parts of a diagnosis that are counted."""
     data = diagnosis.to_dict()
-    kept = (
-        "verdict",
-        "noise",
-        "model_error",
-        "detect",
-        "causes",
-        "set",
-        "rivals",
-        "indistinguishable",
-        "sentence",
-        "fit",
-        "free_form",
-        "warnings",
-        "next_experiment",
-    )
+    kept = "verdict noise model_error detect causes set rivals indistinguishable sentence fit free_form warnings"
+    tried = diagnosis.candidates
     return {
-        **{name: data[name] for name in kept},
-        "tried": [
-            {"effects": list(c.effects), "fitted": c.fitted, "unseen": c.unseen, "d2": c.d2}
-            for c in diagnosis.candidates
-        ],
+        **{name: data[name] for name in (*kept.split(), "next_experiment")},
+        "tried": [{"effects": list(c.effects), "fitted": c.fitted, "unseen": c.unseen, "d2": c.d2} for c in tried],
     }
 
 
@@ -156,7 +146,7 @@ def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: 
     if not specimen.truth:
         return None
     nominal = specimen.plant.with_rig(base.plant.rig)
-    found = consult(nominal, base, parts, specimen.truth)
+    found = _consulted(nominal, base, parts, specimen.truth)
     rivals = [] if found is None else [found]
     if diagnosis.model is not None and {c.effect for c in diagnosis.causes} == set(specimen.truth):
         rivals.append(diagnosis.model.plant)
@@ -169,7 +159,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """What a second diagnosis says when the advised experiment is there as well; of ties only."""
+    """Diagnose a tie again with the advised experiment."""
     advice = None if diagnosis.findings is None else diagnosis.findings.advice
     if spec.kind != "tie" or advice is None:
         return None
@@ -181,9 +171,40 @@ def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[s
     except SimulationError as error:
         return {"failure": str(error)}
     if advice.added_mass is None:
-        known = _known(spec, stands.plant)
-        again = diagnose(stands.plant, (*specimen.experiments, record), effects=known, jobs=1, seed=spec.seed)
+        again = _diagnosed(spec, stands.plant, (*specimen.experiments, record))
     else:
         effects = [effect for effect in stands.plant.rig.effects() if effect.name in diagnosis.names]
         again = diagnose(stands.plant, record, effects=effects, jobs=1, seed=spec.seed)
     return {"failure": "", **{k: v for k, v in _essence(again).items() if k in ("verdict", "causes", "set")}}
+
+
+def _consulted(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: Sequence[str]) -> Plant | None:
+    """Fit the plant with the true effects to all samples; `base` is the fit without them."""
+    if not all(nominal.accepts(effect_named(name)) for name in truth):
+        return None
+    typical = tuple(effect_named(name) for name in truth)
+    fits = []
+    for effects, plant in product((_promising(nominal, base, parts, typical), typical), (nominal, base.plant)):
+        fit = search(plant.with_effects(*effects), parts)
+        if fit.status.ok:
+            fits.append(at_its_time(fit, parts))
+    return finish(min(fits, key=lambda fit: fit.rms), parts).plant if fits else None
+
+
+def _promising(
+    nominal: Plant, base: Calibration, parts: Sequence[Part], effects: tuple[Effect, ...]
+) -> tuple[Effect, ...]:
+    """The effects at the shapes that could explain most of what the base plant leaves, to first order."""
+    error, whole = nominal.rig.model_error, tuple(parts)
+    bench = Bench(
+        nominal=nominal,
+        effects=effects,
+        fitted=whole,
+        unseen=whole,
+        everything=whole,
+        jobs=1,
+        stated_error=error,
+        expected_error=error,
+    )
+    shaped = {lead.effect.name: lead.effect for lead in leads(footprints(bench, base, effects, base), base)}
+    return tuple(shaped.get(effect.name, effect) for effect in effects)

@@ -4,114 +4,97 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deatwin.plant.effects.base import Family
 from deatwin.plant.effects.catalogue import effect_named
-from deatwin.scenarios.concealed_physics.confusion import Confusion, by_effect, by_family
-from deatwin.scenarios.concealed_physics.opened import Case, Opened
-from deatwin.scenarios.concealed_physics.rates import bounds, brier_score, expected_calibration_error, reliability
-from deatwin.scenarios.concealed_physics.tables import MADE_BY
-from deatwin.scenarios.svb_benchmark.figures import table_text
-from deatwin.scenarios.svb_benchmark.trials import Rate
+from deatwin.scenarios.concealed_physics.results import Case, Opened
+from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
+from deatwin.studies.calibration import brier_score, expected_calibration_error, reliability
+from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, standalone
+from deatwin.studies.report.panels import Hue, titled
+from deatwin.studies.report.svg import draw, standalone
+from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
+WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
-    "detected": (lambda c: c.detected, MEASURED, "s"),
-    "truth in the answer": (lambda c: c.inside, MARK, "D"),
-    "first cause right": (lambda c: c.first_right, AFTER, "o"),
-    "confident wrong name": (lambda c: c.confidently_wrong, BEFORE, "X"),
+    "detected": (lambda c: c.detected, Hue.MEASURED, "s"),
+    "truth in the answer": (lambda c: c.inside, Hue.MARK, "D"),
+    "first cause right": (lambda c: c.first_right, Hue.AFTER, "o"),
+    "confident wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
 }
-FAMILY_MARKS = ("o", "s", "D", "^", "v")
-FAMILY_COLOURS = (AFTER, BEFORE, MEASURED, MARK, INK)
+FAMILY_STYLES = ((Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MEASURED, "D"), (Hue.MARK, "^"), (Hue.INK, "v"))
+SHARES = ("cases", "share_percent", "low_percent", "high_percent")
+Cells = list[tuple[object, ...]]
 
 
-def drawings(study: Opened) -> tuple[list[Drawing], dict[str, str]]:
+def drawings(study: Opened) -> list[Drawing]:
     """Draw all figures of the page."""
-    made = [_families(study), _mechanisms(study), _power(study), _reliability(study), _errors(study)]
-    return [drawing for drawing, _ in made], {drawing.data: text for drawing, text in made}
+    return [_families(study), _mechanisms(study), _power(study), _reliability(study), _errors(study)]
 
 
 def summary(study: Opened) -> str:
-    """The study in one figure: confusion of families, power, reliability, errors on unseen data."""
+    """Draw the study in one figure: confusion of families, power, reliability, errors on unseen data."""
     with draw((10.4, 8.6)) as figure:
-        _summarise(study, figure)
+        (first, second), (third, fourth) = figure.subplots(2, 2)
+        _draw_confusion(first, by_family(study), "small")
+        _draw_power(second, study)
+        _draw_reliability(third, study)
+        _draw_errors(fourth, study)
+        titles = {
+            first: "what is concealed (rows), what is found",
+            second: "one effect, by its strength",
+            third: "stated probability of a cause",
+            fourth: "free run on unseen data",
+        }
+        for axes, title in titles.items():
+            titled(axes, title)
         return standalone(figure)
-
-
-def _summarise(study: Opened, figure: Figure) -> None:
-    (first, second), (third, fourth) = figure.subplots(2, 2)
-    _draw_confusion(first, by_family(study), "small")
-    first.set_title("what is concealed (rows), what is found", loc="left", fontsize="medium")
-    _draw_power(second, study)
-    second.set_title("one effect, by its strength", loc="left", fontsize="medium")
-    _draw_reliability(third, study)
-    third.set_title("stated probability of a cause", loc="left", fontsize="medium")
-    _draw_errors(fourth, study)
-    fourth.set_title("free run on unseen data", loc="left", fontsize="medium")
 
 
 # --- confusion ------------------------------------------------------------------------------------------------------
 
 
-def _families(study: Opened) -> tuple[Drawing, str]:
+def _families(study: Opened) -> Drawing:
     table = by_family(study)
     with draw((6.4, 4.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "medium")
-        drawing = Drawing.of(
-            figure,
-            "confusion_family",
-            "Confusion of families",
-            "Family of the first cause; none or one effect is concealed. Blue is right, orange wrong, grey neither.",
-        )
-    return drawing, table_text(("truth", *table.answers), table.rows())
+        return WORDS.drawing(figure, "confusion_family", table.csv())
 
 
-def _mechanisms(study: Opened) -> tuple[Drawing, str]:
+def _mechanisms(study: Opened) -> Drawing:
     table = by_effect(study)
     with draw((11.0, 9.6)) as figure:
         _draw_confusion(figure.add_subplot(), table, "x-small")
-        drawing = Drawing.of(
-            figure,
-            "confusion_effect",
-            "Confusion of effects",
-            "First cause; cases with no or one concealed effect, of all strengths.",
-        )
-    return drawing, table_text(("truth", *table.answers), table.rows())
+        return WORDS.drawing(figure, "confusion_effect", table.csv())
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
-    """Counts in cells whose depth is the share of their row."""
+    """Write counts into cells whose depth is the share of their row."""
     from matplotlib.patches import Rectangle
 
-    causes = len(table.answers) - 3
-    for row, line in enumerate(table.counts):
-        for column, count in enumerate(line):
-            if not count:
-                continue
-            wrong = column < causes
-            colour = AFTER if table.right[row, column] else BEFORE if wrong else MEASURED
-            share = count / line.sum()
-            corner, depth = (column - 0.5, row - 0.5), 0.15 + 0.6 * share
-            axes.add_patch(Rectangle(corner, 1, 1, color=colour, alpha=depth, linewidth=0))
+    causes, crowded = len(table.answers) - 3, len(table.answers) > 12
+    for (row, column), count in np.ndenumerate(table.counts):
+        if count:
+            colour = Hue.AFTER if table.right[row, column] else Hue.BEFORE if column < causes else Hue.MEASURED
+            depth = 0.15 + 0.6 * (count / table.counts[row].sum())
+            axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
             axes.text(column, row, str(count), ha="center", va="center", fontsize=size)
-    axes.axvline(causes - 0.5, color=INK, linewidth=0.8)
-    axes.axhline(len(table.truths) - 2.5, color=INK, linewidth=0.8)
+    axes.axvline(causes - 0.5, color=Hue.INK, linewidth=0.8)
+    axes.axhline(len(table.truths) - 2.5, color=Hue.INK, linewidth=0.8)
     axes.set_xticks(range(len(table.answers)), [a.replace("_", " ") for a in table.answers], fontsize=size)
-    axes.tick_params(axis="x", labelrotation=90 if len(table.answers) > 12 else 40)
+    axes.tick_params(axis="x", labelrotation=90 if crowded else 40)
     for label in axes.get_xticklabels():
-        label.set_horizontalalignment("center" if len(table.answers) > 12 else "right")
+        label.set_horizontalalignment("center" if crowded else "right")
     axes.set_yticks(range(len(table.truths)), [t.replace("_", " ") for t in table.truths], fontsize=size)
     axes.set(xlim=(-0.5, len(table.answers) - 0.5), ylim=(len(table.truths) - 0.5, -0.5))
     axes.set_axisbelow(True)
@@ -121,44 +104,29 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
 # --- power ----------------------------------------------------------------------------------------------------------
 
 
-def _power(study: Opened) -> tuple[Drawing, str]:
-    rows: list[tuple[object, ...]] = []
+def _power(study: Opened) -> Drawing:
     with draw((9.6, 4.6)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
-        rows += _draw_power(left, study)
-        for family, colour, marker in zip(Family, FAMILY_COLOURS, FAMILY_MARKS, strict=True):
+        rows = _draw_power(left, study)
+        for family, (colour, marker) in zip(Family, FAMILY_STYLES, strict=True):
             cases = [c for c in study.of("effect") if effect_named(c.truth[0]).family is family]
             points = _classes(cases, lambda c: c.inside)
-            right.plot(
-                [x for x, _ in points],
-                [100 * r.share for _, r in points],
-                f"{marker}-",
-                color=colour,
-                label=family.value,
-                markersize=4.5,
-            )
-            rows += [(f"truth in the answer, {family.value}", *_cells(x, r)) for x, r in points]
+            places, shares = [x for x, _ in points], [100 * r.share for _, r in points]
+            right.plot(places, shares, f"{marker}-", color=colour, label=family.value, markersize=4.5)
+            rows += [(f"truth in the answer, {family.value}", f"{x:.3g}", *_cells(r)) for x, r in points]
         right.set(xscale="log", xlabel="structural residual over noise")
-        _plain_ratios(right)
-        left.set_title("all effects", loc="left", fontsize="medium")
-        right.set_title("truth in the answer, by family", loc="left", fontsize="medium")
-        right.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=3, markerscale=1, fontsize="small")
-        drawing = Drawing.of(
-            figure,
-            "power",
-            "Power curves",
-            "One concealed effect, by the residual that it leaves after the base plant was refitted, over the noise. "
-            "Bars are 95 % intervals.",
-        )
-    return drawing, table_text(("what", "ratio", "cases", "share_percent", "low_percent", "high_percent"), rows)
+        _plain_ratios(right, 3)
+        titled(left, "all effects")
+        titled(right, "truth in the answer, by family")
+        return WORDS.drawing(figure, "power", csv_text(("what", "ratio", *SHARES), rows))
 
 
-def _draw_power(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
-    rows: list[tuple[object, ...]] = []
+def _draw_power(axes: Axes, study: Opened) -> Cells:
+    rows: Cells = []
     for place, (words, (flag, colour, marker)) in enumerate(ANSWERS.items()):
         points = _classes(study.of("effect"), flag)
         shares = np.array([100 * r.share for _, r in points])
-        ends = np.array([[100 * end for end in bounds(r)] for _, r in points]).reshape(-1, 2).T
+        ends = np.array([[100 * end for end in r.interval] for _, r in points]).reshape(-1, 2).T
         axes.errorbar(
             [x * 1.03**place for x, _ in points],
             shares,
@@ -170,15 +138,14 @@ def _draw_power(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
             capsize=2,
             elinewidth=0.8,
         )
-        rows += [(words, *_cells(x, r)) for x, r in points]
+        rows += [(words, f"{x:.3g}", *_cells(r)) for x, r in points]
     axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
-    _plain_ratios(axes)
-    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
+    _plain_ratios(axes, 2)
     return rows
 
 
 def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
-    """Geometric mean of the ratios and rate of each class that holds any case."""
+    """Geometric mean of the ratios, and rate, of each class that holds any case."""
     made = []
     for low, high in pairwise(RUNGS):
         inside = [case for case in cases if low <= case.ratio < high]
@@ -188,75 +155,57 @@ def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[
     return made
 
 
-def _cells(ratio: float, rate: Rate) -> tuple[object, ...]:
-    return (f"{ratio:.3g}", rate.count, *(f"{100 * share:.1f}" for share in (rate.share, *bounds(rate))))
+def _cells(rate: Rate) -> tuple[object, ...]:
+    return (rate.count, *(f"{100 * share:.1f}" for share in (rate.share, *rate.interval)))
 
 
-def _plain_ratios(axes: Axes) -> None:
+def _plain_ratios(axes: Axes, columns: int) -> None:
+    """Label the ratios, and put the legend below in so many columns."""
     ticks = [t for t in (0.03, 0.1, 0.3, 0.5, 1, 2, 5) if axes.get_xlim()[0] <= t <= axes.get_xlim()[1]]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=columns, markerscale=1, fontsize="small")
 
 
 # --- reliability ----------------------------------------------------------------------------------------------------
 
 
-def _reliability(study: Opened) -> tuple[Drawing, str]:
+def _reliability(study: Opened) -> Drawing:
     with draw((4.8, 4.2)) as figure:
         rows = _draw_reliability(figure.add_subplot(), study)
-        drawing = Drawing.of(
-            figure,
-            "reliability",
-            "Are stated probabilities borne out?",
-            "Every cause of every case, in tenths of its stated probability; 95 % intervals and numbers of causes.",
-        )
-    return drawing, table_text(("stated", "causes", "right_percent", "low_percent", "high_percent"), rows)
+        return WORDS.drawing(figure, "reliability", csv_text(("stated", "causes", "right_percent", *SHARES[2:]), rows))
 
 
-def _draw_reliability(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
+def _draw_reliability(axes: Axes, study: Opened) -> Cells:
     stated = [pair for case in study.cases for pair in case.stated]
-    probabilities, true = [p for p, _ in stated], [t for _, t in stated]
-    bins = reliability(probabilities, true)
-    axes.plot([0, 100], [0, 100], ":", color=INK, linewidth=0.9)
+    bins = reliability(stated)
+    axes.plot([0, 100], [0, 100], ":", color=Hue.INK, linewidth=0.9)
     for b in bins:
-        low, high = bounds(b.came_true)
-        axes.plot([100 * b.stated] * 2, [100 * low, 100 * high], color=AFTER, linewidth=1.0, alpha=0.7)
-        axes.plot(100 * b.stated, 100 * b.came_true.share, "o", color=AFTER, markersize=5)
-        axes.annotate(
-            str(b.came_true.count),
-            (100 * b.stated, 100 * b.came_true.share),
-            xytext=(-6, -3),
-            ha="right",
-            textcoords="offset points",
-            fontsize="small",
-        )
+        place, share = 100 * b.stated, 100 * b.came_true.share
+        axes.plot([place] * 2, [100 * end for end in b.came_true.interval], color=Hue.AFTER, linewidth=1.0, alpha=0.7)
+        axes.plot(place, share, "o", color=Hue.AFTER, markersize=5)
+        beside: dict[str, Any] = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
+        axes.annotate(str(b.came_true.count), (place, share), **beside)
     label = "stated (%)"
     if stated:
-        error, brier = expected_calibration_error(bins), brier_score(probabilities, true)
+        error, brier = expected_calibration_error(bins), brier_score(stated)
         label += f"\ncalibration error {error:.3f}, Brier score {brier:.3f}"
     axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
-    return [(f"{b.stated:.3f}", *_cells(0.0, b.came_true)[1:]) for b in bins]
+    return [(f"{b.stated:.3f}", *_cells(b.came_true)) for b in bins]
 
 
 # --- errors on unseen data ------------------------------------------------------------------------------------------
 
 
-def _errors(study: Opened) -> tuple[Drawing, str]:
+def _errors(study: Opened) -> Drawing:
     with draw((7.2, 3.4)) as figure:
         rows = _draw_errors(figure.add_subplot(), study)
-        drawing = Drawing.of(
-            figure,
-            "errors",
-            "Free run on unseen data",
-            "Rms error on the check record over that of the oracle, which is told the effect; one concealed effect at "
-            "least as large as the noise. Bars reach from 5 to 95 % of the cases, dots are medians.",
-        )
-    return drawing, table_text(("case", "who", "error_over_oracle"), rows)
+        return WORDS.drawing(figure, "errors", csv_text(("case", "who", "error_over_oracle"), rows))
 
 
-def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
+def _draw_errors(axes: Axes, study: Opened) -> Cells:
     cases = [c for c in study.of("effect", ratio=1.0) if "oracle" in c.errors]
-    rows: list[tuple[object, ...]] = []
+    rows: Cells = []
     bottom, top = 1.0, 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
@@ -267,14 +216,13 @@ def _draw_errors(axes: Axes, study: Opened) -> list[tuple[object, ...]]:
         ratios = np.array([ratio for _, ratio in found])
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
-        colour = AFTER if name == "diagnosis" else BEFORE if name == "base" else MEASURED
+        colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
         axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
         axes.plot(middle, place, "o", color=colour, markersize=6)
-        axes.annotate(
-            f"{middle:.2f}", (middle, place), xytext=(0, 7), textcoords="offset points", ha="center", fontsize="small"
-        )
-    axes.axvline(1.0, color=INK, linestyle=":", linewidth=0.9)
+        above: dict[str, Any] = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
+        axes.annotate(f"{middle:.2f}", (middle, place), **above)
+    axes.axvline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
     axes.set_xscale("log")
     ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if bottom / 1.3 <= t <= 1.3 * top]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])

@@ -5,7 +5,7 @@ The fit starts from the true values: what is tried out is the interval, not the 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,18 +13,15 @@ import numpy as np
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.catalogue import catalogue, effect_named
+from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.diaphragm import Diaphragm
-from deatwin.scenarios.concealed_physics.key import invisible
-from deatwin.scenarios.concealed_physics.sizes import size_named
+from deatwin.scenarios.concealed_physics.cases import IntervalSpec
 
-FEW = 3
-"""Of a library, so many effects are looked at."""
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
 """Half widths within which the logarithms of true values are drawn around the typical ones."""
 SECONDS = 60.0
@@ -33,36 +30,6 @@ ATTEMPTS = 20
 COLOUR = 0.6
 """Correlation of neighbouring samples of coloured noise."""
 TOLERANCE = 1e-6
-
-
-@dataclass(frozen=True, kw_only=True)
-class IntervalSpec:
-    """One fit whose intervals are looked at."""
-
-    name: str  # Unique in the study
-    effect: str  # Added to the plant that makes the data and to the one that is fitted
-    coloured: bool  # Whether the sensor's noise is coloured
-    seed: int
-    kind: str = "interval"  # Tells it from the cases that are diagnosed
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, for the key."""
-        return asdict(self)
-
-
-def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
-    """The fits of a study."""
-    hidden = invisible()
-    of = size_named(size)
-    effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in hidden)
-    pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
-    seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))
-    return tuple(
-        IntervalSpec(
-            name=f"interval-{effect.replace('_', '-')}-{draw:02}", effect=effect, coloured=bool(draw % 2), seed=int(s)
-        )
-        for (effect, draw), s in zip(pairs, seeds, strict=True)
-    )
 
 
 def cover(spec: IntervalSpec) -> dict[str, Any]:
@@ -109,7 +76,7 @@ def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
 
 
 def _moved(parameter: Parameter, by: float) -> float:
-    """Its value times the exponential, kept clear of the bounds of its range."""
+    """Multiply a value by an exponential, kept clear of the bounds of its range."""
     least, most = parameter.ends
     room = 0.02 * (most - least) if parameter.scale is not Scale.LINEAR else 0.0
     at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))

@@ -1,4 +1,4 @@
-"""The running of the study: sealed first, in parallel, killed and gone on with at any time."""
+"""Run the study: sealed first, in parallel; it may be killed at any time and continues where it stopped."""
 
 from __future__ import annotations
 
@@ -11,34 +11,32 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.interrupts import obeying
-from deatwin.scenarios.concealed_physics import key
-from deatwin.scenarios.concealed_physics.cases import case_specs
+from deatwin.scenarios.concealed_physics.cases import IntervalSpec, case_specs, interval_specs, size_named
 from deatwin.scenarios.concealed_physics.examine import examine
-from deatwin.scenarios.concealed_physics.intervals import IntervalSpec, cover, interval_specs
-from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.concealed_physics.sizes import size_named
-from deatwin.scenarios.concealed_physics.specs import CaseSpec
-from deatwin.scenarios.concealed_physics.store import Store
+from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
+from deatwin.scenarios.concealed_physics.intervals import cover
+from deatwin.scenarios.concealed_physics.key import key_dict
+from deatwin.scenarios.concealed_physics.seal import Seal, Store
 from deatwin.studies.sweep.run import run_sweep
 
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
-"""Of a case of that kind, where others take 1."""
+"""Work of a case of that kind; others take 1."""
 
 Spec = CaseSpec | IntervalSpec
 
 
 def labels(size: str, seed: int) -> tuple[Spec, ...]:
-    """All cases of a study, with what is concealed in each."""
+    """List all cases of a study, with what is concealed in each."""
     return (*case_specs(size, seed), *interval_specs(size, seed))
 
 
 def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
-    """The key: what is concealed in each case, and which names are right for it."""
-    return {"names": key.to_dict(), "cases": [spec.to_dict() for spec in specs]}
+    """Make the key: what is concealed in each case, and which names are right for it."""
+    return {"names": key_dict(), "cases": [spec.to_dict() for spec in specs]}
 
 
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> Store:
-    """Seal the study, or go on with it, and run every case that has no result."""
+    """Seal the study, or continue it, and run every case that has no result."""
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
     store = Store(folder, Seal.of(size, seed, key_of(specs)))
@@ -66,5 +64,5 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
 
 
 def _mixed(specs: Sequence[Spec], seed: int) -> list[Spec]:
-    """All kinds mixed, so that the time left is known early, and what an interrupted study has is a fair sample."""
+    """Mix all kinds: the time left is known early, and an interrupted study holds a fair sample."""
     return [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.scenarios.concealed_physics.confusion import by_effect, by_family
-from deatwin.scenarios.concealed_physics.key import canonical
-from deatwin.scenarios.concealed_physics.opened import Case, Opened
-from deatwin.scenarios.concealed_physics.reach import REACH, VISIBLE
+from deatwin.plant.effects.base import Family
+from deatwin.plant.effects.catalogue import catalogue, effect_named
+from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
+from deatwin.scenarios.concealed_physics.results import Case, Opened
 from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.report.quantities import three_digits
@@ -34,6 +37,46 @@ MADE_BY = {
     "narx": "NARX",
 }
 """Who makes a prediction of the check record, in the order of tables and figures."""
+OTHER = "other"
+"""Verdicts that find fault with recording or input, and errors."""
+NOTHING = {"none": "none", "parameters": "none", "unknown": "unknown"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Confusion:
+    """Counts of each answer to each truth."""
+
+    truths: tuple[str, ...]  # Rows
+    answers: tuple[str, ...]  # Columns
+    counts: np.ndarray  # shape (truths, answers): Cases
+    right: np.ndarray  # shape (truths, answers): True where the answer is right
+
+    def csv(self) -> str:
+        """Write a line for each truth: its name and its counts."""
+        lines = ((truth, *map(int, line)) for truth, line in zip(self.truths, self.counts, strict=True))
+        return csv_of(("truth", *self.answers), lines)
+
+
+def by_effect(study: Opened) -> Confusion:
+    """Count first causes by canonical name, for clean data, single effects and what is outside the catalogue."""
+    return _confusion(study, [effect.name for effect in catalogue()], lambda name: name)
+
+
+def by_family(study: Opened) -> Confusion:
+    """Count first causes by family."""
+    return _confusion(study, [family.value for family in Family], lambda name: effect_named(name).family.value)
+
+
+def _confusion(study: Opened, groups: Sequence[str], group: Callable[[str], str]) -> Confusion:
+    truths, answers = (*groups, "outside", "clean"), (*groups, "unknown", "none", OTHER)
+    counts = np.zeros((len(truths), len(answers)), dtype=int)
+    for case in study.of("clean", "effect", "outside"):
+        answer = group(case.causes[0]) if case.causes else NOTHING.get(case.verdict, OTHER)
+        truth = case.kind if case.kind != "effect" else group(case.truth[0])
+        counts[truths.index(truth), answers.index(answer)] += 1
+    expected = {"outside": "unknown", "clean": "none"}
+    right = np.array([[answer == expected.get(truth, truth) for answer in answers] for truth in truths])
+    return Confusion(truths=truths, answers=answers, counts=counts, right=right)
 
 
 def tables(study: Opened, seal: Seal) -> list[Table]:
@@ -46,59 +89,59 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
         _ties(study),
         _predictions(study),
         _reach(),
+        Table(
+            title="Cases that ended in an error",
+            columns=["case", "message"],
+            rows=[[name, text] for name, text in study.failures.items()],
+        ),
     ]
-    if study.failures:
-        made.append(
-            Table(
-                title="Cases that ended in an error",
-                columns=["case", "message"],
-                rows=[[name, text] for name, text in study.failures.items()],
-            )
-        )
     return [*(table for table in made if table.rows), _sealed(seal)]
 
 
 def reported(goals: Sequence[Goal]) -> Table:
-    """What is measured without anything being demanded."""
-    rows = [[goal.measure, goal.reached] for goal in goals if goal.met is None]
-    return Table(title="Reported, nothing is demanded", columns=["measure", "reached"], rows=rows)
+    """List what is measured without anything being demanded."""
+    columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
+    return Table.of("Reported, nothing is demanded", [goal for goal in goals if goal.met is None], columns)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _verdicts(study: Opened) -> Table:
-    rows = []
-    for kind, words in KINDS.items():
-        found = Counter(case.verdict for case in study.of(kind))
-        rows.append([words, str(found.total()), *(str(found[verdict]) for verdict in VERDICTS)])
+    found = {words: Counter(case.verdict for case in study.of(kind)) for kind, words in KINDS.items()}
+    rows = [[words, str(f.total()), *(str(f[verdict]) for verdict in VERDICTS)] for words, f in found.items()]
     return Table(title="Verdicts", columns=["cases", "number", *VERDICTS], rows=rows)
 
 
+def _grouped(cases: Iterable[Case], key: Callable[[Case], str]) -> dict[str, list[Case]]:
+    """Group cases by name; each group goes up by its ratio."""
+    groups: dict[str, list[Case]] = {}
+    for case in cases:
+        groups.setdefault(key(case), []).append(case)
+    return {name: sorted(group, key=lambda case: case.ratio) for name, group in groups.items()}
+
+
+def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
+    return " ".join(f"{case.ratio:.2g}:{mark(case)}" for case in cases)
+
+
 def _effects(study: Opened) -> Table:
-    singles = study.of("effect")
-    rows = []
-    for name in dict.fromkeys(case.truth[0] for case in singles):
-        cases = sorted((c for c in singles if c.truth[0] == name), key=lambda c: c.ratio)
-        rows.append(
-            [
-                name.replace("_", " "),
-                ", ".join(dict.fromkeys(m.replace("_", " ") for c in cases for m in c.mechanisms)),
-                *_counts(cases),
-                " ".join(f"{c.ratio:.2g}:{_mark(c)}" for c in cases),
-            ]
-        )
-    columns = [
-        "effect",
-        "concealed as",
-        "cases",
-        "detected",
-        "truth in answer",
-        "first cause right",
-        "confident wrong",
-        "each: ratio and verdict",
-    ]
-    return Table(title=f"Effect by effect ({_LEGEND})", columns=columns, rows=rows)
-
-
-_LEGEND = "✓ named, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
+    legend = "✓ named, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
+    return Table.of(
+        f"Effect by effect ({legend})",
+        _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
+        {
+            "effect": lambda group: _words(group[0]),
+            "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
+            "cases": lambda group: len(group[1]),
+            "detected": lambda group: sum(c.detected for c in group[1]),
+            "truth in answer": lambda group: sum(c.inside for c in group[1]),
+            "first cause right": lambda group: sum(c.first_right for c in group[1]),
+            "confident wrong": lambda group: sum(c.confidently_wrong for c in group[1]),
+            "each: ratio and verdict": lambda group: _each(group[1], _mark),
+        },
+    )
 
 
 def _mark(case: Case) -> str:
@@ -109,86 +152,65 @@ def _mark(case: Case) -> str:
     return {"unknown": "?", "none": "–", "parameters": "–"}.get(case.verdict, "·")
 
 
-def _counts(cases: Sequence[Case]) -> list[str]:
-    return [
-        str(len(cases)),
-        *(
-            str(sum(flags))
-            for flags in (
-                [c.detected for c in cases],
-                [c.inside for c in cases],
-                [c.first_right for c in cases],
-                [c.confidently_wrong for c in cases],
-            )
-        ),
-    ]
-
-
 def _outside(study: Opened) -> Table:
-    cases = study.of("outside")
-    rows = []
-    for name in dict.fromkeys(case.mechanisms[0] for case in cases):
-        same = sorted((c for c in cases if c.mechanisms[0] == name), key=lambda c: c.ratio)
-        said = Counter("+".join(c.causes) for c in same if c.causes)
-        rows.append(
-            [
-                name.replace("_", " "),
-                str(len(same)),
-                str(sum(c.detected for c in same)),
-                str(sum(c.verdict == "unknown" for c in same)),
-                str(sum(bool(c.causes) for c in same)),
-                ", ".join(f"{k} {v}" for k, v in said.most_common()),
-                " ".join(f"{c.ratio:.2g}:{_outside_mark(c)}" for c in same),
-            ]
-        )
-    columns = ["mechanism", "cases", "detected", "unknown", "a cause named", "which", "each: ratio and verdict"]
-    return Table(title="Outside the catalogue", columns=columns, rows=rows)
+    def which(cases: Sequence[Case]) -> str:
+        return ", ".join(f"{k} {v}" for k, v in Counter("+".join(c.causes) for c in cases if c.causes).most_common())
 
+    def mark(case: Case) -> str:
+        return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
 
-def _outside_mark(case: Case) -> str:
-    return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
+    return Table.of(
+        "Outside the catalogue",
+        _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items(),
+        {
+            "mechanism": lambda group: _words(group[0]),
+            "cases": lambda group: len(group[1]),
+            "detected": lambda group: sum(c.detected for c in group[1]),
+            "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
+            "a cause named": lambda group: sum(bool(c.causes) for c in group[1]),
+            "which": lambda group: which(group[1]),
+            "each: ratio and verdict": lambda group: _each(group[1], mark),
+        },
+    )
 
 
 def _pairs(study: Opened) -> Table:
-    rows = [
-        [
-            case.name,
-            " + ".join(case.truth),
-            three_digits(case.ratio),
-            case.verdict,
-            " + ".join(case.causes),
-            ", ".join(sorted(case.answer - set(case.causes))),
-        ]
-        for case in study.of("pair")
-    ]
-    columns = ["case", "truth", "ratio", "verdict", "causes", "also in the set"]
-    return Table(title="Two effects", columns=columns, rows=rows)
+    return Table.of(
+        "Two effects",
+        study.of("pair"),
+        {
+            "case": lambda case: case.name,
+            "truth": lambda case: " + ".join(case.truth),
+            "ratio": lambda case: three_digits(case.ratio),
+            "verdict": lambda case: case.verdict,
+            "causes": lambda case: " + ".join(case.causes),
+            "also in the set": lambda case: ", ".join(sorted(case.answer - set(case.causes))),
+        },
+    )
 
 
 def _ties(study: Opened) -> Table:
-    rows = []
-    for case in study.of("tie"):
+    def after(case: Case) -> str:
         again = case.result.get("advised")
-        after = "–"
-        if again:
-            causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
-            after = again.get("failure") or f"{again['verdict']}: {causes}{'†' if case.heavier else ''}"
-        rows.append(
-            [
-                case.name,
-                case.truth[0],
-                three_digits(case.ratio),
-                case.verdict,
-                ", ".join(sorted(case.answer)),
-                after,
-                "yes" if case.resolved else "at once" if case.named_right else "no",
-            ]
-        )
-    columns = ["case", "truth", "ratio", "verdict", "answer", "with the advised experiment", "resolved"]
-    return Table(title=f"Ties ({_HEAVIER})", columns=columns, rows=rows)
+        if not again:
+            return "–"
+        causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
+        return again.get("failure") or f"{again['verdict']}: {causes}{'†' if case.heavier else ''}"
 
-
-_HEAVIER = "† a mass was added: the further record was diagnosed alone, with the tied effects as the whole catalogue"
+    mass = "† a mass was added: the further record was diagnosed alone, with the tied effects as the whole catalogue"
+    return Table.of(
+        f"Ties ({mass})",
+        study.of("tie"),
+        {
+            "case": lambda case: case.name,
+            "truth": lambda case: case.truth[0],
+            "ratio": lambda case: three_digits(case.ratio),
+            "verdict": lambda case: case.verdict,
+            "answer": lambda case: ", ".join(sorted(case.answer)),
+            "with the advised experiment": after,
+            "resolved": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
+        },
+    )
 
 
 def _predictions(study: Opened) -> Table:
@@ -206,19 +228,17 @@ def _predictions(study: Opened) -> Table:
 
 
 def _reach() -> Table:
-    """What the displacement under a voltage can show of each mechanism at all."""
-    rows = [
-        [
-            mechanism.replace("_", " "),
-            canonical(mechanism) or "outside the catalogue",
-            three_digits(largest),
-            "no" if largest < VISIBLE else "yes",
-        ]
-        for mechanism, largest in sorted(REACH.items(), key=lambda item: item[1])
-    ]
-    columns = ["mechanism", "effect", "largest ratio", "visible"]
-    title = "Largest ratio at physical size, measured beforehand on one rig with noise of 1 % of the motion"
-    return Table(title=title, columns=columns, rows=rows)
+    """Show what the displacement under a voltage can show of each mechanism at all."""
+    return Table.of(
+        "Largest ratio at physical size, measured beforehand on one rig with noise of 1 % of the motion",
+        sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
+        {
+            "mechanism": _words,
+            "effect": lambda name: KEY[name][0] if name in KEY else "outside the catalogue",
+            "largest ratio": lambda name: three_digits(REACH[name]),
+            "visible": lambda name: "no" if REACH[name] < VISIBLE else "yes",
+        },
+    )
 
 
 def _sealed(seal: Seal) -> Table:
@@ -235,63 +255,47 @@ def _sealed(seal: Seal) -> Table:
 
 
 def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
-    """Every count as CSV."""
+    """Write every count as CSV, by the name of the file."""
     numbers = [(g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals]
-    header = ("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met")
-    files = {"goals.csv": _csv(header, numbers), "cases.csv": _csv(_COLUMNS, map(_line, study.cases))}
-    for name, table in (("effect", by_effect(study)), ("family", by_family(study))):
-        files[f"confusion_{name}.csv"] = _csv(("truth", *table.answers), table.rows())
+    cases = [[cell(case) for cell in _COLUMNS.values()] for case in study.cases]
     held = [
         (r["name"], r["true"], r["low"], r["high"], int(r["low"] <= r["true"] <= r["high"])) for r in study.intervals
     ]
-    files["intervals.csv"] = _csv(("parameter", "true", "low", "high", "covered"), held)
-    return files
+    return {
+        "goals.csv": csv_of(("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met"), numbers),
+        "cases.csv": csv_of(tuple(_COLUMNS), cases),
+        "confusion_effect.csv": by_effect(study).csv(),
+        "confusion_family.csv": by_family(study).csv(),
+        "intervals.csv": csv_of(("parameter", "true", "low", "high", "covered"), held),
+    }
 
 
-_COLUMNS = (
-    "case",
-    "kind",
-    "truth",
-    "concealed",
-    "rich",
-    "ratio",
-    "verdict",
-    "causes",
-    "set",
-    "nearest_d2",
-    "probability",
-    *(f"{name}_rms" for name in ("nominal", *MADE_BY)),
-    "sparse_term",
-    "resolved",
-    "processor_s",
-)
+def _rms(name: str) -> Callable[[Case], str]:
+    return lambda case: f"{case.errors[name]:.5g}" if name in case.errors else ""
 
 
-def _line(case: Case) -> tuple[object, ...]:
-    causes = case.diagnosis.get("causes", ())
-    return (
-        case.name,
-        case.kind,
-        "+".join(case.truth),
-        "+".join(case.mechanisms),
-        int(case.rich),
-        f"{case.ratio:.4g}",
-        case.verdict,
-        "+".join(case.causes),
-        "+".join(sorted(case.answer)),
-        f"{case.nearest:.4g}",
-        f"{causes[0]['probability']:.4g}" if causes else "",
-        *(f"{case.errors[n]:.5g}" if n in case.errors else "" for n in ("nominal", *MADE_BY)),
-        case.result.get("baselines", {}).get("pysindy", {}).get("term", ""),
-        int(case.resolved),
-        case.result.get("seconds_in_all", ""),
-    )
+_COLUMNS: dict[str, Callable[[Case], object]] = {
+    "case": lambda case: case.name,
+    "kind": lambda case: case.kind,
+    "truth": lambda case: "+".join(case.truth),
+    "concealed": lambda case: "+".join(case.mechanisms),
+    "rich": lambda case: int(case.rich),
+    "ratio": lambda case: f"{case.ratio:.4g}",
+    "verdict": lambda case: case.verdict,
+    "causes": lambda case: "+".join(case.causes),
+    "set": lambda case: "+".join(sorted(case.answer)),
+    "nearest_d2": lambda case: f"{case.nearest:.4g}",
+    "probability": lambda case: f"{case.stated[0][0]:.4g}" if case.stated else "",
+    **{f"{name}_rms": _rms(name) for name in ("nominal", *MADE_BY)},
+    "sparse_term": lambda case: case.result.get("baselines", {}).get("pysindy", {}).get("term", ""),
+    "resolved": lambda case: int(case.resolved),
+    "processor_s": lambda case: case.result.get("seconds_in_all", ""),
+}
+"""Columns of ``cases.csv``."""
 
 
-def _csv(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    import csv
-    import io
-
+def csv_of(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Write a CSV file whose cells may hold commas; None is empty."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(header)

@@ -7,65 +7,120 @@ diagnosis; and random rigs with random designs: how often a verdict keeps its wo
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from deatwin.scenarios.concealed_physics.rates import bounds
-from deatwin.scenarios.control_check.check_figures import check_drawings
-from deatwin.scenarios.control_check.concealed import Concealed
-from deatwin.scenarios.control_check.loop_figures import loop_drawings
-from deatwin.scenarios.control_check.notes import answer, notes
-from deatwin.scenarios.control_check.promises import promises
-from deatwin.scenarios.control_check.rates import caught, inside, sound
+from deatwin.control.checking.specification import Specification
+from deatwin.scenarios.control_check.concealed import (
+    BAND,
+    CLOSED_LOOP_TIME,
+    FAST,
+    OTHER_TIMES,
+    SECONDS,
+    SLOW,
+    Concealed,
+)
+from deatwin.scenarios.control_check.figures import drawings
+from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
+from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
-from deatwin.scenarios.control_check.tables import tables
+from deatwin.scenarios.control_check.tables import INVERSES, judge, tables
 from deatwin.scenarios.control_check.tracking import Tracking
-from deatwin.scenarios.control_check.verdicts import judge
-from deatwin.scenarios.svb_benchmark.trials import Rate
-from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.story import Measure, StoryPage, finish, reached
 from deatwin.studies.stories import Setting
-
-__all__ = ["run"]
 
 SIZE = "short"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Design, check, try on the truth, draw and judge."""
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    setting.folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
-    study = carry_out(setting.folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)
+    record, folder = setting.record(), setting.folder
+    folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
+    study = carry_out(folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)
     setting.progress(1.0, "judging and drawing")
     rows = judge(study)
-    sentence = answer(study, rows)
-    loops, checks = loop_drawings(study), check_drawings(study)
-    for drawing, columns in loops:
-        setting.folder.csv(drawing.data, columns)
-    for drawing, text in checks:
-        setting.folder.text(drawing.data, text)
     page = StoryPage(
         title="control-check",
-        sentence=sentence,
+        sentence=_answer(study, rows),
         rows=rows,
-        notes=notes(study),
-        figures=[drawing for drawing, _ in (*loops, *checks)],
+        notes=notes(__package__, **_tracked_in_words(study.tracking), **_chosen(), **_counted(study)),
+        figures=drawings(study),
         tables=tables(study),
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
-    text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    setting.folder.text("control-check.json", text)
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    return finish(folder, record, page, **_summary(study))
+
+
+# --- in words -------------------------------------------------------------------------------------------------------
+
+
+def _answer(study: Study, rows: Sequence[Measure]) -> str:
+    """Say what came out, in a few sentences."""
+    factor = study.tracking[0].ratio("PI", "inverse")
+    passed, unsound = inside(study.outcomes), caught(study.outcomes)
+    return (
+        f"PI behind the inverse of the static curve tracks with an error {factor:.1f} times below that of PI alone, at "
+        f"equal margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
+        f"{passed.hits} keep inside the predicted band; {unsound.count} break a limit on the true rig, of which it "
+        f"passes {unsound.count - unsound.hits}. {reached(rows)} stated measures are reached."
+    )
+
+
+def _tracked_in_words(every: Sequence[Tracking]) -> dict[str, Any]:
+    nominal, hysteretic = every[0], every[1]
+    best = min(one.rms for name, one in nominal.tracked.items() if name.startswith("oracle"))
+    return {
+        "against": nominal.tracked["inverse with dynamics"].rms / best,
+        "pays": " and ".join(f"{hysteretic.ratio('PI', name):.1f}" for name in INVERSES),
+        "near": " and ".join(f"{hysteretic.ratio(name, f'oracle: {name}'):.1f}" for name in INVERSES),
+    }
+
+
+def _chosen() -> dict[str, Any]:
+    """Numbers that were chosen beforehand."""
+    return {
+        "seconds": SECONDS,
+        "band": BAND,
+        "closed_loop_time": CLOSED_LOOP_TIME,
+        "other_times": [f"{time:g}" for time in OTHER_TIMES],
+        "slow": SLOW,
+        "fast": FAST,
+        "share_concealed": 100 * CONCEALED,
+        "calibrated": ", ".join(name.replace("_", " ").replace(".", " ") for name in CALIBRATED),
+        "reserve": 100 * Specification().reserve,
+    }
+
+
+def _counted(study: Study) -> dict[str, Any]:
+    outcomes, made = study.outcomes, study.matters.promises
+    errors = {p.model: p.achieved for p in made if p.quantity.name == "rms error"}
+    return {
+        "trials": len(outcomes),
+        "inside": in_words(inside(outcomes)),
+        "sound": in_words(sound(outcomes)),
+        "caught": in_words(caught(outcomes)),
+        "missed": len(broken(outcomes)),
+        "cautious": sum(o.verdict != PASS and o.sound is True for o in outcomes),
+        "no_model": sum(o.verdict == NO_MODEL for o in outcomes),
+        "errors": ", ".join(f"{name} {error:.3g} µm" for name, error in errors.items()),
+        "kept": _kept(made),
+        "by_quantity": ", ".join(f"{q.name} {_kept([p for p in made if p.quantity is q])}" for q in QUANTITIES),
+        "of_physics": _kept([p for p in made if p.model == "calibrated plant"]),
+    }
+
+
+def _kept(promises: Sequence[Promise]) -> str:
+    return f"{sum(p.kept for p in promises)} of {len(promises)}"
+
+
+# --- as data --------------------------------------------------------------------------------------------------------
 
 
 def _summary(study: Study) -> dict[str, Any]:
-    """Return what was found as plain data, SI."""
+    """Return the findings as plain data, SI."""
     outcomes = study.outcomes
     return {
         "tracking": {tracking.name: _tracked(tracking) for tracking in study.tracking},
@@ -89,7 +144,7 @@ def _summary(study: Study) -> dict[str, Any]:
                 "achieved": _finite(p.achieved),
                 "inside": p.kept,
             }
-            for p in promises(study.matters)
+            for p in study.matters.promises
         ],
         "concealed": [_designs(one) for one in study.concealed],
         "rates": {
@@ -134,7 +189,7 @@ def _designs(one: Concealed) -> dict[str, Any]:
 
 
 def _rate(rate: Rate) -> dict[str, Any]:
-    low, high = bounds(rate)
+    low, high = rate.interval
     return {"hits": rate.hits, "count": rate.count, "low": low, "high": high}
 
 

@@ -1,4 +1,4 @@
-"""What a concealed effect does to a design, and what its diagnosis is worth: base model against amended model."""
+"""A concealed effect: designs from the base model and from the model that the diagnosis amended."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from deatwin.scenarios.control_check.rigs import identified, recorded
 from deatwin.scenarios.control_check.tracking import nominal_plant
 
 EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: ElectrodeRC(time=0.4), "creep": Creep}
-"""What is concealed. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
+"""Concealed effects. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
 OPERATING = 2.6
 LIMITS = (1.2, 3.7)
 CLOSED_LOOP_TIME = 0.4
@@ -40,7 +40,7 @@ OTHER_TIMES = (0.2, 0.6)
 SECONDS, BAND = 120.0, 5.0
 """Length of each recording in s, and upper end of the noise of that which is diagnosed, in Hz."""
 MEAN, VARIANCE, LOWER, UPPER = 2.4, 0.36, 1.1, 3.75
-"""Of the commands of that which is identified: those of the thesis' noise, in V, V² before the limits, V and V."""
+"""Commands of the recording that is identified: those of the thesis' noise, in V, V² before the limits, V and V."""
 FAST = 20.0
 """Upper end of the noise that has half of the variance, Hz: beyond the 16 Hz at which the nominal plant's loop has its
 gain margin."""
@@ -57,7 +57,7 @@ class Designed:
     controller: Controller
     check: Check
     runs: Runs
-    truth: Finding  # What was worst there
+    truth: Finding  # Worst finding on the true rig
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

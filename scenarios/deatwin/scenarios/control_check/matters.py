@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.checking.rows import MarginRow, rows_of_family
+from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
 from deatwin.control.controllers.base import Controller
@@ -20,6 +20,7 @@ from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
 from deatwin.control.loop.predicted import predict_loop
 from deatwin.control.loop.sine_response import sine_response
+from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
 from deatwin.ident.narx.residual import free_run_residual
 from deatwin.plant.calibrated import CalibratedPlant
@@ -28,8 +29,7 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
-from deatwin.scenarios.control_check.calibration import calibrated
-from deatwin.scenarios.control_check.rigs import fabricated, linear_feedback, recorded
+from deatwin.scenarios.control_check.rigs import calibrated, fabricated, linear_feedback, recorded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -40,11 +40,18 @@ CLOSED_LOOP_TIME = 0.2
 SAMPLES = 200
 PLANTS = 40
 AMPLITUDES = (0.1, 0.3)
-"""Of the sines that measure the plant, as shares of the room to the limits: as large as the steps are."""
+"""Sines that measure the plant, as shares of the room to the limits: as large as the steps are."""
 LINES = 24
 """Frequencies at which it is measured."""
 CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback}
 """Rows are read at the end of the hold: input lags from 0 on."""
+ARX = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")
+MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
+    "linear ARX": lambda r: Fixed(terms=ARX).fit(r).model_,
+    "NARX by FRO": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
+    "NARX by SEMP": lambda r: Semp(**CANDIDATES, max_terms=12).fit(r).model_,
+    "NARX by SVB": lambda r: SvbNarx(**CANDIDATES).fit(r).model_,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,43 +62,85 @@ class Interval:
     low: float
     high: float
 
-    def holds(self, value: float) -> bool:
-        """Whether a number lies inside."""
-        return self.low <= value <= self.high
+    @classmethod
+    def over(cls, values: Array | list[float]) -> Interval:
+        """Take the first value for the model's own, the others for its draws."""
+        spread = np.asarray(values, dtype=np.float64)
+        low, high = np.quantile(spread, [0.025, 0.975])
+        return cls(value=float(spread[0]), low=float(min(low, spread[0])), high=float(max(high, spread[0])))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Achieved:
-    """What the plant did."""
+class Quantity:
+    """A number that a model predicts of its closed loop."""
 
-    bandwidth_Hz: float  # Where the closed loop has lost 3 dB, Hz
-    overshoot: float
-    gain: float
-    rms: float  # Rms error on the steps, in the output's unit
+    name: str
+    unit: str
+    scale: float  # From SI to the unit
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
+
+    @property
+    def column(self) -> str:
+        """Name and unit as the head of a column of a file."""
+        unit = {"%": "_percent", "µm": "_um", "Hz": "_Hz"}.get(self.unit, "")
+        return self.name.replace(" ", "_") + unit
+
+
+QUANTITIES = (
+    Quantity(name="bandwidth", unit="Hz", scale=1.0),
+    Quantity(name="overshoot", unit="%", scale=100.0),
+    Quantity(name="gain margin", unit="", scale=1.0),
+    Quantity(name="rms error", unit="µm", scale=1e6),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Promise:
+    """A number as a model predicted it, and as the plant made it, in the quantity's unit."""
+
+    model: str
+    quantity: Quantity
+    predicted: Interval
+    achieved: float
+
+    @classmethod
+    def of(cls, model: str, quantity: Quantity, predicted: Interval, achieved: float) -> Promise:
+        """Turn SI into the quantity's unit."""
+        s = quantity.scale
+        scaled = Interval(value=s * predicted.value, low=s * predicted.low, high=s * predicted.high)
+        return cls(model=model, quantity=quantity, predicted=scaled, achieved=s * achieved)
+
+    @property
+    def kept(self) -> bool:
+        """True if the plant's number lies inside the interval."""
+        return self.predicted.low <= self.achieved <= self.predicted.high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matter:
-    """One model: its design, its promise, and the truth."""
+    """One model: what its design promised, and what it got."""
 
     name: str
     residual: float | None  # Rms that its free run leaves of the recording, in the output's unit
-    controller: Controller | None = None  # None where the model allows no design
-    reason: str = ""  # Why not
-    bandwidth_Hz: Interval | None = None  # Predicted
-    overshoot: Interval | None = None
-    gain: Interval | None = None
-    rms: Interval | None = None
-    achieved: Achieved | None = None
-    steps: ClosedLoop | None = None
+    reason: str = ""  # Why the model allows no design
+    promises: tuple[Promise, ...] = ()  # One for each quantity; none without a design
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matters:
-    """All models of one actuator."""
+    """Every model of one actuator."""
 
     models: tuple[Matter, ...]
     output_rms: float
+
+    @property
+    def promises(self) -> tuple[Promise, ...]:
+        """Numbers of every model that allowed a design."""
+        return tuple(promise for matter in self.models for promise in matter.promises)
 
 
 def compare_models(rng: np.random.Generator) -> Matters:
@@ -101,21 +150,8 @@ def compare_models(rng: np.random.Generator) -> Matters:
     truth = _Truth.of(plant)
     noise = int(rng.integers(2**32))
     found = [_of_narx(name, make, recording, truth, np.random.default_rng(noise)) for name, make in MODELS.items()]
-    found.append(_of_plant("calibrated plant", calibrated(recording), recording, truth, np.random.default_rng(noise)))
+    found.append(_of_plant("calibrated plant", calibrated(recording), truth, np.random.default_rng(noise)))
     return Matters(models=tuple(found), output_rms=float(recording.outputs[0].std()))
-
-
-def _arx(recording: Recording) -> NarxModel:
-    terms = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")
-    return Fixed(terms=terms).fit(recording).model_
-
-
-MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
-    "linear ARX": _arx,
-    "NARX by FRO": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
-    "NARX by SEMP": lambda r: Semp(**CANDIDATES, max_terms=12).fit(r).model_,
-    "NARX by SVB": lambda r: SvbNarx(**CANDIDATES).fit(r).model_,
-}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,18 +172,15 @@ class _Truth:
             raise RuntimeError("the actuator did not live through the sines that measure it")
         return cls(plant=plant, omega=omega, response=measured.values[-1])
 
-    def achieved(self, controller: Controller, steps: ClosedLoop) -> Achieved:
+    def achieved(self, controller: Controller, steps: ClosedLoop) -> tuple[float, ...]:
+        """Return the quantities, SI."""
         law = controller.local(controller.operating_input)
         reading = self.plant.rig.reading
         loose = self.plant.without_effects(*(name for name in STICKING if name in self.plant.effect_names))
         families = [linearise_plants((plant,), [OPERATING]).in_loop(reading) for plant in (self.plant, loose)]
         loop = law.feedback_response(self.omega, controller.sample_time) * self.response
-        return Achieved(
-            bandwidth_Hz=float(_bandwidth(self.omega, loop[None])[0]),
-            overshoot=steps.overshoot,
-            gain=min(rows_of_family("plant", family, controller)[0].gain for family in families),
-            rms=steps.rms_error,
-        )
+        gain = min(rows_of_family("plant", family, controller)[0].gain for family in families)
+        return float(bandwidth_Hz(self.omega, loop[None])[0]), steps.overshoot, gain, steps.rms_error
 
 
 def _of_narx(
@@ -178,19 +211,17 @@ def _of_narx(
         )
     except DeatwinError as error:
         return Matter(name=name, residual=residual, reason=str(error))
-    return _matter(name, residual, family, controller, overshoot, rms, truth, reference, rng)
+    return _matter(name, residual, family, controller, (overshoot, rms), truth, reference, rng)
 
 
-def _of_plant(
-    name: str, known: CalibratedPlant, recording: Recording, truth: _Truth, rng: np.random.Generator
-) -> Matter:
+def _of_plant(name: str, known: CalibratedPlant, truth: _Truth, rng: np.random.Generator) -> Matter:
     plants = (known.plant, *draw_plants(known, rng, PLANTS))
     family = linearise_plants(plants, [OPERATING]).in_loop(truth.plant.rig.reading)
     controller = _design(family.at(0, 0))
     reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
     runs = [closed_loop(plant, controller, reference, rng=rng) for plant in plants]
-    overshoot, rms = (_over([f(run) for run in runs]) for f in (lambda r: r.overshoot, lambda r: r.rms_error))
-    return _matter(name, known.model_error, family, controller, overshoot, rms, truth, reference, rng)
+    steps = Interval.over([run.overshoot for run in runs]), Interval.over([run.rms_error for run in runs])
+    return _matter(name, known.model_error, family, controller, steps, truth, reference, rng)
 
 
 def _matter(
@@ -198,74 +229,31 @@ def _matter(
     residual: float | None,
     family: LinearFamily,
     controller: Controller,
-    overshoot: Interval,
-    rms: Interval,
+    steps: tuple[Interval, Interval],
     truth: _Truth,
     reference: Array,
     rng: np.random.Generator,
 ) -> Matter:
-    steps = closed_loop(truth.plant, controller, reference, rng=rng)
-    (row,) = rows_of_family("model", family, controller)
-    return Matter(
-        name=name,
-        residual=residual,
-        controller=controller,
-        overshoot=overshoot,
-        rms=rms,
-        steps=steps,
-        bandwidth_Hz=_predicted_bandwidth(family, controller),
-        gain=_predicted_gain(row, family, controller),
-        achieved=truth.achieved(controller, steps),
-    )
+    """Try a design on the plant; `steps` has the predicted overshoot and rms error."""
+    achieved = truth.achieved(controller, closed_loop(truth.plant, controller, reference, rng=rng))
+    bandwidth, gain = _predicted(family, controller)
+    predicted = (bandwidth, steps[0], gain, steps[1])
+    made = (Promise.of(name, *each) for each in zip(QUANTITIES, predicted, achieved, strict=True))
+    return Matter(name=name, residual=residual, promises=tuple(made))
 
 
 def _design(linear: LinearModel) -> Controller:
     return lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
 
 
-def _predicted_bandwidth(family: LinearFamily, controller: Controller) -> Interval:
+def _predicted(family: LinearFamily, controller: Controller) -> tuple[Interval, Interval]:
+    """Predict bandwidth and gain margin from the samples with an equilibrium; the first is the model itself."""
+    single = [family.at(0, int(s)) for s in np.flatnonzero(family.exists[0])]
     omega = np.geomspace(2 * np.pi * 0.02, 0.95 * np.pi / controller.sample_time, 400)
     law = controller.local(OPERATING).feedback_response(omega, controller.sample_time)
-    loops = np.array([law * family.at(0, s).response(omega) for s in _existing(family)])
-    return _over(_bandwidth(omega, loops))
-
-
-def _predicted_gain(row: MarginRow, family: LinearFamily, controller: Controller) -> Interval:
-    single = [rows_of_family("model", _only(family, s), controller)[0].gain for s in _existing(family)]
-    return Interval(
-        value=row.gain,
-        low=float(np.quantile(single, 0.025, method="lower")),
-        high=float(np.quantile(single, 0.975, method="higher")),
-    )
-
-
-def _existing(family: LinearFamily) -> list[int]:
-    """Samples with an equilibrium; the first is the model itself."""
-    return [int(s) for s in np.flatnonzero(family.exists[0])]
-
-
-def _only(family: LinearFamily, sample: int) -> LinearFamily:
-    return LinearFamily.of([[family.at(0, sample)]])
-
-
-def _over(values: Array | list[float]) -> Interval:
-    """The first is the model's own, the others its draws."""
-    spread = np.asarray(values, dtype=np.float64)
-    low, high = np.quantile(spread, [0.025, 0.975])
-    return Interval(value=float(spread[0]), low=float(min(low, spread[0])), high=float(max(high, spread[0])))
-
-
-def _bandwidth(omega: Array, loops: Complex) -> Array:
-    """Where |L/(1 + L)| first falls below -3 dB, Hz; the last frequency where it does not."""
-    closed = np.abs(loops / (1.0 + loops))
-    below = closed < np.sqrt(0.5)
-    first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)
-    found = np.empty(len(loops))
-    for n, k in enumerate(first):
-        if k == 0:
-            found[n] = omega[0]
-            continue
-        pair = np.log(closed[n, k - 1 : k + 1])
-        share = np.clip((np.log(np.sqrt(0.5)) - pair[0]) / (pair[1] - pair[0]), 0.0, 1.0)
-        found[n] = np.exp(np.log(omega[k - 1]) + share * np.log(omega[k] / omega[k - 1]))
-    return np.asarray(found / (2 * np.pi))
+    bandwidth = Interval.over(bandwidth_Hz(omega, np.array([law * linear.response(omega) for linear in single])))
+    gains = [rows_of_family("model", LinearFamily.of([[linear]]), controller)[0].gain for linear in single]
+    (row,) = rows_of_family("model", family, controller)
+    low = float(np.quantile(gains, 0.025, method="lower"))
+    high = float(np.quantile(gains, 0.975, method="higher"))
+    return bandwidth, Interval(value=row.gain, low=low, high=high)

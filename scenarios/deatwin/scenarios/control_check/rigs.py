@@ -1,4 +1,4 @@
-"""Random rigs that no check has seen: fabricated beside their specification, some with physics it does not have."""
+"""Rigs that no check has seen, fabricated beside their specification; and what is made of a recording of one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.linear.family import linearise_many
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, Term, refine
+from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects import Effect
 from deatwin.plant.effects.creep import Creep
 from deatwin.plant.effects.delay import Delay
@@ -25,13 +28,13 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 WIDER = 2.0
-"""Times the tolerances of the fleet, which is of one batch: these rigs are not."""
+"""Multiple of the tolerances of the fleet, which is of one batch: these rigs are not."""
 LIMITS = (1.3, 3.6)
-"""Of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
+"""Range of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
 
 
 def linear_feedback(term: Term) -> bool:
-    """Whether a term has a past output alone, or none: with products of both the free run soon diverges."""
+    """Test that a term has a past output alone, or none: with products of both the free run soon diverges."""
     return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
 
 
@@ -41,9 +44,12 @@ METHODS: tuple[Callable[[], NarxIdentifier], ...] = (
     lambda: Frols(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=20),
 )
 """Rows are read at the end of the hold, so that a row's command acts on the row's reading: input lags from 0 on."""
-_STABLE_AT = 24  # commands
+STABLE_AT = 24
+"""Commands at which an identified model must be stable."""
+CALIBRATED = ("permittivity", "shear_modulus", "branch_modulus", "damping", "hysteresis.force")
+"""Parameters of the specification that are known least."""
 CONCEALED = 0.6
-"""Share of the rigs with physics that their specification does not have."""
+"""Share of the rigs that have physics which their specification lacks."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,11 +63,12 @@ class Bench:
 
 
 def random_bench(rng: np.random.Generator) -> Bench:
-    """Fabricate a rig, and record it."""
+    """Fabricate a rig and record it."""
     concealed = _concealed(rng) if rng.uniform() < CONCEALED else ()
     plant = fabricated(rng).with_effects(*concealed)
     band = float(rng.uniform(0.8, 4.0))
-    recording = recorded(plant, _excitation(plant, band, rng), rng)
+    commands = band_limited_noise(rng, float(rng.uniform(60.0, 120.0)), plant.rig.sample_time, band=band)
+    recording = recorded(plant, commands, rng)
     return Bench(plant=plant, concealed=tuple(e.name for e in concealed), recording=recording, band_Hz=band)
 
 
@@ -79,13 +86,8 @@ def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generat
     return plant.record(Experiment(recordings=(bare,)), rng).recordings[0]
 
 
-def _excitation(plant: Plant, band_Hz: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    seconds = float(rng.uniform(60.0, 120.0))
-    return band_limited_noise(rng, seconds, plant.rig.sample_time, band=band_Hz)
-
-
 def fabricated(rng: np.random.Generator) -> Plant:
-    """A rig that was to be the specification, with departures twice as wide as those of a fleet of one batch."""
+    """Fabricate a rig with twice the tolerances of a fleet of one batch."""
     wished = specification()
     factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
@@ -94,7 +96,7 @@ def fabricated(rng: np.random.Generator) -> Plant:
 
 
 def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
-    """One of the effects that change a loop's dynamics, at a size that a bench may have."""
+    """Draw one of the effects that change a loop's dynamics."""
     makers = (
         lambda: Creep(modulus=float(rng.uniform(5e3, 25e3)), time=float(10 ** rng.uniform(0.5, 2.0))),
         lambda: ElectrodeRC(time=float(10 ** rng.uniform(-1.6, -0.5))),
@@ -107,15 +109,26 @@ def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
 
 
 def identified(recording: Recording) -> NarxModel:
-    """A polynomial model for control: stable at all commands, if one is without a turn of its curve, of least error."""
+    """Identify a polynomial model for control: stable at all commands, with an invertible curve if one is, of least error."""
     found = []
     for method in METHODS:
         with suppress(ModelError):  # the free run of a first guess may diverge
             model = refine(method().fit(recording).model_, recording)
-            at_rest = linearise_many(model, np.linspace(*LIMITS, _STABLE_AT))
+            at_rest = linearise_many(model, np.linspace(*LIMITS, STABLE_AT))
             if at_rest.stable.all():
                 turns = bool(np.ptp(np.sign(at_rest.static_gains)))  # then its curve has no inverse
                 found.append((turns, model.simulate(recording).rms_error, model))
     if not found:
         raise ModelError("no method found a model of this recording that is stable at all commands")
     return min(found, key=lambda entry: entry[:2])[2]
+
+
+def calibrated(recording: Recording) -> CalibratedPlant:
+    """Fit the least known parameters of the specification: it stands for an actuator whose plant nobody has."""
+    wished = specification()
+    part = Part.whole(Experiment(recordings=(recording,)))
+    fit = calibrate(wished, [part], names=CALIBRATED, starts=1, evaluations=30, tolerance=1e-4)
+    left = float(np.sqrt(np.mean(fit.residuals**2)))
+    return CalibratedPlant(
+        plant=fit.plant, noise=wished.rig.noise, model_error=left, names=fit.names, covariance=fit.covariance
+    )

@@ -1,8 +1,7 @@
-"""All that the story computes: tracking, models, concealed effects, and designs on rigs that no check has seen."""
+"""Run the story: tracking, models, concealed effects, and designs on rigs that no check has seen."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,19 +12,19 @@ import numpy as np
 from deatwin.plant.fleet import specification
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
-from deatwin.scenarios.control_check.record import Trials, name_of
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
-from deatwin.scenarios.control_check.trials import Outcome, try_one
+from deatwin.scenarios.control_check.trials import Outcome, Trials, name_of, try_one
+from deatwin.studies.parallel import between
 from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.voice import Progress
 
 SIZES = {"short": 8, "standard": 100, "full": 400}
 """Number of trials; the rest of the story is the same."""
-Tell = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What was found."""
+    """Everything that was found."""
 
     tracking: tuple[Tracking, ...]
     fleet: tuple[FleetRun, ...]  # The scheduled design on the six actuators
@@ -34,7 +33,7 @@ class Study:
     outcomes: tuple[Outcome, ...]  # The trials
 
 
-def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Study:
+def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Progress) -> Study:
     """Carry out the story; trials that are in the folder already are not run again."""
     count = SIZES[size]
     rest = 15.0 / (15.0 + count)  # the rest of the story takes about as long as fifteen trials
@@ -53,11 +52,11 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Tell) -> Stud
     for number, effect in enumerate(EFFECTS):
         tell((0.4 + 0.6 * number / len(EFFECTS)) * rest, f"concealing {effect.replace('_', ' ')}")
         found.append(conceal(effect, rngs[3 + number], jobs=jobs, seed=seed))
-    outcomes = _trials(folder, count, seed, jobs, lambda share, text: tell(rest + (1.0 - rest) * share, text))
+    outcomes = _trials(folder, count, seed, jobs, between(tell, rest, 1.0))
     return Study(tracking=tracking, fleet=six, matters=matters, concealed=tuple(found), outcomes=outcomes)
 
 
-def _trials(folder: Path, count: int, seed: int, jobs: int, tell: Tell) -> tuple[Outcome, ...]:
+def _trials(folder: Path, count: int, seed: int, jobs: int, tell: Progress) -> tuple[Outcome, ...]:
     trials = Trials(folder, seed)
     trials.outcomes(number for number in range(count) if trials.has(name_of(number)))  # a bad one is told of at once
     cases = {name_of(number): number for number in range(count)}

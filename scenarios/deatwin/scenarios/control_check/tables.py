@@ -1,26 +1,108 @@
-"""The tables of the page: tracking, actuators, models, concealed effects, and how often verdicts kept their word."""
+"""The stated measures, what is demanded of design and check and what they reach; and the tables of the page."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import isfinite
 
-from deatwin.control.checking.specification import Verdict
-from deatwin.scenarios.control_check.concealed import Concealed
-from deatwin.scenarios.control_check.matters import Matters
-from deatwin.scenarios.control_check.promises import QUANTITIES, Promise, promises
-from deatwin.scenarios.control_check.rates import broken, caught, inside, least_percent, sound
-from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tracking import FleetRun, Tracking
-from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome
-from deatwin.scenarios.svb_benchmark.figures import table_text
-from deatwin.scenarios.svb_benchmark.trials import Rate
-from deatwin.studies.report.quantities import in_interval
-from deatwin.studies.report.story import Table
+import numpy as np
 
+from deatwin.control.checking.specification import Verdict
+from deatwin.scenarios.control_check.concealed import Concealed, Designed
+from deatwin.scenarios.control_check.matters import QUANTITIES, Matters, Promise
+from deatwin.scenarios.control_check.study import Study
+from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
+from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, broken, caught, in_words, inside, sound
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.quantities import in_interval
+from deatwin.studies.report.story import Measure, Table
+from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import Words
+
+WORDS = Words(__package__)
+LOWER = 5.0
+"""Demanded ratio of the error of PI alone to that behind the inverse."""
+NEAR = 2.0
+"""Largest allowed ratio of an error to that of a design on the true plant."""
+KEPT = 0.9
+"""Share of the passed designs that keep inside the predicted band."""
+CAUGHT = 0.9
+"""Share of the unsound designs that the check does not pass."""
+INVERSES = ("inverse", "inverse with dynamics")
+EQUAL = 1e-6
+"""Relative difference of margins that are equal: they are of one loop, computed twice."""
 MICRO = 1e6
 NOTHING = "none"
-"""Where no effect is concealed."""
+"""Stands where no effect is concealed."""
+
+
+# --- measures -------------------------------------------------------------------------------------------------------
+
+
+def judge(study: Study) -> list[Measure]:
+    """Hold the study against what is demanded."""
+    nominal = study.tracking[0]
+    base, amended = next(one for one in study.concealed if one.effect == "electrode_rc").designs
+    kept, unsound = inside(study.outcomes), caught(study.outcomes)
+    return [
+        _pays(nominal),
+        _near(nominal),
+        _scheduled(study.fleet),
+        WORDS.measure("base", base.check.verdict is not Verdict.PASS, said=_both(base)),
+        WORDS.measure("amended", amended.check.verdict is Verdict.PASS, said=_both(amended)),
+        WORDS.measure("kept", kept.count > 0 and kept.share >= KEPT, least=100 * KEPT, rate=in_words(kept)),
+        WORDS.measure(
+            "caught", unsound.count > 0 and unsound.share >= CAUGHT, least=100 * CAUGHT, rate=in_words(unsound)
+        ),
+    ]
+
+
+def _pays(tracking: Tracking) -> Measure:
+    alone = tracking.tracked["PI"]
+    factors = {name: tracking.ratio("PI", name) for name in INVERSES}
+    same = all(_alike(alone, tracking.tracked[name]) for name in INVERSES)
+    return WORDS.measure(
+        "pays",
+        same and min(factors.values()) >= LOWER,
+        least=LOWER,
+        factors=", ".join(f"{name} {factor:.1f} times" for name, factor in factors.items()),
+        gain=float(alone.margins.gain[0]),
+        phase=float(alone.margins.phase_deg[0]),
+        whose="of all three" if same else "of PI alone, others of the other two",
+    )
+
+
+def _alike(one: Tracked, other: Tracked) -> bool:
+    pairs = ((getattr(one.margins, name), getattr(other.margins, name)) for name in ("gain", "phase_deg", "delay"))
+    return all(bool(np.allclose(a, b, rtol=EQUAL, atol=0.0)) for a, b in pairs)
+
+
+def _near(tracking: Tracking) -> Measure:
+    factors = {name: tracking.ratio(name, f"oracle: {name}") for name in INVERSES}
+    said = ", ".join(f"{name} {factor:.2f} times" for name, factor in factors.items())
+    return WORDS.measure("near", max(factors.values()) <= NEAR, most=NEAR, factors=said)
+
+
+def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
+    unstable = [run.actuator.name for run in fleet if not run.stable]
+    ripple = max((run.steps.ripple for run in fleet), default=0.0)
+    calm = f"; late after a step at most {100 * ripple:.2g} % of it moves"
+    return WORDS.measure(
+        "scheduled",
+        bool(fleet) and not unstable,
+        stable=len(fleet) - len(unstable),
+        count=len(fleet),
+        but=f" (not {', '.join(unstable)})" if unstable else calm,
+    )
+
+
+def _both(designed: Designed) -> str:
+    """Verdict of the check, and what the true rig did."""
+    true = designed.truth.text.replace(" on the physics plant", "").replace("the physics plant", "it")
+    return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
+
+
+# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:
@@ -36,7 +118,7 @@ def tables(study: Study) -> list[Table]:
 
 
 def trials_csv(outcomes: Sequence[Outcome]) -> str:
-    """A line for each trial."""
+    """Write a line for each trial."""
     header = ("trial", "concealed", "design", "closed_loop_time_s", "band_Hz", "verdict", "inside", "sound")
     rows = (
         (
@@ -51,45 +133,32 @@ def trials_csv(outcomes: Sequence[Outcome]) -> str:
         )
         for o in outcomes
     )
-    return table_text(header, rows)
+    return csv_text(header, rows)
 
 
 def verdicts_seen(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """The verdicts in their order, from good to bad."""
+    """List the verdicts from good to bad."""
     known = tuple(verdict.value for verdict in Verdict)
     return (*known, NO_MODEL) if any(o.verdict == NO_MODEL for o in outcomes) else known
 
 
 def _tracking(every: Sequence[Tracking]) -> Table:
-    rows = []
-    for tracking in every:
-        best = min(one.rms for name, one in tracking.tracked.items() if name.startswith("oracle"))
-        for name, one in tracking.tracked.items():
-            rows.append(
-                [
-                    tracking.name,
-                    name,
-                    _number(MICRO * one.rms, ".3g", " µm"),
-                    _number(tracking.ratio("PI", name), ".2f"),
-                    _number(one.rms / best, ".2f"),
-                    _number(float(one.margins.gain[0]), ".3g"),
-                    _number(float(one.margins.phase_deg[0]), ".0f", "°"),
-                    one.run.status.name.lower().replace("_", " "),
-                ]
-            )
-    return Table(
-        title="Tracking tones of 0.1 to 0.8 Hz",
-        columns=[
-            "plant",
-            "controller",
-            "rms error",
-            "PI's error over it",
-            "its error over the best oracle's",
-            "gain margin with the identified model",
-            "phase margin",
-            "run",
-        ],
-        rows=rows,
+    def best(tracking: Tracking) -> float:
+        return min(one.rms for name, one in tracking.tracked.items() if name.startswith("oracle"))
+
+    return Table.of(
+        "Tracking tones of 0.1 to 0.8 Hz",
+        [(tracking, name, tracking.tracked[name]) for tracking in every for name in tracking.tracked],
+        {
+            "plant": lambda row: row[0].name,
+            "controller": lambda row: row[1],
+            "rms error": lambda row: _number(MICRO * row[2].rms, ".3g", " µm"),
+            "PI's error over it": lambda row: _number(row[0].ratio("PI", row[1]), ".2f"),
+            "its error over the best oracle's": lambda row: _number(row[2].rms / best(row[0]), ".2f"),
+            "gain margin with the identified model": lambda row: _number(float(row[2].margins.gain[0]), ".3g"),
+            "phase margin": lambda row: _number(float(row[2].margins.phase_deg[0]), ".0f", "°"),
+            "run": lambda row: row[2].run.status.name.lower().replace("_", " "),
+        },
     )
 
 
@@ -98,44 +167,27 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 
 def _fleet(runs: Sequence[FleetRun]) -> Table:
-    rows = [
-        [
-            run.actuator.name,
-            run.actuator.story,
-            f"{100 * run.steps.overshoot:.0f} %",
-            f"{100 * run.steps.steady_error:.1f} %",
-            f"{100 * run.steps.ripple:.2g} %",
-            f"{MICRO * run.tones.rms_error:.0f} µm",
-            "yes" if run.stable else "no",
-        ]
-        for run in runs
-    ]
-    return Table(
-        title="The scheduled design on the six actuators",
-        columns=[
-            "actuator",
-            "what happens to it",
-            "overshoot of the steps",
-            "mean error late after a step",
-            "motion late after a step",
-            "rms error on the tones",
-            "stable",
-        ],
-        rows=rows,
+    return Table.of(
+        "The scheduled design on the six actuators",
+        runs,
+        {
+            "actuator": lambda run: run.actuator.name,
+            "what happens to it": lambda run: run.actuator.story,
+            "overshoot of the steps": lambda run: f"{100 * run.steps.overshoot:.0f} %",
+            "mean error late after a step": lambda run: f"{100 * run.steps.steady_error:.1f} %",
+            "motion late after a step": lambda run: f"{100 * run.steps.ripple:.2g} %",
+            "rms error on the tones": lambda run: f"{MICRO * run.tones.rms_error:.0f} µm",
+            "stable": lambda run: "yes" if run.stable else "no",
+        },
     )
 
 
 def _models(matters: Matters) -> Table:
-    made = promises(matters)
-    rows = [
-        [
-            matter.name,
-            _percent_of(matter.residual, matters.output_rms),
-            *([_promise(p) for p in made if p.model == matter.name] or [f"no design: {matter.reason}"]),
-        ]
-        for matter in matters.models
-    ]
-    rows = [[*row, *[""] * (2 + len(QUANTITIES) - len(row))] for row in rows]
+    rows = []
+    for m in matters.models:
+        left = "diverged" if m.residual is None else f"{100 * m.residual / matters.output_rms:.2g} %"
+        cells = [_promise(p) for p in m.promises] or [f"no design: {m.reason}", *[""] * (len(QUANTITIES) - 1)]
+        rows.append([m.name, left, *cells])
     return Table(
         title="Predicted (95 % interval), then achieved; ✓ where it lies inside",
         columns=["model", "free run leaves, of the recording's rms", *(q.label for q in QUANTITIES)],
@@ -144,65 +196,55 @@ def _models(matters: Matters) -> Table:
 
 
 def _promise(promise: Promise) -> str:
-    predicted = promise.predicted
-    return (
-        f"{in_interval(predicted.value, predicted.low, predicted.high)}, {promise.achieved:.3g} "
-        f"{'✓' if promise.kept else '✗'}"
-    )
-
-
-def _percent_of(residual: float | None, whole: float) -> str:
-    return "diverged" if residual is None else f"{100 * residual / whole:.2g} %"
+    p = promise.predicted
+    return f"{in_interval(p.value, p.low, p.high)}, {promise.achieved:.3g} {'✓' if promise.kept else '✗'}"
 
 
 def _concealed(every: Sequence[Concealed]) -> Table:
-    rows = [
-        [
-            one.effect.replace("_", " "),
-            one.diagnosis.verdict.value,
-            ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–",
-            designed.source,
-            f"{designed.controller.closed_loop_time:g} s",
-            designed.controller.name,
-            designed.check.verdict.value,
-            designed.check.reason,
-            f"{designed.truth.verdict.value}: {designed.truth.text}",
-        ]
-        for one in every
-        for designed in (*one.designs, *one.at_other_times)
-    ]
-    return Table(
-        title="A concealed effect: designs from the base model and from the amended one",
-        columns=[
-            "concealed",
-            "diagnosis",
-            "its causes",
-            "designed from",
-            "closed-loop time",
-            "controller",
-            "verdict of the check",
-            "reason",
-            "what the true rig did",
-        ],
-        rows=rows,
+    def causes(one: Concealed) -> str:
+        return ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–"
+
+    return Table.of(
+        "A concealed effect: designs from the base model and from the amended one",
+        [(one, designed) for one in every for designed in (*one.designs, *one.at_other_times)],
+        {
+            "concealed": lambda row: row[0].effect.replace("_", " "),
+            "diagnosis": lambda row: row[0].diagnosis.verdict.value,
+            "its causes": lambda row: causes(row[0]),
+            "designed from": lambda row: row[1].source,
+            "closed-loop time": lambda row: f"{row[1].controller.closed_loop_time:g} s",
+            "controller": lambda row: row[1].controller.name,
+            "verdict of the check": lambda row: row[1].check.verdict.value,
+            "reason": lambda row: row[1].check.reason,
+            "what the true rig did": lambda row: f"{row[1].truth.verdict.value}: {row[1].truth.text}",
+        },
     )
 
 
 def _rates(outcomes: Sequence[Outcome]) -> Table:
     groups: list[tuple[str, list[Outcome]]] = [("all", list(outcomes))]
-    for key in (lambda o: o.design, lambda o: f"concealed: {(o.concealed or NOTHING).replace('_', ' ')}"):
-        groups += _grouped(outcomes, key)
-    rows = []
-    for name, of in groups:
-        verdicts = [sum(o.verdict == v for o in of) for v in verdicts_seen(outcomes)]
-        rates = (inside(of), sound(of), caught(of))
-        rows.append([name, str(len(of)), *map(str, verdicts), *map(_cell, rates)])
+    keys: tuple[Callable[[Outcome], str], ...] = (
+        lambda o: o.design,
+        lambda o: f"concealed: {(o.concealed or NOTHING).replace('_', ' ')}",
+    )
+    for key in keys:
+        groups += [(name, [o for o in outcomes if key(o) == name]) for name in sorted(set(map(key, outcomes)))]
+    seen = verdicts_seen(outcomes)
+    rows = [
+        [
+            name,
+            str(len(of)),
+            *(str(sum(o.verdict == v for o in of)) for v in seen),
+            *map(_cell, (inside(of), sound(of), caught(of))),
+        ]
+        for name, of in groups
+    ]
     return Table(
         title="How often the verdict kept its word, by design and by what was concealed (lower bounds hold with 95 %)",
         columns=[
             "trials",
             "number",
-            *verdicts_seen(outcomes),
+            *seen,
             "of those that pass: steps inside the band",
             "of those that pass: sound on the true rig",
             "of the unsound: not passed",
@@ -211,28 +253,20 @@ def _rates(outcomes: Sequence[Outcome]) -> Table:
     )
 
 
-def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list[tuple[str, list[Outcome]]]:
-    return [(name, [o for o in outcomes if key(o) == name]) for name in sorted({key(o) for o in outcomes})]
-
-
 def _cell(rate: Rate) -> str:
-    return f"{rate.hits} of {rate.count} (≥ {least_percent(rate)} %)" if rate.count else "–"
+    return f"{rate.hits} of {rate.count} (≥ {rate.least_percent} %)" if rate.count else "–"
 
 
 def _broken(outcomes: Sequence[Outcome]) -> Table:
-    rows = [
-        [
-            str(o.number),
-            o.design,
-            f"{o.closed_loop_time:.2g} s",
-            o.concealed.replace("_", " ") or NOTHING,
-            "–" if o.inside is None else f"{100 * o.inside:.1f} %",
-            o.truth,
-        ]
-        for o in broken(outcomes)
-    ]
-    return Table(
-        title="Trials that were passed and did not keep it",
-        columns=["trial", "design", "closed-loop time", "concealed", "steps inside the band", "on the true rig"],
-        rows=rows,
+    return Table.of(
+        "Trials that were passed and did not keep it",
+        broken(outcomes),
+        {
+            "trial": lambda o: o.number,
+            "design": lambda o: o.design,
+            "closed-loop time": lambda o: f"{o.closed_loop_time:.2g} s",
+            "concealed": lambda o: o.concealed.replace("_", " ") or NOTHING,
+            "steps inside the band": lambda o: "–" if o.inside is None else f"{100 * o.inside:.1f} %",
+            "on the true rig": lambda o: o.truth,
+        },
     )

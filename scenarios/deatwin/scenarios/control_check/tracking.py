@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 OPERATING = 2.8
 BAND = (0.1, 0.8)
-"""Of the reference, Hz."""
+"""Frequencies of the reference, Hz."""
 EXCITED = 4.0
 """Upper end of the noise for rigs with hysteresis, Hz: the thesis' 1 Hz leaves the models' crossover to chance."""
 TONES = 8
@@ -62,7 +62,7 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracking:
-    """All controllers on one plant."""
+    """Every controller on one plant."""
 
     name: str
     tracked: Mapping[str, Tracked]
@@ -83,7 +83,7 @@ class FleetRun:
 
     @property
     def stable(self) -> bool:
-        """Whether both runs reached their end and nothing rings late after a step."""
+        """True if both runs reached their end and nothing rings late after a step."""
         return self.steps.status.ok and self.tones.status.ok and self.steps.ripple < 0.1
 
 

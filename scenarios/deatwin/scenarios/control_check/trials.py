@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,20 @@ from deatwin.control.design.pid import Limits
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import DeatwinError
-from deatwin.scenarios.control_check.calibration import calibrated
-from deatwin.scenarios.control_check.rigs import LIMITS, Bench, identified, random_bench
+from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
+from deatwin.studies.rates import Rate
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
+
+SCHEMA = "deatwin/control-trial/1"
+PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
+OWN = ("rigs.py", "trials.py")
+"""Packages and modules whose code decides an outcome."""
+NO_MODEL = "no model"
+"""Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
+PASS = Verdict.PASS.value
+_NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
 
 
 def _pi(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
@@ -51,36 +63,31 @@ DESIGNS: Mapping[str, Callable[..., Controller]] = {
     "LQG": _lqg,
     "inverse": _inverse,
 }
-"""Each takes the NARX model, the closed-loop time in s, and what a design of a check takes."""
-
-
-NO_MODEL = "no model"
-"""Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
-_NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
+"""Each takes the NARX model, the closed-loop time in s, and the arguments of a design of a check."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of a design."""
+    """The verdict on a design, and the truth."""
 
     number: int
     concealed: str  # Effect that the specification does not have; empty without one
-    design: str  # How the controller was designed
-    closed_loop_time: float  # That was asked for, s
-    band_Hz: float  # That the recording excited, Hz
+    design: str  # Method of design
+    closed_loop_time: float  # Demanded, s
+    band_Hz: float  # Excited by the recording, Hz
     verdict: str
     reason: str
-    inside: float | None
-    sound: bool | None  # Whether the true rig kept every limit on its runs; None where there was no controller
-    truth: str  # What was worst on the true rig
+    inside: float | None  # Share of the true steps inside the predicted band; None without a prediction
+    sound: bool | None  # True if the true rig kept every limit on its runs; None where there was no controller
+    truth: str  # The worst finding on the true rig
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """Return plain data."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """The outcome that `to_dict` described."""
+        """Read what `to_dict` made."""
         return cls(**data)
 
 
@@ -110,13 +117,12 @@ def try_one(number: int, seed: int) -> Outcome:
         command_limits=LIMITS,
         recording=bench.recording,
     )
-    return Outcome.from_dict(
-        {**told, "verdict": found.verdict.value, "reason": found.reason, **_truth(found, bench, model, rng)}
-    )
+    truth = _truth(found, bench, model, rng)
+    return Outcome.from_dict({**told, "verdict": found.verdict.value, "reason": found.reason, **truth})
 
 
 def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generator) -> dict[str, Any]:
-    """What the design does on the rig that the check did not see."""
+    """Run the design on the rig that the check did not see."""
     if found.controller is None:
         return _NOTHING
     linear = linearise(model, found.controller.operating_input).in_loop(bench.plant.rig.reading)
@@ -129,3 +135,74 @@ def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generato
         "sound": judged.verdict is Verdict.PASS,
         "truth": judged.text,
     }
+
+
+# --- on the disk ----------------------------------------------------------------------------------------------------
+
+
+class _Seal(SweepSeal):
+    """Seed and code; each trial bears both."""
+
+    def stamp(self, name: str) -> dict[str, Any]:
+        return {"schema": self.schema, **self.parts}
+
+
+class Trials(CaseStore[SweepSeal]):
+    """The trials of a study, all of one seed and one version of the code."""
+
+    def __init__(self, folder: Path, seed: int) -> None:
+        super().__init__(folder, _Seal(schema=SCHEMA, parts={"seed": seed, "code": _digest()}), cases="trials")
+
+    def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
+        """Read trials."""
+        return tuple(self._outcome(name_of(number)) for number in numbers)
+
+    def _outcome(self, name: str) -> Outcome:
+        found = self.get(name)
+        content = {key: value for key, value in found.items() if key not in self.seal.stamp(name)}
+        try:
+            return Outcome.from_dict(content)
+        except TypeError as error:
+            raise DataError(
+                f"{self.path(name)}: it must hold a trial ({error}); delete it, and it is run again"
+            ) from None
+
+
+def name_of(number: int) -> str:
+    """Name the file of a trial."""
+    return f"{number:03d}"
+
+
+def _digest() -> str:
+    return sources_digest(PACKAGES, [Path(__file__).parent / name for name in OWN])
+
+
+# --- rates ----------------------------------------------------------------------------------------------------------
+
+
+def inside(outcomes: Iterable[Outcome]) -> Rate:
+    """Count passed designs whose true steps lie wholly inside the predicted band."""
+    return Rate.of(o.inside == 1.0 for o in outcomes if o.verdict == PASS)
+
+
+def sound(outcomes: Iterable[Outcome]) -> Rate:
+    """Count passed designs that kept every limit on the true rig."""
+    return Rate.of(o.sound is True for o in outcomes if o.verdict == PASS)
+
+
+def caught(outcomes: Iterable[Outcome]) -> Rate:
+    """Count designs that broke a limit on the true rig and were not passed."""
+    return Rate.of(o.verdict != PASS for o in outcomes if o.sound is False)
+
+
+def broken(outcomes: Iterable[Outcome]) -> tuple[Outcome, ...]:
+    """Select passed trials whose truth left the predicted band or broke a limit."""
+    return tuple(o for o in outcomes if o.verdict == PASS and not (o.sound and o.inside == 1.0))
+
+
+def in_words(rate: Rate) -> str:
+    """Write a rate with its one-sided lower 95 % bound."""
+    if not rate.count:
+        return "no trial"
+    bound = f"with 95 % confidence at least {rate.least_percent} %"
+    return f"{rate.hits} of {rate.count}, {100 * rate.share:.0f} % ({bound})"

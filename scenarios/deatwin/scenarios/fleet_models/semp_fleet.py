@@ -1,8 +1,8 @@
 """Six actuators identified as in chapter 4: SEMP, held against FRO, validated, and what of it the drifts undo.
 
-The recordings are those of the story `thesis-data`. Each is looked over, a stationary stretch is taken and its end
-held out; sampling time, lags and degree are chosen by free-run error on the training sections; SEMP chooses terms, and
-the held-out sections say what the models are worth. What a model fails at is shown, and held against the same actuator
+The recordings are those of the story `thesis-data`. Each is inspected, a stationary stretch is taken and its end held
+out; sampling time, lags and degree are chosen by free-run error on the training sections; SEMP chooses terms, and the
+held-out sections say what the models are worth. What a model fails at is shown, and held against the same actuator
 without its drift, and without its hysteresis, under the same commands and the same noise.
 """
 
@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from deatwin.scenarios.fleet_models.estimators import estimate_all
+from deatwin.ident.narx.fleet.records import RECORDED
 from deatwin.scenarios.fleet_models.figures import semp_drawings
-from deatwin.scenarios.fleet_models.notes import semp_notes
-from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, Study
-from deatwin.scenarios.fleet_models.tables import SHOWN, semp_tables
-from deatwin.scenarios.fleet_models.telling import Account, tell
-from deatwin.scenarios.fleet_models.verdicts import judge_semp
-from deatwin.studies.report.story import StoryPage
+from deatwin.scenarios.fleet_models.measures import judge_semp
+from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, Study, carry_out, save
+from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, semp_tables
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import StoryPage, reached
+from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP,), beside=(FRO,))
@@ -26,25 +27,39 @@ PROGRAMME = Programme(methods=(SEMP,), beside=(FRO,))
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Identify the fleet by SEMP."""
-    return tell(setting, PROGRAMME, SEMP, _account)
-
-
-def _account(_: Setting, study: Study) -> Account:
+    record = setting.record()
+    study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
+    setting.progress(0.9, "judging and drawing")
     rows = judge_semp(study)
-    fits = [bench.models[SEMP].fit for bench in study.recorded]
-    shown = study.recorded[SHOWN - 1]
-    estimated = estimate_all(shown.models[SEMP].model.terms, *shown.sections)
-    figures, files = semp_drawings(study, SHOWN)
+    fits = Span(bench.models[SEMP].fit for bench in study.recorded)
     page = StoryPage(
         title="semp-fleet",
         sentence=(
-            f"Six actuators by SEMP: over sections that nothing was fitted to, the free runs fit {min(fits):.0f} to "
-            f"{max(fits):.0f} %; {sum(row.passed for row in rows)} of {len(rows)} stated measures are reached. What "
-            "drift, hysteresis and the polynomials' own misfit leave is in the correlation tests."
+            f"Six actuators by SEMP: over sections that nothing was fitted to, the free runs fit {fits:.0f} %; "
+            f"{reached(rows)} stated measures are reached. What drift, hysteresis and the polynomials' own misfit "
+            "leave is in the correlation tests."
         ),
         rows=rows,
-        notes=semp_notes(study),
-        figures=figures,
-        tables=semp_tables(study, estimated),
+        notes=notes(__package__, method=SEMP, **failures(study), **_choices(study)),
+        figures=semp_drawings(study),
+        tables=semp_tables(study),
     )
-    return page, files
+    return save(setting, record, page, study, SEMP)
+
+
+def _choices(study: Study) -> dict[str, Any]:
+    """Choices on the training sections, and errors on the held-out ones, in words."""
+    plan, step = study.plan, study.prepared[0].recordings[RECORDED].sample_time
+    asked = sorted({one.sampling.factor * step for one in study.prepared})
+    tried = [f"{100 * one.least.mean():.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders]
+    errors = [
+        (bench.name, *(1e6 * float(bench.models[method].held_out.free_run.rms[0]) for method in (SEMP, FRO)))
+        for bench in study.recorded
+    ]
+    return {
+        "asked": " or ".join(quantity(time, "s") for time in asked),
+        "tried": ", ".join(tried),
+        "step": quantity(plan.factor * step, "s"),
+        "candidates": candidates_in_words(plan),
+        "errors": ", ".join(f"{name} {semp:.1f} µm against {fro:.1f} µm" for name, semp, fro in errors),
+    }

@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from deatwin.ident.narx import Fixed, Frols, NarxModel, SvbNarx
+from deatwin.ident.narx.fleet.orders import RULE, Plan, prepare_fleet
+from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS, Prepared
 from deatwin.ident.narx.identifier import NarxIdentifier
 from deatwin.ident.narx.semp import Semp
-from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.ident.narx.validate import Validation, validate
-from deatwin.ident.parallel import run_jobs
-from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.fleet_models.preparation import FACTORS, RULE, Plan, Prepared, make_plan, order_errors, prepare
-from deatwin.scenarios.fleet_models.variants import RECORDED, VARIANTS
+from deatwin.studies.parallel import between, run_told
+from deatwin.studies.report.panels import key_of
+from deatwin.studies.report.story import StoryPage, finish
+from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"
-SHARES = (0.4, 0.5, 0.9)
-"""Of all work that are done when the recordings, the orders and the models are."""
+SHOWN = 5
+"""Number of the actuator whose model the thesis shows in full."""
+THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
+"""Error reduction ratios below which a term is no longer added."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +32,7 @@ class Programme:
     """Which methods identify the actuators; a linear model of the same lags stands beside them everywhere."""
 
     methods: tuple[str, ...]
-    beside: tuple[str, ...]
+    beside: tuple[str, ...]  # Only on the actuators as recorded
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,23 +40,23 @@ class Identified:
     """A model, how it was found, and what two sections say of it."""
 
     search: Any
-    model: NarxModel  # What came of it
+    model: NarxModel
     training: Validation
     held_out: Validation
 
     @property
     def fit(self) -> float:
-        """Of the free run over the held-out section, %; minus infinity where it diverges."""
+        """Fit of the free run over the held-out section, %; minus infinity if it diverges."""
         return float(self.held_out.free_run.percent[0])
 
     @property
     def error(self) -> float:
-        """Of the free run over the held-out section, rms, m; infinite where it diverges."""
+        """Error of the free run over the held-out section, rms, m; infinite if it diverges."""
         return math.inf if self.held_out.diverged else float(self.held_out.free_run.rms[0])
 
     @property
     def passed(self) -> int:
-        """How many of the five correlation tests pass on the held-out section."""
+        """Number of the five correlation tests that pass on the held-out section."""
         return len(self.held_out.tests) - len(self.held_out.failed)
 
 
@@ -62,18 +65,17 @@ class Bench:
     """An actuator, or the same with less physics, and its models."""
 
     name: str
-    variant: str  # One of `VARIANTS`
     sections: tuple[Recording, Recording]  # Training and held-out
     models: Mapping[str, Identified]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it."""
+    """All records and models."""
 
-    prepared: tuple[Prepared, ...]  # The six
-    plan: Plan  # Sampling time, lags and degree
-    benches: Mapping[str, tuple[Bench, ...]]
+    prepared: tuple[Prepared, ...]
+    plan: Plan
+    benches: Mapping[str, tuple[Bench, ...]]  # By variant
     methods: tuple[str, ...]
 
     @property
@@ -81,28 +83,24 @@ class Study:
         """The six as they are."""
         return self.benches[RECORDED]
 
-    def models(self, variant: str, methods: Iterable[str] | None = None) -> list[Identified]:
-        """Models of the six."""
-        wanted = tuple(methods or self.methods)
-        return [bench.models[method] for bench in self.benches[variant] for method in wanted]
+    @property
+    def shown(self) -> Bench:
+        """The actuator that is shown in full."""
+        return self.recorded[SHOWN - 1]
+
+    def models(self, variant: str) -> list[Identified]:
+        """Models of the six by the programme's methods."""
+        return [bench.models[method] for bench in self.benches[variant] for method in self.methods]
 
 
 def carry_out(seed: int, programme: Programme, *, jobs: int, progress: Progress) -> Study:
     """Record, prepare, identify and validate."""
-    recorded, ordered, done = SHARES
-    prepared = _all(prepare, [(one,) for one in fleet(seed)], jobs, progress, 0.0, recorded, "recording six actuators")
-    sections = [(one.split(RECORDED, factor)[0],) for factor in FACTORS for one in prepared]
-    errors = _all(order_errors, sections, jobs, progress, recorded, ordered, "choosing sampling time and orders")
+    prepared, plan = prepare_fleet(seed, jobs=jobs, progress=between(progress, 0.0, 0.5))
+    tasks = [(one.name, v, one.split(v, plan.factor), plan, programme) for v in VARIANTS for one in prepared]
+    found = run_told(identify, tasks, jobs, between(progress, 0.5, 0.9), "choosing terms")
     n = len(prepared)
-    plan = make_plan({factor: errors[i * n : (i + 1) * n] for i, factor in enumerate(FACTORS)})
-    tasks = [
-        (one.name, variant, one.split(variant, plan.factor), plan, programme)
-        for variant in VARIANTS
-        for one in prepared
-    ]
-    found = _all(identify, tasks, jobs, progress, ordered, done, "choosing terms")
     benches = {variant: tuple(found[i * n : (i + 1) * n]) for i, variant in enumerate(VARIANTS)}
-    return Study(prepared=tuple(prepared), plan=plan, benches=benches, methods=programme.methods)
+    return Study(prepared=prepared, plan=plan, benches=benches, methods=programme.methods)
 
 
 def identify(name: str, variant: str, sections: tuple[Recording, Recording], plan: Plan, programme: Programme) -> Bench:
@@ -111,28 +109,51 @@ def identify(name: str, variant: str, sections: tuple[Recording, Recording], pla
     models: dict[str, Identified] = {}
     for method in (LINEAR, *programme.methods, *beside):
         models[method] = _identified(_search(method, plan, models), sections)
-    return Bench(name=name, variant=variant, sections=sections, models=models)
+    return Bench(name=name, sections=sections, models=models)
+
+
+def candidates(plan: Plan) -> dict[str, Any]:
+    """Arguments of a search among the candidates of the plan."""
+    return {
+        "output_lags": plan.output_lags,
+        "input_lags": plan.input_lags,
+        "degree": plan.degree,
+        "rule": RULE,
+    }
+
+
+def save(setting: Setting, record: Any, page: StoryPage, study: Study, method: str) -> Mapping[str, Any]:
+    """Write the models of a method, the page, and the validation of all models as plain data."""
+    for bench in study.recorded:
+        name = f"models/{key_of(bench.name).lower()}_{method.lower()}.json"
+        setting.folder.save(name, bench.models[method].model.save)
+    models = [
+        {
+            "actuator": bench.name,
+            "recording": variant,
+            "method": method,
+            "terms": [str(term) for term in found.model.terms],
+            "theta": found.model.theta.tolist(),
+            "validation": found.held_out.to_json(),
+        }
+        for variant, benches in study.benches.items()
+        for bench in benches
+        for method, found in bench.models.items()
+    ]
+    return finish(setting.folder, record, page, models=models)
 
 
 def _search(method: str, plan: Plan, found: Mapping[str, Identified]) -> NarxIdentifier:
     """The search for a structure; that of FRO ends with as many terms as SEMP has."""
-    candidates = _candidates(plan)
+    among = candidates(plan)
     if method == LINEAR:
         lagged = 1 + plan.output_lags + len(plan.input_lags)
-        return Frols(**{**candidates, "degree": 1}, max_terms=lagged, criterion="none")
+        return Frols(**{**among, "degree": 1}, max_terms=lagged, criterion="none")
     if method == SEMP:
-        return Semp(**candidates)
-    if method == SVB:
-        return SvbNarx(**candidates, clean_up="none")
+        return Semp(**among)
     if method == FRO:
-        return Frols(**candidates, max_terms=len(found[SEMP].model.terms), criterion="none")
-    return SvbNarx(**{**candidates, "rule": None}, clean_up="none")
-
-
-def _candidates(plan: Plan) -> dict[str, Any]:
-    lags: tuple[Lags, Lags] = plan.output_lags, plan.input_lags
-    rule: Rule = RULE
-    return {"output_lags": lags[0], "input_lags": lags[1], "degree": plan.degree, "rule": rule}
+        return Frols(**among, max_terms=len(found[SEMP].model.terms), criterion="none")
+    return SvbNarx(**{**among, "rule": RULE if method == SVB else None}, clean_up="none")
 
 
 def _identified(search: NarxIdentifier, sections: tuple[Recording, Recording]) -> Identified:
@@ -143,20 +164,3 @@ def _identified(search: NarxIdentifier, sections: tuple[Recording, Recording]) -
         model = Fixed(terms=best.terms).fit(sections[0]).model_
     training, held_out = (validate(model, section) for section in sections)
     return Identified(search=search, model=model, training=training, held_out=held_out)
-
-
-def _all(
-    function: Callable[..., Any],
-    tasks: Iterable[tuple[Any, ...]],
-    jobs: int,
-    progress: Progress,
-    first: float,
-    last: float,
-    doing: str,
-) -> list[Any]:
-    """Run jobs, telling what share of all work they are."""
-    every = list(tasks)
-    progress(first, doing)
-    return run_jobs(
-        function, every, workers=jobs, finished=lambda n: progress(first + (last - first) * n / len(every), doing)
-    )

@@ -11,55 +11,60 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.narx import Frols
-from deatwin.scenarios.fleet_models.choice import Choice, compare
-from deatwin.scenarios.fleet_models.notes import svb_notes
-from deatwin.scenarios.fleet_models.preparation import RULE
-from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study
-from deatwin.scenarios.fleet_models.svb_figures import svb_drawings
-from deatwin.scenarios.fleet_models.tables import SHOWN, svb_tables
-from deatwin.scenarios.fleet_models.telling import Account, tell
-from deatwin.scenarios.fleet_models.verdicts import judge_svb
-from deatwin.studies.report.story import StoryPage
+from deatwin.ident.narx.fleet.records import RECORDED
+from deatwin.scenarios.fleet_models.measures import judge_svb
+from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, candidates, carry_out, save
+from deatwin.scenarios.fleet_models.svb_figures import Choice, compare, svb_drawings
+from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, svb_tables
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import StoryPage, reached
+from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))
 LONGEST_PATH = 40
-"""Of FRO, in terms, where it is held against SVB."""
+"""Terms of the path of FRO that is held against SVB."""
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Identify the fleet by SVB, and by SEMP to compare it with."""
-    return tell(setting, PROGRAMME, SVB, _account)
-
-
-def _account(setting: Setting, study: Study) -> Account:
+    record = setting.record()
+    study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
+    setting.progress(0.9, "judging and drawing")
     rows = judge_svb(study)
-    own, other = ([bench.models[method].fit for bench in study.recorded] for method in (SVB, SEMP))
-    figures, files = svb_drawings(study, _choice(study), setting.seed)
+    own, other = (Span(bench.models[method].fit for bench in study.recorded) for method in (SVB, SEMP))
     page = StoryPage(
         title="svb-fleet",
         sentence=(
-            f"Six actuators by sparse variational Bayes: over sections that nothing was fitted to, the free runs fit "
-            f"{min(own):.0f} to {max(own):.0f} %, those of SEMP {min(other):.0f} to {max(other):.0f} %; "
-            f"{sum(row.passed for row in rows)} of {len(rows)} stated measures are reached."
+            "Six actuators by sparse variational Bayes: over sections that nothing was fitted to, the free runs fit "
+            f"{own:.0f} %, those of SEMP {other:.0f} %; {reached(rows)} stated measures are reached."
         ),
         rows=rows,
-        notes=svb_notes(study),
-        figures=figures,
+        notes=notes(__package__, method=SVB, **failures(study), **_kept(study)),
+        figures=svb_drawings(study, _choice(study), setting.seed),
         tables=svb_tables(study),
     )
-    return page, files
+    return save(setting, record, page, study, SVB)
 
 
 def _choice(study: Study) -> Choice:
     """Follow the paths of SVB and FRO on the actuator that is shown in full."""
-    bench, plan = study.recorded[SHOWN - 1], study.plan
-    fro = Frols(
-        output_lags=plan.output_lags,
-        input_lags=plan.input_lags,
-        degree=plan.degree,
-        rule=RULE,
-        max_terms=LONGEST_PATH,
-        criterion="none",
-    )
-    return compare(bench.models[SVB].search, fro.fit(bench.sections[0]), *bench.sections)
+    fro = Frols(**candidates(study.plan), max_terms=LONGEST_PATH, criterion="none")
+    shown = study.shown
+    return compare(shown.models[SVB].search, fro.fit(shown.sections[0]), *shown.sections)
+
+
+def _kept(study: Study) -> dict[str, Any]:
+    """Terms that SVB keeps, and its fits with more candidates."""
+    step = study.plan.factor * study.prepared[0].recordings[RECORDED].sample_time
+    free = [bench.models[FREE] for bench in study.recorded]
+    counts = {m: ", ".join(str(len(bench.models[m].model.terms)) for bench in study.recorded) for m in study.methods}
+    return {
+        "step": quantity(step, "s"),
+        "candidates": candidates_in_words(study.plan),
+        "counts": "; ".join(f"{method} {numbers}" for method, numbers in counts.items()),
+        "lost": sum(bool(one.training.diverged or one.held_out.diverged) for one in free),
+        "free": Span(one.fit for one in free if not one.held_out.diverged),
+        "kept": Span(bench.models[SVB].fit for bench in study.recorded),
+    }

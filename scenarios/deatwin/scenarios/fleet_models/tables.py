@@ -2,110 +2,115 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from types import MappingProxyType
+from typing import Any
 
-from deatwin.ident.narx import NarxModel, Term
+from deatwin.ident.frequency.dc import deviations
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx.estimation import TotalLeastSquares
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.fleet.orders import Plan
+from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
+from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.scenarios.fleet_models.estimators import Estimated
-from deatwin.scenarios.fleet_models.preparation import Plan, Prepared
+from deatwin.ident.narx.refine import refine
+from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.validate import Validation, validate
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
-from deatwin.scenarios.fleet_models.variants import VARIANTS
-from deatwin.scenarios.fleet_models.verdicts import deviations
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table
+from deatwin.studies.report.tables import parameters_by_term
 
-SHOWN = 5
-"""Of the actuators, the one whose model the thesis shows in full."""
 TESTS = {"ee": "ee", "ue": "ue", "e(eu)": "e(eu)", "(u2)'e": "(u²)′e", "(u2)'e2": "(u²)′e²"}
-UNITS = "SI: m, V"
 
 
-def semp_tables(study: Study, estimated: Sequence[Estimated]) -> list[Table]:
+def semp_tables(study: Study) -> list[Table]:
     """Make the tables of chapter 4."""
-    shown = study.recorded[SHOWN - 1]
     return [
-        _preprocessing(study.prepared, study.plan),
+        WORDS.table("preprocessing", list(_preprocessing(study))),
         _validation(study.recorded, (SEMP, FRO, LINEAR)),
         _physics(study),
-        _semp(study.recorded),
-        _estimators(shown, estimated),
-        _without_dc(shown),
+        WORDS.table("semp", [[*row, f"{low} to {high}"] for *row, low, high in _parameters(study.recorded, SEMP)]),
+        _estimators(study.shown),
+        _dc(study.shown),
     ]
 
 
 def svb_tables(study: Study) -> list[Table]:
     """Make the tables of chapter 6 and of appendix D."""
-    shown = study.recorded[SHOWN - 1]
-    others = [bench for bench in study.recorded if bench is not shown]
+    others = [bench for bench in study.recorded if bench is not study.shown]
+    groups = {
+        f"model of {study.shown.name} with 95 % intervals (thesis table 6.4)": [study.shown],
+        "models of the others with 95 % intervals, 1 (thesis table D.1)": others[:3],
+        "models of the others with 95 % intervals, 2 (thesis table D.2)": others[3:],
+    }
     return [
         _validation(study.recorded, (*study.methods, LINEAR)),
         _physics(study),
-        _svb(f"SVB model of {shown.name} with 95 % intervals (thesis table 6.4)", [shown]),
-        _svb("SVB models of the others with 95 % intervals, 1 (thesis table D.1)", others[:3]),
-        _svb("SVB models of the others with 95 % intervals, 2 (thesis table D.2)", others[3:]),
+        *(WORDS.table("svb", list(_parameters(benches, SVB)), which=which) for which, benches in groups.items()),
     ]
 
 
-def _preprocessing(prepared: Sequence[Prepared], plan: Plan) -> Table:
-    rows = []
-    for one in prepared:
-        training, held_out = one.split(VARIANTS[0], plan.factor)
+def failures(study: Study) -> dict[str, Any]:
+    """Tests that pass and errors that are left with less and less physics, for the notes."""
+    every = [study.models(variant) for variant in VARIANTS]
+    return {
+        "number": len(every[0]),
+        "total": sum(len(one.held_out.tests) for one in every[0]),
+        "passed": [sum(one.passed for one in found) for found in every],
+        "one_step": [1e6 * median(float(one.held_out.one_step.rms[0]) for one in found) for found in every],
+        "free_run": [1e6 * median(one.error for one in found) for found in every],
+        "noise": 1e6 * study.prepared[0].actuator.plant.rig.noise,
+        "test": every[0][0].held_out.tests[0],
+    }
+
+
+def candidates_in_words(plan: Plan) -> str:
+    """The candidates of all searches."""
+    lags = ", ".join(f"u(k-{lag})" if lag else "u(k)" for lag in plan.input_lags)
+    own = ", ".join(f"y(k-{lag})" for lag in range(1, plan.output_lags + 1))
+    return f"products of {own} and {lags} up to degree {plan.degree}"
+
+
+def _preprocessing(study: Study) -> Iterator[list[str]]:
+    for one in study.prepared:
+        training, held_out = one.split(RECORDED, study.plan.factor)
         sampling = one.sampling
         minimum = "none" if sampling.first_minimum is None else f"{sampling.first_minimum * sampling.sample_time:.2f} s"
-        rows.append(
-            [
-                one.name,
-                f"{training.start:.0f} to {training.end:.0f} s, {training.n_samples}",
-                f"{held_out.start:.0f} to {held_out.end:.0f} s, {held_out.n_samples}",
-                quantity(training.sample_time, "s"),
-                f"{minimum}; {quantity(sampling.factor * sampling.sample_time, 's')}",
-                "; ".join(finding.text for finding in one.findings) or "nothing",
-            ]
-        )
-    return Table(
-        title="Preprocessing (thesis table B.1)",
-        columns=[
-            "actuator",
-            "training, samples",
-            "held out, samples",
-            "sampling time taken",
-            "first minimum of the correlations; sampling time for 15 samples to it",
-            "named in the reading at the same input, and left as it is",
-        ],
-        rows=rows,
-    )
+        yield [
+            one.name,
+            *(f"{part.start:.0f} to {part.end:.0f} s, {part.n_samples}" for part in (training, held_out)),
+            quantity(training.sample_time, "s"),
+            f"{minimum}; {quantity(sampling.factor * sampling.sample_time, 's')}",
+            "; ".join(finding.text for finding in one.findings) or "nothing",
+        ]
 
 
 def _validation(benches: Sequence[Bench], methods: Sequence[str]) -> Table:
     rows = []
     for bench in benches:
         for method in methods:
-            one = bench.models[method]
-            rows.append(
-                [bench.name, method, str(len(one.model.terms)), *_fits(one), *(_verdict(one, name) for name in TESTS)]
-            )
-    return Table(
-        title="Validation of the models on the held-out sections",
-        columns=[
-            "actuator",
-            "method",
-            "terms",
-            "one-step error",
-            "free-run fit, training",
-            "free-run fit, held out",
-            "free-run error, held out",
-            *(f"φ {text}" for text in TESTS.values()),
-        ],
-        rows=rows,
-    )
+            one, held_out = bench.models[method], bench.models[method].held_out
+            error = "–" if held_out.diverged else _micro(float(held_out.free_run.rms[0]))
+            fits = [_one_step(held_out), _free_run(one.training), _free_run(held_out), error]
+            tests = [_verdict(one, name) for name in TESTS]
+            rows.append([bench.name, method, str(len(one.model.terms)), *fits, *tests])
+    return WORDS.table("validation", rows, *(f"φ {text}" for text in TESTS.values()))
 
 
-def _fits(one: Identified) -> list[str]:
-    held_out = one.held_out
-    free = "diverges" if held_out.diverged else f"{float(held_out.free_run.percent[0]):.1f} %"
-    error = "–" if held_out.diverged else _micro(float(held_out.free_run.rms[0]))
-    training = "diverges" if one.training.diverged else f"{float(one.training.free_run.percent[0]):.1f} %"
-    return [_micro(float(held_out.one_step.rms[0])), training, free, error]
+def _one_step(section: Validation) -> str:
+    return _micro(float(section.one_step.rms[0]))
+
+
+def _free_run(section: Validation) -> str:
+    return "diverges" if section.diverged else f"{float(section.free_run.percent[0]):.1f} %"
 
 
 def _micro(metres: float) -> str:
@@ -113,11 +118,9 @@ def _micro(metres: float) -> str:
 
 
 def _verdict(one: Identified, name: str) -> str:
-    """Whether a test passes; where it does not, how far out the largest correlation is."""
+    """The verdict of a test; if it fails, with the largest correlation."""
     test = one.held_out.test(name)
-    if test not in one.held_out.failed:
-        return "passes"
-    return f"fails, {abs(test.largest) / test.band:.1f} bands"
+    return "passes" if test not in one.held_out.failed else f"fails, {abs(test.largest) / test.band:.1f} bands"
 
 
 def _physics(study: Study) -> Table:
@@ -125,86 +128,91 @@ def _physics(study: Study) -> Table:
     rows = []
     for number, one in enumerate(study.prepared):
         for method in study.methods:
-            cells = []
-            for variant in VARIANTS:
-                found = study.benches[variant][number].models[method]
-                fit = "diverges" if found.held_out.diverged else f"{found.fit:.1f} %"
-                cells.append(f"{fit}, {found.passed} of {len(found.held_out.tests)}")
+            found = [study.benches[variant][number].models[method] for variant in VARIANTS]
+            cells = [f"{_free_run(it.held_out)}, {it.passed} of {len(it.held_out.tests)}" for it in found]
             rows.append([one.name, method, *cells, one.actuator.story])
-    columns = ["actuator", "method", *(f"{variant}: fit, tests passed" for variant in VARIANTS), "history"]
-    return Table(title="What drift and hysteresis cost, on the held-out sections", columns=columns, rows=rows)
+    return WORDS.table("physics", rows, *(f"{variant}: fit, tests passed" for variant in VARIANTS), "history")
 
 
-def _semp(benches: Sequence[Bench]) -> Table:
-    rows = []
+def _parameters(benches: Iterable[Bench], method: str) -> Iterator[list[str]]:
+    """Actuator, term, parameter and the ends of its interval."""
     for bench in benches:
-        model = bench.models[SEMP].model
-        for number, (term, value, (low, high)) in enumerate(_parameters(model)):
-            rows.append([bench.name if number == 0 else "", str(term), value, f"{low} to {high}"])
-    return Table(
-        title="Models by SEMP (thesis table 4.1)",
-        columns=["actuator", "term", f"parameter ({UNITS})", "95 % interval of least squares, were the residual white"],
-        rows=rows,
-    )
+        model = bench.models[method].model
+        ends = ThetaPosterior(model=model).interval().tolist()
+        for number, (term, value, (low, high)) in enumerate(zip(model.terms, model.theta, ends, strict=True)):
+            yield [bench.name if number == 0 else "", str(term), f"{value:.4g}", f"{low:.4g}", f"{high:.4g}"]
 
 
-def _svb(title: str, benches: Sequence[Bench]) -> Table:
-    rows = []
-    for bench in benches:
-        for number, (term, value, (low, high)) in enumerate(_parameters(bench.models[SVB].model)):
-            rows.append([bench.name if number == 0 else "", str(term), value, low, high])
-    return Table(title=title, columns=["actuator", "term", f"mean ({UNITS})", "from", "to"], rows=rows)
-
-
-def _parameters(model: NarxModel) -> list[tuple[Term, str, tuple[str, str]]]:
-    low, high = ThetaPosterior(model=model).interval().T
-    return [
-        (term, f"{value:.4g}", (f"{a:.4g}", f"{b:.4g}"))
-        for term, value, a, b in zip(model.terms, model.theta, low, high, strict=True)
-    ]
-
-
-def _estimators(bench: Bench, estimated: Sequence[Estimated]) -> Table:
-    """The same terms, estimated in several ways, and what the free run and the tests make of it."""
+def _estimators(bench: Bench) -> Table:
+    """One structure, estimated in several ways, with errors and tests."""
     terms = bench.models[SEMP].model.terms
+    estimated = estimate_all(terms, *bench.sections)
     noise = sorted({t for e in estimated for t in e.model.terms} - set(terms), key=str)
-    rows = []
-    for term in (*terms, *noise):
-        rows.append([str(term), *(_estimate(e.model, term) for e in estimated)])
-    for label, section in (("training", "training"), ("held out", "held_out")):
-        found = [getattr(e, section) for e in estimated]
-        rows.append([f"one-step error, {label}", *(_micro(float(v.one_step.rms[0])) for v in found)])
-        free = ["diverges" if v.diverged else f"{float(v.free_run.percent[0]):.1f} %" for v in found]
-        rows.append([f"free-run fit, {label}", *free])
+    rows = [[str(term), *(_estimate(e.model, str(term)) for e in estimated)] for term in (*terms, *noise)]
+    for label, found in (("training", [e.training for e in estimated]), ("held out", [e.held_out for e in estimated])):
+        rows.append([f"one-step error, {label}", *map(_one_step, found)])
+        rows.append([f"free-run fit, {label}", *map(_free_run, found)])
     for name, text in TESTS.items():
         cells = ["passes" if e.held_out.test(name) not in e.held_out.failed else "fails" for e in estimated]
         rows.append([f"φ {text}, held out", *cells])
-    return Table(
-        title=f"Estimators of one structure, the SEMP model of {bench.name} (thesis table 4.2)",
-        columns=[f"term ({UNITS})", *(e.name for e in estimated)],
-        rows=rows,
-    )
+    return WORDS.table("estimators", rows, *(e.name for e in estimated), name=bench.name)
 
 
-def _estimate(model: NarxModel, term: Term) -> str:
-    if term not in model.terms:
-        return "–"
-    place = model.terms.index(term)
-    return f"{model.theta[place]:.4g} ± {model.theta_cov[place, place] ** 0.5:.1g}"
+def _estimate(model: NarxModel, term: str) -> str:
+    found = [place for place, own in enumerate(model.terms) if str(own) == term]
+    return "–" if not found else f"{model.theta[found[0]]:.4g} ± {model.theta_cov[found[0], found[0]] ** 0.5:.1g}"
 
 
-def _without_dc(bench: Bench) -> Table:
+def _dc(bench: Bench) -> Table:
     model = bench.models[SEMP].model
-    shifted, moved = deviations(model, bench.sections[0])
-    before, after = (dict(zip(m.terms, m.theta, strict=True)) for m in (model, shifted))
-    every = sorted({*before, *after}, key=lambda term: (term.degree, term.factors))
-    rows = [
-        [str(term), *(f"{values[term]:.4g}" if term in values else "–" for values in (before, after))] for term in every
-    ]
-    level = float(bench.sections[0].inputs[0, 0] - moved.inputs[0, 0])
-    rest = float(bench.sections[0].outputs[0, 0] - moved.outputs[0, 0])
-    return Table(
-        title=f"Removal of the DC component, the SEMP model of {bench.name} (thesis table 4.3)",
-        columns=["term", f"parameter ({UNITS})", f"of deviations from {level:.3f} V and {1e3 * rest:.3f} mm"],
-        rows=rows,
-    )
+    shifted = deviations(model)
+    level, rest = float(shifted.point.operating_input[0]), 1e3 * shifted.point.output
+    rows = parameters_by_term(model, shifted.model)
+    return WORDS.table("dc", rows, name=bench.name, level=level, rest=rest)
+
+
+Terms = Sequence[Term]
+NOISE_LAGS = 2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimated:
+    """A structure with the parameters of one estimator."""
+
+    name: str
+    model: NarxModel  # The structure's terms first; those of the noise after them
+    training: Validation
+    held_out: Validation
+
+
+def _with_noise(terms: Terms, section: Recording) -> NarxModel:
+    process = Fixed(terms=terms)
+    return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
+
+
+ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxyType(
+    {
+        "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
+        "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
+        "total least squares": lambda terms, section: (
+            Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_
+        ),
+        "least prediction error": _with_noise,
+        "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
+    }
+)
+"""Estimators of the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
+
+
+def estimate_all(terms: Terms, training: Recording, held_out: Recording) -> tuple[Estimated, ...]:
+    """Estimate a structure with each of `ESTIMATORS`."""
+    found = []
+    for name, estimate in ESTIMATORS.items():
+        try:
+            model = estimate(terms, training)
+        except ModelError:
+            continue
+        found.append(
+            Estimated(name=name, model=model, training=validate(model, training), held_out=validate(model, held_out))
+        )
+    return tuple(found)

@@ -8,70 +8,78 @@ recording. At the end an actuator is asked for its own response.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.fleet_frequency import identify_fleet
-from deatwin.scenarios.frequency_analysis.actuators import SHOWN, Actuators, actuators
-from deatwin.scenarios.frequency_analysis.anchor import anchor
-from deatwin.scenarios.frequency_analysis.benchmark_figures import benchmark_drawings
-from deatwin.scenarios.frequency_analysis.benchmarks import benchmarks
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, identify_fleet
+from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL, Actuators, Anchor, actuators, anchor
 from deatwin.scenarios.frequency_analysis.fleet_figures import fleet_drawings
-from deatwin.scenarios.frequency_analysis.notes import notes
-from deatwin.scenarios.frequency_analysis.tables import tables
-from deatwin.scenarios.frequency_analysis.verdicts import judge
-from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.story import Row, StoryPage, write_story
+from deatwin.scenarios.frequency_analysis.known import known_systems
+from deatwin.scenarios.frequency_analysis.known_figures import known_drawings
+from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
+from deatwin.studies.parallel import between
+from deatwin.studies.report.panels import key_of
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.quantities import quantity
+from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
-
-__all__ = ["run"]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Analyse benchmark systems and the fleet in the frequency domain."""
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
-    fleet = identify_fleet(
-        setting.seed, jobs=setting.jobs, progress=lambda share, text: setting.progress(0.8 * share, text)
-    )
+    record = setting.record()
+    fleet = identify_fleet(setting.seed, jobs=setting.jobs, progress=between(setting.progress, 0.0, 0.8))
     setting.progress(0.8, "benchmark systems")
-    known = benchmarks(np.random.default_rng((setting.seed, 0)))
+    known = known_systems(np.random.default_rng((setting.seed, 0)))
     setting.progress(0.87, "responses of the fleet")
     found = actuators(fleet, np.random.default_rng((setting.seed, 1)), jobs=setting.jobs)
-    truth = anchor(fleet.actuators[min(SHOWN, len(fleet.actuators)) - 1], fleet)
+    truth = anchor(found.shown.alike, fleet)
     setting.progress(0.95, "judging and drawing")
     rows = judge(known, found, truth)
-    sentence = _sentence(rows, found)
-    figures = []
-    for drawing, columns in (*benchmark_drawings(known), *fleet_drawings(found, truth)):
-        figures.append(drawing)
-        setting.folder.csv(drawing.data, columns)
     for one in fleet.actuators:
-        setting.folder.save(f"models/{one.name.lower().replace(' ', '')}.json", one.model.save)
+        setting.folder.save(f"models/{key_of(one.name).lower()}.json", one.model.save)
+    ridges = Span(one.ridge for one in found.each)
     page = StoryPage(
         title="frequency-analysis",
-        sentence=sentence,
+        sentence=(
+            "Frequency responses and NOFRFs agree with closed forms and with simulation; of the "
+            f"{len(found.each)} actuators each second-order response has its ridge where f₁ + f₂ = 0, {ridges:.1f} "
+            f"times what is beside it; {reached(rows)} stated measures are reached. What a first-order response is "
+            "worth, the actuator itself says."
+        ),
         rows=rows,
-        notes=notes(found, truth),
-        figures=figures,
+        notes=notes(__package__, **_numbers(found, truth)),
+        figures=[*known_drawings(known), *fleet_drawings(found, truth)],
         tables=tables(known, found),
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows]}
-    setting.folder.text("frequency-analysis.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    return finish(setting.folder, record, page)
 
 
-def _sentence(rows: list[Row], found: Actuators) -> str:
-    ridges = [one.ridge for one in found.each]
-    return (
-        "Frequency responses and NOFRFs agree with closed forms and with simulation; of the "
-        f"{len(found.each)} actuators each second-order response has its ridge where f₁ + f₂ = 0, "
-        f"{min(ridges):.1f} to {max(ridges):.1f} times what is beside it; {sum(row.passed for row in rows)} of "
-        f"{len(rows)} stated measures are reached. What a first-order response is worth, the actuator itself says."
-    )
+def _numbers(found: Actuators, truth: Anchor) -> dict[str, Any]:
+    """Numbers of the notes."""
+    low, high = spread(found.each, LOW), spread(found.each, HIGH)
+    rests = np.array([1e3 * one.first.point.output for one in found.each])
+    far, gains = int(rests.argmax()), np.array([one.first.gain for one in found.each])
+    cautions = [(one.name, one.nofrfs.fitted.status) for one in found.each if not one.nofrfs.fitted.status.ok]
+    return {
+        "found": found,
+        "truth": truth,
+        "step": quantity(found.fleet.actuators[0].model.sample_time, "s"),
+        "fits": Span(one.fit_percent for one in found.fleet.actuators),
+        "at": OPERATING_INPUT,
+        "alternative_fits": Span(found.alternative.fits),
+        "alternative_left": Span(100 * found.alternative.left[:, -1]),
+        "alternative_gain": found.alternative.first[found.each.index(found.shown)].gain[0],
+        "low": (LOW, low),
+        "high": (HIGH, high),
+        "alike": low <= HALF * high,
+        "rests": Span(rests),
+        "furthest": found.each[far].name,
+        "largest": bool(np.all(gains[far] >= gains)),
+        "sizes": (SMALL, LARGE),
+        "orders": ORDERS,
+        "cautions": "; ".join(f"{name}: {status.value}" for name, status in cautions),
+    }

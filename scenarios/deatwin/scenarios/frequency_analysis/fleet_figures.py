@@ -2,38 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import Term
-from deatwin.scenarios.fleet_frequency import BAND, OPERATING_INPUT
+from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
     GRID,
+    LARGE,
     MOST_ORDERS,
     ORDERS,
+    SMALL,
     Actuators,
     Analysed,
-    Sampled,
-    Side,
+    Anchor,
 )
-from deatwin.scenarios.frequency_analysis.anchor import LARGE, SMALL, Anchor
-from deatwin.scenarios.frequency_analysis.benchmark_figures import SUBSCRIPTS, filled, map_of
+from deatwin.scenarios.frequency_analysis.known_figures import map_of
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+from deatwin.studies.report.panels import (
+    STYLES,
+    SUBSCRIPTS,
+    Hue,
+    draw_between,
+    filled,
+    key_of,
+    panels_of,
+    plain_numbers,
+    titled,
+)
+from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-STYLES = tuple((colour, line) for line in ("-", "--") for colour in (AFTER, BEFORE, MARK))
-"""Colour and line of each actuator."""
+WORDS = Words(__package__)
 MICRO = 1e6
 NOTHING = 1e-14
 """Share of a free run below which what is left of it is rounding."""
@@ -42,27 +46,24 @@ ZOOM = 20.0
 UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 
-def fleet_drawings(found: Actuators, truth: Anchor) -> list[tuple[Drawing, Columns]]:
+def fleet_drawings(found: Actuators, truth: Anchor) -> list[Drawing]:
     """Draw what was done with the fleet."""
-    shown = next(one for one in found.each if one.name == found.sampled.name)
     return [
-        _removal(shown),
+        _removal(found.shown),
         _first(found.each),
         _second(found.each),
-        _test_signal(found.side, shown.name),
-        _nofrfs(found.each, found.signal.amplitude),
+        _test_signal(found),
+        _nofrfs(found),
         _series(found),
-        _sampled(found.sampled),
+        _sampled(found),
         _anchor(truth),
     ]
 
 
-def _removal(one: Analysed) -> tuple[Drawing, Columns]:
+def _removal(one: Analysed) -> Drawing:
     """The free run with the DC component removed, and with the constant deleted."""
-    removal = one.removal
-    section = removal.section
+    removal, section = one.removal, one.removal.section
     part = slice(0, round(ZOOM / section.sample_time))
-    timepts = section.timepts[part]
     traces = {
         "measured": section.outputs[0],
         "model": removal.run,
@@ -70,276 +71,203 @@ def _removal(one: Analysed) -> tuple[Drawing, Columns]:
         "not_expanded": removal.deleted_run,
     }
     shown = {name: MICRO / 1e3 * values[part] for name, values in traces.items()}
+    timepts = section.timepts[part]
     with draw((9.6, 5.0)) as figure:
         near, far = figure.subplots(2, 1, sharex=True)
         for axes in (near, far):
-            axes.plot(timepts, shown["measured"], ".", color=MEASURED, markersize=4, label="measured")
-            axes.plot(timepts, shown["model"], color=AFTER, linewidth=3.0, alpha=0.5, label="model")
-            axes.plot(timepts, shown["of_deviations"], color=INK, linewidth=0.8, label="model of deviations, put back")
+            axes.plot(timepts, shown["measured"], ".", color=Hue.MEASURED, markersize=4, label="measured")
+            axes.plot(timepts, shown["model"], color=Hue.AFTER, linewidth=3.0, alpha=0.5, label="model")
+            axes.plot(
+                timepts, shown["of_deviations"], color=Hue.INK, linewidth=0.8, label="model of deviations, put back"
+            )
             axes.set_ylabel("displacement (mm)")
-        far.plot(timepts, shown["not_expanded"], color=BEFORE, label="only a constant left out")
+        far.plot(timepts, shown["not_expanded"], color=Hue.BEFORE, label="only a constant left out")
         far.set_xlabel("time (s)")
         legend_above(figure, far, 4)
-        drawing = Drawing.of(
-            figure,
-            "removal",
-            f"Removal of the DC component of {one.name} (thesis section 4.2, table 4.3)",
-            "Free runs over the held-out section. Above: the model of deviations has other parameters and more terms, "
-            "and runs as the model does. Below: the same terms without a constant, given deviations, are another system"
-            + (", although this structure has no constant." if Term(()) not in removal.model.terms else "."),
-        )
-    return drawing, {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
+        columns = {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
+        although = "" if Term(()) in removal.model.terms else WORDS.text("figure.removal.although")
+        return WORDS.drawing(figure, "removal", columns, name=one.name, although=although)
 
 
-def _first(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
+def _first(each: Sequence[Analysed]) -> Drawing:
     columns: dict[str, Array] = {"frequency_Hz": FREQUENCIES}
     with draw((9.6, 4.2)) as figure:
         gain, phase = figure.subplots(1, 2)
         for one, (colour, line) in zip(each, STYLES, strict=False):
-            response, band = one.first, one.first.band()
-            gain.fill_between(FREQUENCIES, MICRO * band.low, MICRO * band.high, color=colour, alpha=0.15, linewidth=0)
-            gain.plot(FREQUENCIES, MICRO * response.gain, color=colour, linestyle=line, label=one.name)
+            response, band, key = one.first, one.first.band(), key_of(one.name)
+            middle, low, high = (MICRO * values for values in (response.gain, band.low, band.high))
+            draw_between(gain, FREQUENCIES, low, high, colour, alpha=0.15)
+            gain.plot(FREQUENCIES, middle, color=colour, linestyle=line, label=one.name)
             phase.plot(FREQUENCIES, response.phase_deg, color=colour, linestyle=line)
-            key = one.name.replace(" ", "")
             columns |= {
-                f"{key}_um_per_V": MICRO * response.gain,
-                f"{key}_low": MICRO * band.low,
-                f"{key}_high": MICRO * band.high,
+                f"{key}_um_per_V": middle,
+                f"{key}_low": low,
+                f"{key}_high": high,
                 f"{key}_phase_deg": response.phase_deg,
             }
         for axes in (gain, phase):
-            axes.axvspan(BAND[1], FREQUENCIES[-1], color=MEASURED, alpha=0.12, linewidth=0)
+            axes.axvspan(BAND[1], FREQUENCIES[-1], color=Hue.MEASURED, alpha=0.12, linewidth=0)
             axes.set(xscale="log", xlabel="frequency (Hz)", xlim=(FREQUENCIES[0], FREQUENCIES[-1]))
-            _plain(axes)
+            plain_numbers(axes.xaxis)
         gain.set(ylabel="|H₁| (µm/V)", ylim=(0, None))
         phase.set_ylabel("phase (°)")
         legend_above(figure, gain, 6)
-        drawing = Drawing.of(
-            figure,
-            "gfrf1",
-            "First-order frequency responses of the six (thesis figure 4.10 A)",
-            f"About {OPERATING_INPUT:g} V; the gain with 95 % bands that the parameters' covariance gives. Grey: "
-            "beyond the noise that the models were identified with, where they extrapolate.",
-        )
-    return drawing, columns
+        return WORDS.drawing(figure, "gfrf1", columns, OPERATING_INPUT=OPERATING_INPUT)
 
 
-def _second(each: Sequence[Analysed]) -> tuple[Drawing, Columns]:
+def _second(each: Sequence[Analysed]) -> Drawing:
     every = {one.name: 20 * np.log10(MICRO * one.second.gain) for one in each}
     columns = {"f1_Hz": each[0].second.frequency_Hz[:, 0], "f2_Hz": each[0].second.frequency_Hz[:, 1]}
-    columns |= {f"{name.replace(' ', '')}_um_per_V2": 10 ** (values / 20) for name, values in every.items()}
+    columns |= {f"{key_of(name)}_um_per_V2": 10 ** (values / 20) for name, values in every.items()}
     low, high = (f(f(values) for values in every.values()) for f in (min, max))
     levels = np.arange(np.floor(low), np.ceil(high) + 1)
     with draw((9.6, 5.8)) as figure:
-        panels = figure.subplots(2, 3, sharex=True, sharey=True, squeeze=False)
+        panels = panels_of(figure, 2, 3, "f₁ (Hz)", sharex=True, sharey=True)
         for axes, (name, values) in zip(panels.ravel(), every.items(), strict=False):
             drawn = map_of(axes, GRID, values, levels)
-            axes.set_title(name, loc="left", fontsize="medium")
+            titled(axes, name)
         for axes in panels.ravel()[len(every) :]:
             axes.set_axis_off()
-        for axes in panels[-1]:
-            axes.set_xlabel("f₁ (Hz)")
         for axes in panels[:, 0]:
             axes.set_ylabel("f₂ (Hz)")
         figure.colorbar(drawn, ax=panels, label="|H₂| (dB re 1 µm/V²)", shrink=0.8)  # type: ignore[arg-type]
-        drawing = Drawing.of(
-            figure,
-            "gfrf2",
-            "Second-order frequency responses of the six (thesis figure 4.10 B)",
-            f"About {OPERATING_INPUT:g} V. The ridge runs where f₁ + f₂ = 0: there the second order makes what is slow "
-            "or constant.",
-        )
-    return drawing, columns
+        return WORDS.drawing(figure, "gfrf2", columns, OPERATING_INPUT=OPERATING_INPUT)
 
 
-def _test_signal(side: Side, name: str) -> tuple[Drawing, Columns]:
+def _test_signal(found: Actuators) -> Drawing:
     """The record beside the test signal: both signals, their powers' spectra, and the NOFRF that each gives."""
-    n, step = side.random.size, side.signal.sample_time
-    timepts = np.asarray((np.arange(n) - n // 2) * step, dtype=np.float64)
-    equal = np.roll(side.signal.values, n // 2)
+    side, signal = found.side, found.signal
+    n = side.random.size
+    timepts = np.asarray((np.arange(n) - n // 2) * signal.sample_time, dtype=np.float64)
+    equal = np.roll(signal.values, n // 2)
     columns: dict[str, Array] = {"time_s": timepts, "random_V": side.random, "designed_V": equal}
     with draw((9.6, 6.2)) as figure:
         (left, *above), below = figure.subplots(2, 3)
-        left.plot(timepts, side.random, color=AFTER, label="random record")
-        left.plot(timepts, equal, color=INK, label="test signal")
+        left.plot(timepts, side.random, color=Hue.AFTER, label="random record")
+        left.plot(timepts, equal, color=Hue.INK, label="test signal")
         left.set(xlabel="time (s)", ylabel="deviation (V)")
+        inputs = {"random": (side.random_inputs, Hue.AFTER, "."), "designed": (side.designed_inputs, Hue.INK, "")}
         for axes, order in zip((*above, below[0]), (1, 2, 3), strict=True):
-            for spectra, colour, marker in ((side.random_inputs, AFTER, "."), (side.designed_inputs, INK, "")):
+            for key, (spectra, colour, marker) in inputs.items():
                 u = spectra[order - 1]
                 inside = u.frequency_Hz <= order * BAND[1] + 1e-9
                 axes.plot(u.frequency_Hz[inside], np.abs(u.values[inside]), color=colour, marker=marker, markersize=3)
-                key = "random" if colour == AFTER else "designed"
                 columns |= {f"line{order}_Hz": u.frequency_Hz, f"{key}_U{order}": np.abs(u.values)}
-            axes.set(yscale="log", xlabel="frequency (Hz)", ylabel=f"|U{SUBSCRIPTS[order]}| ({_power('V', order)})")
+            unit = "V" + ("", "", "²", "³")[order]
+            axes.set(yscale="log", xlabel="frequency (Hz)", ylabel=f"|U{SUBSCRIPTS[order]}| ({unit})")
+        outputs = {"random": (side.by_random, Hue.AFTER, 4), "designed": (side.designed, Hue.INK, 0)}
         for axes, order in zip(below[1:], (2, 3), strict=True):
-            for fit, colour, size in ((side.by_random, AFTER, 4), (side.designed, INK, 0)):
+            for key, (fit, colour, size) in outputs.items():
                 g = fit.orders[order - 1]
                 axes.plot(g.frequency_Hz, MICRO * g.gain, color=colour, marker=".", markersize=size, linewidth=0.9)
-                key = "random" if colour == AFTER else "designed"
                 columns |= {f"{key}_G{order}_Hz": g.frequency_Hz, f"{key}_G{order}": MICRO * g.gain}
-            axes.set(
-                yscale="log",
-                xlabel="frequency (Hz)",
-                ylabel=f"|G{SUBSCRIPTS[order]}| ({UNITS[order - 1]})",
-                xlim=(-0.1, order * BAND[1] + 0.1),
-            )
+            axes.set(yscale="log", xlabel="frequency (Hz)", xlim=(-0.1, order * BAND[1] + 0.1))
+            axes.set_ylabel(f"|G{SUBSCRIPTS[order]}| ({UNITS[order - 1]})")
         legend_above(figure, left, 2)
-        drawing = Drawing.of(
-            figure,
-            "test_signal",
-            "The record is no test signal (thesis figure 4.11)",
-            f"The band-limited pulse beside as long a piece of the record of {name}, and with equal rms in the spectra "
-            "of their powers. Lines of the record meet with arbitrary phases: U₂ and U₃ have deep dips, and what "
-            "divides by them, G₂ and G₃ of this actuator's model, jumps from line to line.",
-        )
-    return drawing, filled(columns)
+        return WORDS.drawing(figure, "test_signal", filled(columns), name=found.shown.name)
 
 
-def _nofrfs(each: Sequence[Analysed], amplitude: float) -> tuple[Drawing, Columns]:
+def _nofrfs(found: Actuators) -> Drawing:
     columns: dict[str, Array] = {}
     with draw((9.6, 3.8)) as figure:
-        panels = figure.subplots(1, ORDERS)
+        panels = panels_of(figure, 1, ORDERS, "frequency (Hz)")[0]
         for place, axes in enumerate(panels):
             n = place + 1
-            for one, (colour, line) in zip(each, STYLES, strict=False):
-                fitted, direct = one.fitted.orders[place], one.direct[place]
+            for one, (colour, line) in zip(found.each, STYLES, strict=False):
+                fitted, direct = one.nofrfs.fitted.orders[place], one.nofrfs.direct[place]
                 axes.plot(fitted.frequency_Hz, MICRO * fitted.gain, color=colour, linestyle=line, label=one.name)
                 axes.plot(direct.frequency_Hz, MICRO * direct.gain, ".", color=colour, markersize=2)
-                key = f"{one.name.replace(' ', '')}_G{n}"
+                key = f"{key_of(one.name)}_G{n}"
                 columns |= {
                     f"G{n}_Hz": fitted.frequency_Hz,
                     f"{key}_least_squares": MICRO * fitted.gain,
                     f"{key}_direct": MICRO * direct.gain,
                 }
-            axes.set(xlabel="frequency (Hz)", ylabel=f"|G{SUBSCRIPTS[n]}| ({UNITS[place]})", ylim=(0, None))
+            axes.set(ylabel=f"|G{SUBSCRIPTS[n]}| ({UNITS[place]})", ylim=(0, None))
         legend_above(figure, panels[0], 6)
-        drawing = Drawing.of(
-            figure,
-            "nofrfs",
-            "NOFRFs of the six (thesis figure 4.12)",
-            f"About {OPERATING_INPUT:g} V, for the test signal of 0 to {BAND[1]:g} Hz. Lines: least squares over "
-            f"levels up to {amplitude:.2g} V. Dots: from the models, without truncation.",
-        )
-    return drawing, filled(columns)
+        numbers = {"OPERATING_INPUT": OPERATING_INPUT, "highest": BAND[1], "amplitude": found.signal.amplitude}
+        return WORDS.drawing(figure, "nofrfs", filled(columns), **numbers)
 
 
-def _series(found: Actuators) -> tuple[Drawing, Columns]:
-    """What is left of the free run by more and more orders, of two common structures."""
+def _series(found: Actuators) -> Drawing:
+    """Share of the free run that more and more orders leave, for two common structures."""
     orders = np.arange(1.0, MOST_ORDERS + 1)
     columns: dict[str, Array] = {"orders": orders}
+    every = {"linear in the output": [one.left for one in found.each], "with products": list(found.alternative.left)}
     with draw((9.6, 3.6)) as figure:
-        panels = figure.subplots(1, 2, sharey=True)
-        every = {"linear in the output": [one.left for one in found.each], "with products": list(found.rival.left)}
+        panels = panels_of(figure, 1, 2, "orders summed", sharey=True)[0]
         for axes, (label, left) in zip(panels, every.items(), strict=True):
             for one, values, (colour, line) in zip(found.each, left, STYLES, strict=False):
                 shown = 100 * np.maximum(values, NOTHING)
                 axes.plot(orders, shown, line, color=colour, marker="o", markersize=3, label=one.name)
-                columns[f"{one.name.replace(' ', '')}_{label.replace(' ', '_')}_percent"] = 100 * values
-            axes.set(yscale="log", xlabel="orders summed", xticks=orders)
-            axes.set_title(label, loc="left", fontsize="medium")
+                columns[f"{key_of(one.name)}_{label.replace(' ', '_')}_percent"] = 100 * values
+            axes.set(yscale="log", xticks=orders)
+            titled(axes, label)
         panels[0].set_ylabel("left of the free run (%)")
         legend_above(figure, panels[0], 6)
-        drawing = Drawing.of(
-            figure,
-            "series",
-            "How many orders there are",
-            "Under a piece of the record at its own size, what the sum of the orders leaves of the settled free run. "
-            "Left: the models of this page, whose series ends at their degree (what is below "
-            f"{100 * NOTHING:.0e} % is rounding and drawn there). Right: the best common structure with products of "
-            "past output and command, whose series has no end and diverges.",
-        )
-    return drawing, columns
+        return WORDS.drawing(figure, "series", columns, nothing=100 * NOTHING)
 
 
-def _sampled(one: Sampled) -> tuple[Drawing, Columns]:
+def _sampled(found: Actuators) -> Drawing:
     """Orders of the output with propagated bands, and those of drawn parameters."""
+    one = found.sampled
     columns: dict[str, Array] = {"frequency_Hz": one.orders[0].frequency_Hz}
     with draw((9.6, 3.6)) as figure:
-        panels = figure.subplots(1, len(one.orders))
+        panels = panels_of(figure, 1, len(one.orders), "frequency (Hz)")[0]
         for place, axes in enumerate(panels):
-            n, response = place + 1, one.orders[place]
-            f, band = response.frequency_Hz, response.band()
+            n, response, band = place + 1, one.orders[place], one.orders[place].band()
             there = response.gain > 1e-9 * response.gain.max()
-            low, high = np.quantile(np.abs(one.draws[:, place]), (0.025, 0.975), axis=0)
-            axes.fill_between(
-                f[there],
-                MICRO * band.low[there],
-                MICRO * band.high[there],
-                color=AFTER,
-                alpha=0.35,
-                linewidth=0,
-                label="95 % band, propagated",
+            drawn = np.quantile(np.abs(one.draws[:, place]), (0.025, 0.975), axis=0)
+            gain, low, high, drawn_low, drawn_high = (
+                MICRO * values for values in (response.gain, band.low, band.high, *drawn)
             )
-            axes.plot(f[there], MICRO * response.gain[there], color=AFTER, label="posterior mean")
-            axes.plot(f[there], MICRO * low[there], ":", color=INK, label="95 % of the draws")
-            axes.plot(f[there], MICRO * high[there], ":", color=INK)
-            axes.set_title(f"|Y{SUBSCRIPTS[n]}|", loc="left", fontsize="medium")
-            axes.set(xlabel="frequency (Hz)", ylim=(0, None))
+            f = response.frequency_Hz[there]
+            draw_between(axes, f, low[there], high[there], Hue.AFTER, "95 % band, propagated", alpha=0.35)
+            axes.plot(f, gain[there], color=Hue.AFTER, label="posterior mean")
+            axes.plot(f, drawn_low[there], ":", color=Hue.INK, label="95 % of the draws")
+            axes.plot(f, drawn_high[there], ":", color=Hue.INK)
+            titled(axes, f"|Y{SUBSCRIPTS[n]}|")
+            axes.set_ylim(0, None)
             columns |= {
-                f"Y{n}_um": MICRO * response.gain,
-                f"Y{n}_low": MICRO * band.low,
-                f"Y{n}_high": MICRO * band.high,
-                f"Y{n}_drawn_low": MICRO * low,
-                f"Y{n}_drawn_high": MICRO * high,
+                f"Y{n}_um": gain,
+                f"Y{n}_low": low,
+                f"Y{n}_high": high,
+                f"Y{n}_drawn_low": drawn_low,
+                f"Y{n}_drawn_high": drawn_high,
             }
         panels[0].set_ylabel("Fourier coefficient (µm)")
         legend_above(figure, panels[0], 3)
-        drawing = Drawing.of(
-            figure,
-            "sampled",
-            f"Orders of the output of {one.name} with bands (in place of thesis figure 6.13)",
-            f"The model that SVB finds among all candidates, {len(one.model.terms)} terms, under the test signal. "
-            f"Bands: propagated from the posterior, and those of {len(one.draws)} draws of it.",
-        )
-    return drawing, columns
+        counts = {"terms": len(one.model.terms), "draws": len(one.draws)}
+        return WORDS.drawing(figure, "sampled", columns, name=found.shown.name, **counts)
 
 
-def _anchor(one: Anchor) -> tuple[Drawing, Columns]:
+def _anchor(one: Anchor) -> Drawing:
     f = one.frequency_Hz
     known = {
-        f"bare film, {1e3 * SMALL:.0f} mV": (one.film, INK, "o-"),
-        f"with hysteresis, {1e3 * SMALL:.0f} mV": (one.small, MEASURED, "s--"),
-        f"with hysteresis, {1e3 * LARGE:.0f} mV": (one.large, MEASURED, "o-"),
+        f"bare film, {1e3 * SMALL:.0f} mV": (one.film, Hue.INK, "o-"),
+        f"with hysteresis, {1e3 * SMALL:.0f} mV": (one.small, Hue.MEASURED, "s--"),
+        f"with hysteresis, {1e3 * LARGE:.0f} mV": (one.large, Hue.MEASURED, "o-"),
     }
     models = {
-        "model of the bare film, least squares": (one.least_squares, MARK),
-        "model of the bare film, least free-run error": (one.refined, AFTER),
-        "model of the actuator": (one.recorded, BEFORE),
+        "model of the bare film, least squares": (one.least_squares, Hue.MARK),
+        "model of the bare film, least free-run error": (one.refined, Hue.AFTER),
+        "model of the actuator": (one.recorded, Hue.BEFORE),
     }
     columns: dict[str, Array] = {"frequency_Hz": f}
     with draw((9.6, 4.2)) as figure:
         axes = figure.add_subplot()
         for label, (values, colour, style) in known.items():
-            gain, named = MICRO * np.abs(values), f"{label} (the actuator itself)"
-            axes.plot(f, gain, style, color=colour, markersize=4, label=named)
+            gain = MICRO * np.abs(values)
+            axes.plot(f, gain, style, color=colour, markersize=4, label=f"{label} (the actuator itself)")
             columns[label.replace(" ", "_").replace(",", "")] = gain
         for label, (response, colour) in models.items():
-            band = response.band()
-            axes.plot(f, MICRO * response.gain, color=colour, linewidth=1.6, label=label)
-            if response is not one.refined:
-                axes.fill_between(f, MICRO * band.low, MICRO * band.high, color=colour, alpha=0.15, linewidth=0)
-            columns[label.replace(" ", "_").replace(",", "")] = MICRO * response.gain
+            gain, band = MICRO * response.gain, response.band()
+            axes.plot(f, gain, color=colour, linewidth=1.6, label=label)
+            if response is not one.refined:  # least free-run error gives no covariance
+                draw_between(axes, f, MICRO * band.low, MICRO * band.high, colour, alpha=0.15)
+            columns[label.replace(" ", "_").replace(",", "")] = gain
         axes.set(xscale="log", xlabel="frequency (Hz)", ylabel="|H₁| (µm/V)")
         axes.set_ylim(0, 1.35 * MICRO * float(np.abs(one.film).max()))
-        _plain(axes)
+        plain_numbers(axes.xaxis)
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(
-            figure,
-            "anchor",
-            f"What {one.name} itself answers, and what models say of it",
-            f"Tones about {OPERATING_INPUT:g} V in the simulated plant, without sensor noise. With hysteresis the gain "
-            "depends on the size of the command, and no first-order response holds for all sizes.",
-        )
-    return drawing, columns
-
-
-def _plain(axes: Axes) -> None:
-    """0.01, 0.1 and 1 instead of powers."""
-    from matplotlib.ticker import NullFormatter
-
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _power(unit: str, order: int) -> str:
-    return unit + ("", "", "²", "³")[order]
+        return WORDS.drawing(figure, "anchor", columns, name=one.name, OPERATING_INPUT=OPERATING_INPUT)

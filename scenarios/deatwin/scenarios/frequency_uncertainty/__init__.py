@@ -1,4 +1,4 @@
-"""What is known of a frequency response, and where six actuators of one specification differ.
+"""How well frequency responses are known, and where six actuators of one specification differ.
 
 The uncertainty of a model's parameters is propagated to its frequency responses of every order and held against Monte
 Carlo, for systems whose equations are known: where the law of propagation holds, and where it fails. Then the thesis'
@@ -8,22 +8,24 @@ which must not differ, and drift within a record is told apart from difference b
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
-from deatwin.ident.frequency.comparison.compare import Comparison
-from deatwin.scenarios.frequency_uncertainty.benchmark_figures import benchmark_drawings
-from deatwin.scenarios.frequency_uncertainty.fleet_figures import fleet_drawings
-from deatwin.scenarios.frequency_uncertainty.notes import answer, notes
-from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
-from deatwin.scenarios.frequency_uncertainty.tables import tables
-from deatwin.scenarios.frequency_uncertainty.verdicts import judge
-from deatwin.studies.report.story import StoryPage, write_story
-from deatwin.studies.stories import Setting
+import numpy as np
+from numpy.typing import NDArray
 
-__all__ = ["run"]
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
+from deatwin.scenarios.frequency_uncertainty.fleet_figures import fleet_drawings
+from deatwin.scenarios.frequency_uncertainty.known_figures import known_drawings
+from deatwin.scenarios.frequency_uncertainty.measures import FASTER, column_of, counted, judge, tables
+from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
+from deatwin.studies.report.panels import SUBSCRIPTS
+from deatwin.studies.report.prose import listed, notes
+from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.words import Span
+from deatwin.studies.stories import Setting
 
 PLAN = Plan()
 
@@ -33,67 +35,81 @@ def run(setting: Setting) -> Mapping[str, Any]:
     record = setting.record()
     study = carry_out(setting.seed, PLAN, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.95, "judging and drawing")
-    rows = judge(study)
-    sentence = (
-        f"{answer(study.consistency)} {sum(row.passed for row in rows)} of {len(rows)} stated measures are reached."
-    )
-    made = [*benchmark_drawings(study.benchmarks), *fleet_drawings(study.consistency)]
-    for drawing, columns in made:
-        setting.folder.csv(drawing.data, columns)
+    rows, fleet = judge(study), study.consistency
     page = StoryPage(
         title="frequency-uncertainty",
-        sentence=sentence,
+        sentence=f"{_answer(fleet)} {reached(rows)} stated measures are reached.",
         rows=rows,
-        notes=notes(study),
-        figures=[drawing for drawing, _ in made],
+        notes=notes(__package__, **_numbers(study)),
+        figures=[*known_drawings(study.known), *fleet_drawings(fleet)],
         tables=tables(study),
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
-    setting.folder.text("frequency-uncertainty.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    groups = ("level", "steady", "fleet")
+    return finish(
+        setting.folder,
+        record,
+        page,
+        columns=[dict(zip(("order", "from_Hz", "to_Hz"), column, strict=True)) for column in fleet.columns],
+        spread={"predicted": fleet.predicted.tolist(), **{group: fleet.spread(group).tolist() for group in groups}},
+        tables={group: _plain(fleet.tables[group]) for group in ("fleet", "steady", "shared")},
+    )
 
 
-def _summary(study: Study) -> dict[str, Any]:
-    """Return differences, drifts and spreads as plain data."""
-    fleet = study.consistency
+def _answer(fleet: Consistency) -> str:
+    """How consistent fabrication is, in a few sentences."""
+    steady, table, as_is = fleet.spread("steady"), fleet.tables["steady"], fleet.tables["fleet"]
+    worst = column_of(fleet.columns[int(np.argmax(steady))], " at ")
+    return (
+        f"Fabrication alone makes the six differ by {_by_order(fleet, steady)} (standard deviation), most in {worst}, "
+        f"and significantly in {counted(table, Agreement.DIFFERENT)} of {len(table.differences)} tests. What happens "
+        f"to them while they are recorded raises that to {_by_order(fleet, fleet.spread('fleet'))}. Of the "
+        f"{len(as_is.significant)} tests that then find a difference {counted(as_is, Agreement.DRIFT)} lie within the "
+        "reach of drift."
+    )
+
+
+def _by_order(fleet: Consistency, spread: NDArray[np.float64]) -> str:
+    """Ranges over the bands, for each order."""
+    percent: dict[int, list[float]] = {}
+    for value, (order, _, _) in zip(spread, fleet.columns, strict=True):
+        percent.setdefault(order, []).append(100 * value)
+    return listed([f"{Span(values):.0f} % in H{SUBSCRIPTS[order]}" for order, values in sorted(percent.items())])
+
+
+def _numbers(study: Study) -> dict[str, Any]:
+    """Numbers of the notes."""
+    fleet, repeats = study.consistency, study.consistency.tables["repeats"]
+    leading = sorted(fleet.shares, key=lambda name: -float(np.sum(fleet.shares[name])))[:3]
+    found = np.array([d.p_value < repeats.level for d in repeats.differences])
+    drifting = {d.name for d in fleet.tables["fleet"].drifts if d.drifts}
     return {
-        "columns": [dict(zip(("order", "from_Hz", "to_Hz"), column, strict=True)) for column in fleet.columns],
-        "spread": {
-            "predicted": fleet.predicted.tolist(),
-            **{group: fleet.spread(group).tolist() for group in ("level", "steady", "fleet")},
-        },
-        "tables": {group: _plain(fleet.tables[group]) for group in ("fleet", "steady", "shared")},
+        "answer": _answer(fleet),
+        "predicted": _by_order(fleet, fleet.predicted),
+        "steady": _by_order(fleet, fleet.spread("steady")),
+        "leading": [name.replace("_", " ").replace(".", " ") for name in leading],
+        "unseen": [d.size for d in fleet.tables["steady"].differences if not d.differs],
+        "structure": STRUCTURE,
+        "factor": FACTOR,
+        "repeats": REPEATS,
+        "single": 100 * found.mean(),
+        "by_column": Span(100 * found.reshape(len(repeats.pairs), -1).mean(axis=0)),
+        "slow": SLOW,
+        "late": [name for name in DRIFTING if name not in drifting],
+        "slower": [f"{one.label} ({one.ratio:.0f})" for one in study.known.speeds if one.ratio < FASTER],
+        "faster": FASTER,
     }
 
 
 def _plain(table: Comparison) -> dict[str, Any]:
+    """A comparison as plain data."""
     place = ("order", "from_Hz", "to_Hz")
+    sizes = ("size", "p_value", "adjusted")
     return {
         "level": table.level,
         "differences": [
-            {
-                "first": d.first,
-                "second": d.second,
-                **{key: getattr(d, key) for key in place},
-                "size": d.size,
-                "p_value": d.p_value,
-                "adjusted": d.adjusted,
-                "agreement": d.agreement.name.lower(),
-            }
+            {key: getattr(d, key) for key in ("first", "second", *place, *sizes)}
+            | {"agreement": d.agreement.name.lower()}
             for d in table.differences
         ],
-        "drifts": [
-            {
-                "name": d.name,
-                **{key: getattr(d, key) for key in place},
-                "size": d.size,
-                "p_value": d.p_value,
-                "adjusted": d.adjusted,
-                "drifts": d.drifts,
-            }
-            for d in table.drifts
-        ],
+        "drifts": [{key: getattr(d, key) for key in ("name", *place, *sizes, "drifts")} for d in table.drifts],
     }

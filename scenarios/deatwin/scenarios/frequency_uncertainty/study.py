@@ -6,88 +6,78 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from deatwin.ident.parallel import run_jobs
+from deatwin.ident.frequency.comparison.fleet import shares_of
 from deatwin.plant.fleet import DURATION
-from deatwin.scenarios.frequency_uncertainty.actuators import REPEATS, Records, collected, recorded, tasks
-from deatwin.scenarios.frequency_uncertainty.benchmarks import (
-    DATA_SETS,
-    Benchmarks,
-    covered,
-    spectra,
-    spreads,
-    surface,
-    sweep,
-)
-from deatwin.scenarios.frequency_uncertainty.consistency import Consistency, compared, means_of, responses, shares_of
-from deatwin.scenarios.frequency_uncertainty.speed import speed
-from deatwin.scenarios.frequency_uncertainty.systems import BILINEAR, CASES, LINEAR, NOTCH, POWERS, PRODUCT, SHORT
+from deatwin.plant.recording import Recording
+from deatwin.scenarios.frequency_uncertainty import fleet, known
+from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
+from deatwin.scenarios.frequency_uncertainty.known import CASES, Known
+from deatwin.studies.parallel import between, call, run_told
 from deatwin.studies.voice import Progress
 
 Key = tuple[Any, ...]
 Job = tuple[Callable[..., Any], *tuple[Any, ...]]
 
-SHARES = (0.5, 0.95)
-"""Of all work that are done when the recordings are, and when all is compared."""
 COMPARED = ("fleet", "steady", "shared", "repeats")
 WEIGHED = ("fleet", "steady", "level", "tolerances")
-TIMED = ((LINEAR, 1), (POWERS, 3), (BILINEAR, 2))
-SWEPT = ((LINEAR, 1), (BILINEAR, 3), (PRODUCT, 2))
+TIMED = ((known.LINEAR, 1), (known.POWERS, 3), (known.BILINEAR, 2))
+SWEPT = ((known.LINEAR, 1), (known.BILINEAR, 3), (known.PRODUCT, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
     """How much is done."""
 
-    repeats: int = REPEATS
+    repeats: int = fleet.REPEATS
     duration: float = DURATION
-    data_sets: int = DATA_SETS  # From which each benchmark system is identified
+    data_sets: int = known.DATA_SETS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
     """All of it."""
 
-    benchmarks: Benchmarks  # What was done with systems whose equations are known
-    consistency: Consistency  # What is said of the fleet
+    known: Known
+    consistency: Consistency
 
 
 def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
     """Record, draw and compare."""
-    wanted = tasks(seed, plan.repeats, plan.duration)
+    wanted = fleet.actuators(seed, plan.repeats)
     text = f"recording the fleet, its repeats and its tolerances, {len(wanted)} records"
-    recording = {key: (recorded, *arguments) for key, arguments in wanted.items()}
-    records = collected(_all(recording, jobs, progress, 0.0, SHARES[0], text))
-    work = _work(seed, plan, records)
-    done = _all(work, jobs, progress, *SHARES, "propagating beside draws, and comparing the actuators")
-    return Study(benchmarks=_benchmarks(done), consistency=_consistency(done))
+    tasks = [(one, plan.duration) for one in wanted.values()]
+    found = run_told(fleet.recorded, tasks, jobs, between(progress, 0.0, 0.5), text)
+    work = _work(seed, plan, dict(zip(wanted, found, strict=True)))
+    text = "propagating beside draws, and comparing the actuators"
+    results = run_told(call, work.values(), jobs, between(progress, 0.5, 0.95), text)
+    done = dict(zip(work, results, strict=True))
+    return Study(known=_known(done), consistency=_consistency(done))
 
 
-def _work(seed: int, plan: Plan, records: Records) -> dict[Key, Job]:
+def _work(seed: int, plan: Plan, records: dict[tuple[str, str], Recording]) -> dict[Key, Job]:
     """All that is done after the recordings, each under its own key; the longest first."""
-    work: dict[Key, Job] = {("table", group): (compared, getattr(records, group)) for group in reversed(COMPARED)}
+    work: dict[Key, Job] = {("table", group): (fleet.compared, _group(records, group)) for group in reversed(COMPARED)}
     for number, (name, case) in enumerate(CASES.items()):
-        work["covered", name] = covered, case, (seed, 1, number), plan.data_sets
-        work["case", name] = spreads, case, (seed, 2, number)
-    for number, case in enumerate((NOTCH, SHORT)):
-        work["fragile", case.name] = spreads, case, (seed, 3, number)
+        work["covered", name] = known.covered, case, (seed, 1, number), plan.data_sets
+        work["case", name] = known.spreads, case, (seed, 2, number)
+    for number, case in enumerate((known.NOTCH, known.SHORT)):
+        work["fragile", case.name] = known.spreads, case, (seed, 3, number)
     for number, (name, order) in enumerate(SWEPT):
-        work["sweep", name] = sweep, CASES[name], order, (seed, 4, number)
+        work["sweep", name] = known.sweep, CASES[name], order, (seed, 4, number)
     for number, (name, order) in enumerate(TIMED):
-        work["speed", name] = speed, CASES[name], order, (seed, 6, number)
-    work["spectra", ""] = spectra, CASES[BILINEAR], (seed, 5)
-    work["surface", ""] = surface, CASES[BILINEAR], (seed, 5)
-    work |= {("responses", name): (responses, record) for name, record in records.fleet.items()}
-    for group in WEIGHED:
-        work |= {(group, name): (means_of, record) for name, record in getattr(records, group).items()}
-    work["specification", ""] = means_of, records.specification
-    return work
+        work["speed", name] = known.speed, CASES[name], order, (seed, 6, number)
+    work["spectra", ""] = known.spectra, CASES[known.BILINEAR], (seed, 5)
+    work["surface", ""] = known.surface, CASES[known.BILINEAR], (seed, 5)
+    work |= {("responses", name): (fleet.responses, record) for name, record in _group(records, "fleet").items()}
+    weighed = (*WEIGHED, "specification")
+    return work | {key: (fleet.means_of, record) for key, record in records.items() if key[0] in weighed}
 
 
-def _benchmarks(done: dict[Key, Any]) -> Benchmarks:
-    return Benchmarks(
+def _known(done: dict[Key, Any]) -> Known:
+    return Known(
         cases=_group(done, "case"),
         fragile=_group(done, "fragile"),
-        coverage={(name, order): f for name, by in _group(done, "covered").items() for order, f in by.items()},
+        coverage=_group(done, "covered"),
         sweeps=tuple(_group(done, "sweep").values()),
         spectra=done["spectra", ""],
         surface=done["surface", ""],
@@ -104,19 +94,5 @@ def _consistency(done: dict[Key, Any]) -> Consistency:
     )
 
 
-def _group(done: dict[Key, Any], group: str) -> dict[str, Any]:
+def _group(done: dict[Any, Any], group: str) -> dict[str, Any]:
     return {name: value for (its, name), value in done.items() if its == group}
-
-
-def _all(work: dict[Key, Job], jobs: int, progress: Progress, first: float, last: float, doing: str) -> dict[Key, Any]:
-    """Do all work, telling what share of everything it is."""
-
-    def tell(n: int) -> None:
-        progress(first + (last - first) * n / len(work), doing)
-
-    tell(0)
-    return dict(zip(work, run_jobs(_do, work.values(), workers=jobs, finished=tell), strict=True))
-
-
-def _do(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)

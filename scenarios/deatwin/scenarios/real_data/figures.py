@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
-from deatwin.scenarios.real_data.methods import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.scenarios.real_data.published import DOCUMENTED
-from deatwin.scenarios.real_data.records import DataSet
+from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, Outcome
+from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
-
-if TYPE_CHECKING:
-    pass
-
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.svg import draw, legend_above
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 WINDOW = 500
 """Samples of a running root mean square."""
 ZOOM = 120
@@ -38,7 +32,7 @@ def _running(values: Array) -> Array:
     return np.sqrt(np.mean(values[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
 
 
-def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models."""
     measured, step = data.test.outputs[0] / data.scale, data.test.sample_time
     timepts = (np.arange(measured.size // WINDOW) + 0.5) * WINDOW * step
@@ -48,9 +42,9 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
     near = slice(max(peak - ZOOM // 2, 0), min(peak + ZOOM // 2, measured.size))
     with draw((9.6, 6.6)) as figure:
         top, middle, bottom = figure.subplots(3, 1, height_ratios=(2, 3, 3))
-        top.plot(data.test.timepts[::4], measured[::4], color=MEASURED, linewidth=0.3)
+        top.plot(data.test.timepts[::4], measured[::4], color=Hue.MEASURED, linewidth=0.3)
         for side in (-1, 1):
-            top.axhline(side * learned, color=INK, linestyle=":", linewidth=0.9)
+            top.axhline(side * learned, color=Hue.INK, linestyle=":", linewidth=0.9)
         top.set(ylabel="output (mV)")
         for (method, colour), style in zip(_SHOWN, ("-", "-", "-"), strict=True):
             error = measured - outcomes[method].outputs / data.scale
@@ -59,29 +53,29 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing,
             if method != FRO:
                 shown = outcomes[method].outputs[near] / data.scale
                 bottom.plot(data.test.timepts[near], shown, color=colour, linewidth=1.4)
-        middle.semilogy(timepts, columns["output_rms_mV"], "--", color=MEASURED, label="output itself")
+        middle.semilogy(timepts, columns["output_rms_mV"], "--", color=Hue.MEASURED, label="output itself")
         middle.set(ylabel=f"rms of {WINDOW} samples (mV)", xlabel="time (s)")
-        bottom.plot(data.test.timepts[near], measured[near], ".", color=INK, markersize=3.5)
+        bottom.plot(data.test.timepts[near], measured[near], ".", color=Hue.INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         legend_above(figure, middle, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "arrow_head",
             "Silverbox: free run over the growing amplitude",
             "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
             "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
+            columns,
         )
-    return drawing, columns
 
 
-_SHOWN = ((LINEAR, BEFORE), (FRO, MARK), (GROWN, AFTER))
+_SHOWN = ((LINEAR, Hue.BEFORE), (FRO, Hue.MARK), (GROWN, Hue.AFTER))
 
 
 def _said(outcome: Outcome) -> str:
     return f"{outcome.method}, {outcome.terms} parameters"
 
 
-def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """Spectra of the Silverbox's output and of the errors."""
     from scipy.signal import welch
 
@@ -90,24 +84,24 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[
     columns: dict[str, Array] = {"frequency_Hz": frequencies, "output_mV2_per_Hz": power}
     with draw((9.6, 3.6)) as figure:
         axes = figure.add_subplot()
-        axes.semilogy(frequencies, power, "--", color=MEASURED, label="output")
+        axes.semilogy(frequencies, power, "--", color=Hue.MEASURED, label="output")
         for method, colour in _SHOWN:
             _, density = welch(measured - outcomes[method].outputs / data.scale, rate, nperseg=2048)
             axes.semilogy(frequencies, density, color=colour, label=method)
             columns[f"{_key(method)}_mV2_per_Hz"] = density
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
         legend_above(figure, axes, 4)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "arrow_head_spectra",
             "Silverbox: spectra of the errors",
             "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
             "its frequency, where the cube of the output comes close to half the sample rate.",
+            columns,
         )
-    return drawing, columns
 
 
-def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, Columns]:
+def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """The buck converter's free run beside that of the documented model."""
     name, terms = next(iter(DOCUMENTED.items()))
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
@@ -123,34 +117,31 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> tuple[Drawing, 
     )
 
 
-def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> tuple[Drawing, Columns]:
+def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> Drawing:
     """Free runs of some methods over the test recording, and their errors."""
     runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
     return _runs(data, runs, data.name, f"{data.title}: free run on the test recording", data.note)
 
 
-def _runs(
-    data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = ""
-) -> tuple[Drawing, Columns]:
+def _runs(data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = "") -> Drawing:
     measured, timepts = data.test.outputs[0] / data.scale, data.test.timepts
     unit = "ms" if start and data.test.sample_time < 1e-3 else "s"
     shown = 1e3 * timepts if unit == "ms" else timepts
     columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
     with draw((9.6, 4.8)) as figure:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(shown, measured, color=MEASURED, linewidth=1.8, label="measured")
-        for (method, outputs), colour in zip(runs.items(), (BEFORE, MARK, AFTER), strict=False):
+        top.plot(shown, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
+        for (method, outputs), colour in zip(runs.items(), (Hue.BEFORE, Hue.MARK, Hue.AFTER), strict=False):
             top.plot(shown, outputs / data.scale, color=colour, label=method)
             bottom.plot(shown, measured - outputs / data.scale, color=colour)
             columns[_key(method)] = outputs / data.scale
         top.set(ylabel=f"output ({data.unit})")
         bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
         legend_above(figure, top, 4)
-        drawing = Drawing.of(figure, name, title, caption)
-    return drawing, columns
+        return Drawing.of(figure, name, title, caption, columns)
 
 
-def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Drawing, Columns]:
+def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
     """Free-run errors of all methods on all data sets, over the standard deviation of the output."""
     methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
     columns: dict[str, Array] = {"method_number": np.arange(1.0, len(methods) + 1)}
@@ -159,7 +150,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
         for axes, data in zip(np.atleast_1d(panels), sets, strict=True):
             spread = float(data.test.outputs.std())
             own = {o.method: o for o in outcomes if o.data == data.name}
-            for kind, colour, marker in (("one_step", MEASURED, "o"), ("free_run", AFTER, "s")):
+            for kind, colour, marker in (("one_step", Hue.MEASURED, "o"), ("free_run", Hue.AFTER, "s")):
                 values = np.array([getattr(own[m], kind) / spread if m in own else np.nan for m in methods])
                 axes.plot(values, range(len(methods)), marker, color=colour, markersize=6, label=kind.replace("_", " "))
                 columns[f"{data.name}_{kind}"] = values
@@ -172,7 +163,7 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
                         transform=axes.get_yaxis_transform(),
                         ha="right",
                         va="center",
-                        color=BEFORE,
+                        color=Hue.BEFORE,
                         fontsize="small",
                     )
             axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])
@@ -180,11 +171,11 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> tuple[Dr
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(
+        return Drawing.of(
             figure,
             "comparison",
             "All methods on all recordings",
             "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
             "of one step says little about the free run.",
+            columns,
         )
-    return drawing, columns

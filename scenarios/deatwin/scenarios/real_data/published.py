@@ -1,4 +1,4 @@
-"""What others report for the same recordings, each with its source."""
+"""Results of others on the same recordings, with their sources."""
 
 from __future__ import annotations
 

@@ -21,13 +21,14 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_data.tables import hdf5_vectors, require_samples
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.columns import hdf5_vectors, require_samples
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 Array = NDArray[np.float64]
 RATE = 750.0
@@ -124,13 +125,12 @@ def case(folder: Path) -> Case:
         _signals(test, "sinesweep", PERIOD),
     )
     fitted = _experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD])
-    rival = DataSet(
+    black_box = DataSet(
         name="bouc_wen",
         title="Bouc-Wen",
         unit="mm",
         scale=1e-3,
         files=(train, test),
-        note="",
         train=_experiment(force[: 2 * PERIOD], motion[: 2 * PERIOD]).recordings[0],
         test=_experiment(tested, moved).recordings[0],
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
@@ -140,7 +140,7 @@ def case(folder: Path) -> Case:
         name="The test multisine",
         experiment=_experiment(held(np.tile(tested, 3)), np.tile(moved, 3)),
         first=2 * PERIOD,
-        rival=rival,
+        black_box=black_box,
     )
     sweep = HeldOut(name="The test sweep", experiment=_experiment(held(swept), followed))
     return Case(
@@ -173,16 +173,7 @@ def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
 
 
 def _experiment(force: Array, motion: Array) -> Experiment:
-    record = Recording.from_arrays(
-        force,
-        motion,
-        1 / RATE,
-        input_names=("force",),
-        output_names=("displacement",),
-        input_units=("N",),
-        output_units=("m",),
-    )
-    return Experiment(recordings=(record,))
+    return experiment_of(LinearOscillator(), force, motion)
 
 
 def _law(amended: Plant, motion: Array, force: Array) -> Law:

@@ -22,11 +22,12 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.effects.smooth import soft_excess
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import cascaded_tanks as black_box_data
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import cascaded_tanks as black_box_data
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 
 class TankPlace(Enum):
@@ -138,14 +139,17 @@ def run(setting: Setting) -> Mapping[str, Any]:
 def case(folder: Path) -> Case:
     """The recordings and the plant."""
     data = black_box_data(folder)
-    fitted, judged = (Experiment(recordings=(_named(record),)) for record in (data.train, data.test))
+    fitted, judged = (
+        experiment_of(Tanks(), record.inputs[0], record.outputs[0], provenance=record.provenance)
+        for record in (data.train, data.test)
+    )
     return Case(
         name="cascaded-tanks",
         title="Cascaded tanks",
         documented=("overflow", "sensor_saturation"),
         plant=Plant(rig=Tanks()),
         fitted=(fitted,),
-        held_out=(HeldOut(name="The validation record", experiment=judged, rival=data),),
+        held_out=(HeldOut(name="The validation record", experiment=judged, black_box=data),),
         unit="V",
         scale=1.0,
         files=data.files,
@@ -163,21 +167,8 @@ def case(folder: Path) -> Case:
     )
 
 
-def _named(record: Recording) -> Recording:
-    return Recording.from_arrays(
-        record.inputs[0],
-        record.outputs[0],
-        record.sample_time,
-        input_names=("pump",),
-        output_names=("level",),
-        input_units=("V",),
-        output_units=("V",),
-        provenance=record.provenance,
-    )
-
-
 def _law(amended: Plant, judged: Experiment) -> Law:
-    """What the recorded level gains or loses beside the flow that the amended plant has from tank to tank."""
+    """Inflow of the lower tank that the flow from tank to tank in the amended plant does not explain."""
     p = {name: q.value for name, q in amended.parameters.items()}
     run = amended.simulate(judged).require()
     signals, level = run.watched[0], judged.recordings[0].outputs[0]

@@ -22,10 +22,11 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import Candidates, DataSet
-from deatwin.scenarios.real_data.tables import matlab_vectors, require_samples
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.columns import matlab_vectors, require_samples
+from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 Array = NDArray[np.float64]
 FITTED = 13_000
@@ -101,14 +102,14 @@ def case(folder: Path) -> Case:
     pulsed = HeldOut(
         name="The validation record, with force pulses",
         experiment=Experiment(recordings=(validation,)),
-        rival=_black_box(estimation, validation, files, 0),
+        black_box=_black_box(estimation, validation, files, 0),
         follows=True,
     )
     rest = HeldOut(
         name="The rest of the estimation record",
         experiment=Experiment(recordings=(estimation,)),
         first=FITTED,
-        rival=_black_box(estimation, estimation, files, FITTED),
+        black_box=_black_box(estimation, estimation, files, FITTED),
         follows=True,
     )
     return Case(
@@ -146,17 +147,9 @@ def _recording(file: Path) -> Recording:
     reference, position = data["qg"], data["qm"]
     require_samples(file, position.size, FITTED + 1)
     extras = {"pulse_V": data["pulses_N"]} if "pulses_N" in data else {}
-    return Recording.from_arrays(
-        np.append((reference[1:] + reference[:-1]) / 2, reference[-1]),
-        position,
-        1e-3,
-        input_names=("reference",),
-        output_names=("position",),
-        input_units=("m",),
-        output_units=("m",),
-        extras=extras,
-        provenance={"file": file.name},
-    )
+    middle = np.append((reference[1:] + reference[:-1]) / 2, reference[-1])
+    rig = ControlledCarriage()
+    return experiment_of(rig, middle, position, extras=extras, provenance={"file": file.name}).recordings[0]
 
 
 def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first: int) -> DataSet:
@@ -181,7 +174,6 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
         unit="µm",
         scale=1e-6,
         files=files,
-        note="",
         train=deviation(train.section(0, FITTED)),
         test=deviation(test.section(first, test.n_samples)),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
@@ -189,7 +181,7 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
 
 
 def _law(amended: Plant, judged: Recording, file: Path) -> Law:
-    """What the recorded motor voltage, which holds the pulses, has left after inertia, viscosity and offset."""
+    """Force that is left of the recorded motor voltage, which holds the pulses, after inertia, viscosity and offset."""
     from scipy.signal import butter, filtfilt
 
     step, p = judged.sample_time, {name: q.value for name, q in amended.parameters.items()}

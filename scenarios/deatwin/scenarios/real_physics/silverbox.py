@@ -20,13 +20,14 @@ from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.scenarios.real_data.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
-from deatwin.scenarios.real_data.records import silverbox as black_box_data
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, tell
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.stories import Setting, data_folder
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
+from deatwin.studies.public.records import silverbox as black_box_data
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.stories import Setting
 
 Array = NDArray[np.float64]
 FITTED = slice(40_540, 57_900)
@@ -92,22 +93,9 @@ def case(folder: Path) -> Case:
     rig = LinearOscillator()
 
     def section(part: slice) -> Experiment:
-        record = Recording.from_arrays(
-            command[part],
-            output[part],
-            rig.sample_time,
-            input_names=("input",),
-            output_names=("output",),
-            input_units=("V",),
-            output_units=("V",),
-            provenance={"file": data.files[0].name},
-        )
-        return Experiment(recordings=(record,))
+        return experiment_of(rig, command[part], output[part], provenance={"file": data.files[0].name})
 
-    def law(amended: Plant) -> Law:
-        return _law(amended, table, judged)
-
-    judged = HeldOut(name="The arrow-head", experiment=section(ARROW_HEAD), rival=data)
+    judged = HeldOut(name="The arrow-head", experiment=section(ARROW_HEAD), black_box=data)
     return Case(
         name="silverbox",
         title="Silverbox",
@@ -118,7 +106,7 @@ def case(folder: Path) -> Case:
         unit="mV",
         scale=1e-3,
         files=data.files,
-        law=law,
+        law=lambda amended: _law(amended, table, judged),
         notes=(
             f"Diagnosed: two realisations of the multisine (samples {FITTED.start:,} to {FITTED.stop:,}), from rest. "
             "Judged: the arrow-head (the first 40,000 samples), whose amplitude grows beyond theirs. The black boxes "

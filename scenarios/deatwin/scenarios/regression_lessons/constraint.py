@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
 """Samples, parameters, correlation of the two regressors, and standard deviation of the noise."""
 SHARE = 0.6
-"""Of the least-squares parameters' norm, which the constraint allows."""
+"""Share of the least-squares parameters' norm that the constraint allows."""
 SYSTEM, HELD_OUT = "S4", 0.3
 PENALTIES = np.geomspace(1e-3, 1e2, 200)
 
@@ -120,10 +120,10 @@ class Structure:
     """The LASSO's path among the candidates of a NARX system."""
 
     path: LassoPath
-    true: tuple[Term, ...]  # Those of the system
+    true: tuple[Term, ...]  # True terms of the system
     violation: float  # Largest departure from the optimality conditions over all knots, over the first penalty
     complete: int | None  # First knot at which all true terms have entered; None if they never do
-    false_terms: int  # How many false ones are in by then
+    false_terms: int  # False terms that have entered by then
 
 
 def structure(rng: np.random.Generator) -> Structure:
@@ -150,7 +150,7 @@ def structure(rng: np.random.Generator) -> Structure:
 
 
 def _violation(path: LassoPath, rows: Array, target: Array) -> float:
-    """How far |Z'(y - Zb)|/n is from the penalty where a coefficient is not zero, and above it where it is."""
+    """Distance of |Z'(y - Zb)|/n from the penalty for nonzero coefficients, and its excess over the penalty for zeros."""
     standard: Callable[[Array], Array] = lambda x: (x - x.mean(-1, keepdims=True)) / x.std(-1, keepdims=True)  # noqa: E731
     z, y = standard(rows), standard(target)
     pull = np.abs(z @ (y[:, None] - z.T @ path.coefficients)) / y.size

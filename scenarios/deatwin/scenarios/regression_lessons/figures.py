@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,23 +12,23 @@ from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, 
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
 from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
 from deatwin.scenarios.regression_lessons.variance import Decomposition
+from deatwin.scenarios.regression_lessons.verdicts import WORDS
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.svg import draw, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 HEIGHTS = (0.15, 0.5, 1.5)
-"""Of ellipses besides the one that touches, as multiples of its own height."""
+"""Heights of further ellipses, as multiples of that of the ellipse that touches."""
 SHOWN = (1, 5, 12)
 """Degrees whose fits are drawn."""
 
 
-def constraint(plane: Plane) -> tuple[Drawing, Columns]:
+def constraint(plane: Plane) -> Drawing:
     """The constraints against the ellipses of the mean squared error."""
     phase = np.linspace(0, 2 * np.pi, 401)
     circle = plane.ridge.size * np.array([np.cos(phase), np.sin(phase)])
@@ -44,27 +43,24 @@ def constraint(plane: Plane) -> tuple[Drawing, Columns]:
             strict=True,
         ):
             _ellipses(axes, plane, found)
-            axes.fill(*edge, facecolor=MEASURED, alpha=0.15)
-            axes.plot(*edge, color=MEASURED, linewidth=1.4, label="constraint")
-            axes.plot(*path, ":", color=BEFORE, linewidth=1.6, label="as the constraint widens")
-            axes.plot(*plane.least, "x", color=INK, markersize=8, label="least squares")
-            axes.plot(*found.point, "o", color=BEFORE, markersize=7, label="on the constraint")
-            axes.axhline(0, color=INK, linewidth=0.7)
-            axes.axvline(0, color=INK, linewidth=0.7)
+            axes.fill(*edge, facecolor=Hue.MEASURED, alpha=0.15)
+            axes.plot(*edge, color=Hue.MEASURED, linewidth=1.4, label="constraint")
+            axes.plot(*path, ":", color=Hue.BEFORE, linewidth=1.6, label="as the constraint widens")
+            axes.plot(*plane.least, "x", color=Hue.INK, markersize=8, label="least squares")
+            axes.plot(*found.point, "o", color=Hue.BEFORE, markersize=7, label="on the constraint")
+            axes.axhline(0, color=Hue.INK, linewidth=0.7)
+            axes.axvline(0, color=Hue.INK, linewidth=0.7)
             axes.set(xlabel="first parameter", ylabel="second parameter", xlim=(-1.1, 2.1), ylim=(-1.2, 1.2))
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
         legend_above(figure, axes, 4)
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "constraint",
-            "A circle and a diamond against the ellipses of least squares",
-            "Ellipses: equal mean squared error. Both constraints allow 60 % of the norm of least squares. "
-            f"The circle is touched where both parameters are kept ({plane.ridge.point[0]:.3f}, "
-            f"{plane.ridge.point[1]:.3f}), the diamond at ({plane.lasso.point[0]:.3f}, {plane.lasso.point[1]:.3f}).",
+            {"ridge_share": plane.shares, "ridge_first": plane.ridge_path[0], "ridge_second": plane.ridge_path[1]},
+            ridge=plane.ridge,
+            lasso=plane.lasso,
         )
-    first, second = plane.ridge_path
-    return drawing, {"ridge_share": plane.shares, "ridge_first": first, "ridge_second": second}
 
 
 def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
@@ -73,11 +69,11 @@ def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
     grid = np.meshgrid(np.linspace(-1.1, 2.1, 201), np.linspace(-1.2, 1.2, 201))
     apart = np.array(grid) - plane.least[:, None, None]
     height = np.einsum("iab,ij,jab->ab", apart, plane.gram, apart)
-    axes.contour(*grid, height, [touching * share for share in HEIGHTS], colors=[AFTER], linewidths=0.7)
-    axes.contour(*grid, height, [touching], colors=[AFTER], linewidths=1.6)
+    axes.contour(*grid, height, [touching * share for share in HEIGHTS], colors=[Hue.AFTER], linewidths=0.7)
+    axes.contour(*grid, height, [touching], colors=[Hue.AFTER], linewidths=1.6)
 
 
-def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
+def paths(plane: Plane, structure: Structure) -> Drawing:
     """Parameters as the constraint widens."""
     path = structure.path
     extent = np.abs(path.coefficients).sum(axis=0)
@@ -85,46 +81,42 @@ def paths(plane: Plane, structure: Structure) -> tuple[Drawing, Columns]:
     lasso = np.abs(plane.lasso_path).sum(axis=0) / np.abs(plane.least).sum()
     with draw((9.6, 3.8)) as figure:
         left, right = figure.subplots(1, 2)
-        for i, colour in enumerate((AFTER, BEFORE)):
+        for i, colour in enumerate((Hue.AFTER, Hue.BEFORE)):
             left.plot(plane.shares, plane.ridge_path[i], color=colour, label=f"ridge, parameter {i + 1}")
             left.plot(lasso, plane.lasso_path[i], "--", color=colour, label=f"LASSO, parameter {i + 1}")
-        left.axvline(0.6, color=INK, linestyle=":", linewidth=0.9)
+        left.axvline(0.6, color=Hue.INK, linestyle=":", linewidth=0.9)
         left.set(xlabel="norm over that of least squares", ylabel="parameter")
         left.legend(fontsize="small")
         for i, term in enumerate(path.terms):
             if term not in structure.true and path.coefficients[i][shown].any():
-                right.plot(extent[shown], path.coefficients[i][shown], color=MEASURED, linewidth=0.8)
-        for term, colour in zip(structure.true, (AFTER, BEFORE, MARK, INK), strict=False):
+                right.plot(extent[shown], path.coefficients[i][shown], color=Hue.MEASURED, linewidth=0.8)
+        for term, colour in zip(structure.true, (Hue.AFTER, Hue.BEFORE, Hue.MARK, Hue.INK), strict=False):
             right.plot(extent[shown], path.coefficients[path.terms.index(term)][shown], color=colour, label=str(term))
         if structure.complete is not None:
-            right.axvline(extent[structure.complete], color=INK, linestyle=":", linewidth=0.9)
+            right.axvline(extent[structure.complete], color=Hue.INK, linestyle=":", linewidth=0.9)
         right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
         right.legend(fontsize="small")
-        drawing = Drawing.of(
+        told = f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
+        told = told if structure.complete is not None else "They never are all in."
+        columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
+        return WORDS.drawing(
             figure,
             "paths",
-            "Coefficients along the constraint",
-            "Left: ridge shrinks both parameters at once, the LASSO lets the second in late. Right: the LASSO among "
-            f"{len(path.terms)} candidate terms of a benchmark system, its true terms in colour. "
-            + (
-                "They never are all in."
-                if structure.complete is None
-                else f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
-            ),
+            {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns},
+            count=len(path.terms),
+            told=told,
         )
-    columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
-    return drawing, {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns}
 
 
-def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
-    """What each rule makes of a parameter, and what it risks."""
+def shrinking(orthogonal: Orthogonal, risks: Risks) -> Drawing:
+    """Estimates and risks of each rule."""
     least = np.linspace(-2.6, 2.6, 401)
-    styles = dict(zip(RULES, ((AFTER, "o"), (BEFORE, "s"), (MARK, "^")), strict=True))
+    styles = dict(zip(RULES, ((Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MARK, "^")), strict=True))
     levels = {"ridge": shrinkage.PENALTY, "LASSO": shrinkage.PENALTY, "subset": shrinkage.THRESHOLD}
     with draw((9.6, 4.0)) as figure:
         left, right = figure.subplots(1, 2)
-        left.plot(least, least, ":", color=INK, linewidth=0.9)
-        right.axhline(1.0, color=INK, linestyle=":", linewidth=0.9)
+        left.plot(least, least, ":", color=Hue.INK, linewidth=0.9)
+        right.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
         for name, (colour, marker) in styles.items():
             left.plot(least, shrinkage.rule(name, least, levels[name]), color=colour)
             left.plot(orthogonal.least, orthogonal.found[name], marker, color=colour, markersize=5)
@@ -133,141 +125,130 @@ def shrinking(orthogonal: Orthogonal, risks: Risks) -> tuple[Drawing, Columns]:
         left.set(xlabel="least-squares parameter", ylabel="estimate")
         right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
         legend_above(figure, right, 3)
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "shrinking",
-            "Shrinking and thresholding",
-            "Orthogonal regressors. Left: closed forms (lines) and what the estimators answer (marks). Right: expected "
-            "squared error of each in squares of the standard error, in closed form (lines) and drawn (marks); dotted: "
-            "least squares. Small parameters gain, and some larger ones pay: ridge without bound.",
+            {
+                "size": risks.sizes,
+                **{f"{n}_expected": risks.expected[n] for n in RULES},
+                **{f"{n}_drawn": risks.drawn[n] for n in RULES},
+            },
         )
-    return drawing, {
-        "size": risks.sizes,
-        **{f"{n}_expected": risks.expected[n] for n in RULES},
-        **{f"{n}_drawn": risks.drawn[n] for n in RULES},
-    }
 
 
-def overfitting(degrees: Decomposition) -> tuple[Drawing, Columns]:
+def overfitting(degrees: Decomposition) -> Drawing:
     """Fits of low, middling and high degree to the same readings."""
     points, truth = variance.POINTS, variance.curve(variance.POINTS)
     columns = {"point": points, "truth": truth, "readings": degrees.example}
     with draw((9.6, 3.4)) as figure:
         for axes, degree in zip(figure.subplots(1, 3, sharey=True), SHOWN, strict=True):
             row = int(np.argmax(degrees.complexity == degree))
-            axes.plot(points, degrees.example, "o", color=MEASURED, markersize=3.5, label="readings")
-            axes.plot(points, truth, "--", color=INK, linewidth=0.9, label="truth")
-            axes.plot(points, degrees.fits[row], color=BEFORE, linewidth=1.6, label="least squares")
+            axes.plot(points, degrees.example, "o", color=Hue.MEASURED, markersize=3.5, label="readings")
+            axes.plot(points, truth, "--", color=Hue.INK, linewidth=0.9, label="truth")
+            axes.plot(points, degrees.fits[row], color=Hue.BEFORE, linewidth=1.6, label="least squares")
             axes.set_title(f"degree {degree}", loc="left", fontsize="medium")
             axes.set_xlabel("point")
             columns[f"degree_{degree}"] = degrees.fits[row]
         legend_above(figure, axes, 3)
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "overfitting",
-            "Too stiff, right, and too flexible",
-            "The first of the repeated experiments. The polynomial of the highest degree is nearest to the readings "
-            "and not to the truth.",
+            columns,
         )
-    return drawing, columns
 
 
-def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> tuple[Drawing, Columns]:
+def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawing:
     """The expected error and its parts."""
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for axes, found in ((left, degrees), (right, penalties)):
-            axes.plot(found.complexity, found.bias, color=AFTER, label="bias²")
-            axes.plot(found.complexity, found.variance, color=MARK, label="variance")
-            axes.axhline(found.noise, color=INK, linestyle=":", linewidth=0.9, label="noise")
-            axes.plot(found.complexity, found.expected, color=BEFORE, linewidth=1.8, label="their sum")
+            axes.plot(found.complexity, found.bias, color=Hue.AFTER, label="bias²")
+            axes.plot(found.complexity, found.variance, color=Hue.MARK, label="variance")
+            axes.axhline(found.noise, color=Hue.INK, linestyle=":", linewidth=0.9, label="noise")
+            axes.plot(found.complexity, found.expected, color=Hue.BEFORE, linewidth=1.8, label="their sum")
             axes.errorbar(
                 found.complexity,
                 found.test,
                 2 * found.test_error,
                 fmt="o",
-                color=BEFORE,
+                color=Hue.BEFORE,
                 markersize=4,
                 label="error on new readings, drawn",
             )
-            axes.plot(found.complexity, found.training, "--", color=MEASURED, label="error on fitted readings, drawn")
+            axes.plot(
+                found.complexity, found.training, "--", color=Hue.MEASURED, label="error on fitted readings, drawn"
+            )
         left.set(xlabel="degree", ylabel="mean square", ylim=(0, 1.05))
         right.set(xlabel=f"ridge penalty, degree {variance.RIDGE_DEGREE}", xscale="log")
         legend_above(figure, left, 3)
         best = int(np.argmin(penalties.expected))
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "bias_and_variance",
-            "Bias and variance",
-            f"Closed forms (lines) and {variance.DRAWS} repeated experiments (marks, two standard errors). Least "
-            f"squares is best at degree {degrees.complexity[np.argmin(degrees.expected)]:.0f}; ridge with a penalty of "
-            f"{penalties.complexity[best]:.2g}, which leaves {penalties.freedom[best]:.1f} of "
-            f"{variance.RIDGE_DEGREE + 1} parameters free.",
+            {
+                "penalty": penalties.complexity,
+                "freedom": penalties.freedom,
+                "bias": penalties.bias,
+                "variance": penalties.variance,
+                "expected": penalties.expected,
+                "drawn": penalties.test,
+            },
+            draws=variance.DRAWS,
+            degree=degrees.complexity[np.argmin(degrees.expected)],
+            penalty=penalties.complexity[best],
+            freedom=penalties.freedom[best],
+            count=variance.RIDGE_DEGREE + 1,
         )
-    return drawing, {
-        "penalty": penalties.complexity,
-        "freedom": penalties.freedom,
-        "bias": penalties.bias,
-        "variance": penalties.variance,
-        "expected": penalties.expected,
-        "drawn": penalties.test,
-    }
 
 
-def razor(found: Occam) -> tuple[Drawing, Columns]:
+def razor(found: Occam) -> Drawing:
     """Evidence, training error and test error by degree."""
     counts = np.array([np.mean(found.peaks == degree) for degree in found.degrees])
     with draw((9.6, 3.8)) as figure:
         left, middle, right = figure.subplots(1, 3)
-        left.semilogy(found.degrees, found.training, "--", color=MEASURED, label="on fitted readings")
-        left.semilogy(found.degrees, found.test, color=BEFORE, label="on new readings")
+        left.semilogy(found.degrees, found.training, "--", color=Hue.MEASURED, label="on fitted readings")
+        left.semilogy(found.degrees, found.test, color=Hue.BEFORE, label="on new readings")
         left.set(ylabel="mean squared error")
-        middle.plot(found.degrees, found.best_fit, "--", color=MEASURED, label="log likelihood, best fit")
-        middle.plot(found.degrees, found.expected, color=AFTER, label="log evidence, closed form")
-        middle.plot(found.degrees, found.evidence, "o", color=AFTER, markersize=4, label="drawn")
+        middle.plot(found.degrees, found.best_fit, "--", color=Hue.MEASURED, label="log likelihood, best fit")
+        middle.plot(found.degrees, found.expected, color=Hue.AFTER, label="log evidence, closed form")
+        middle.plot(found.degrees, found.evidence, "o", color=Hue.AFTER, markersize=4, label="drawn")
         middle.set(ylabel="nats", ylim=(found.expected[2] - 25, found.best_fit.max() + 15))
-        right.bar(found.degrees, counts, color=AFTER)
+        right.bar(found.degrees, counts, color=Hue.AFTER)
         right.set(ylabel="share of largest evidence", ylim=(0, 1))
         for axes in (left, middle, right):
-            axes.axvline(TRUE_DEGREE, color=INK, linestyle=":", linewidth=0.9)
+            axes.axvline(TRUE_DEGREE, color=Hue.INK, linestyle=":", linewidth=0.9)
             axes.set_xlabel("degree")
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "razor",
-            "Occam's razor",
-            "Readings of a cubic (dotted). The training error falls with every degree, the error on new readings does "
-            "not; the evidence has a peak. Middle: noise known; the gap between the lines is what the evidence charges "
-            f"for parameters, {np.diff(found.occam_factor)[TRUE_DEGREE:].mean():.1f} nats for each beyond the cubic's. "
-            "Right: noise and size of the parameters not known.",
+            {
+                "degree": found.degrees.astype(float),
+                "training": found.training,
+                "test": found.test,
+                "log_evidence_drawn": found.evidence,
+                "log_evidence_expected": found.expected,
+                "best_log_likelihood": found.best_fit,
+                "share_of_peaks": counts,
+            },
+            price=np.diff(found.occam_factor)[TRUE_DEGREE:].mean(),
         )
-    return drawing, {
-        "degree": found.degrees.astype(float),
-        "training": found.training,
-        "test": found.test,
-        "log_evidence_drawn": found.evidence,
-        "log_evidence_expected": found.expected,
-        "best_log_likelihood": found.best_fit,
-        "share_of_peaks": counts,
-    }
 
 
-def two_models(found: Spread) -> tuple[Drawing, Columns]:
-    """What a line and a parabola say of readings before these are seen."""
+def two_models(found: Spread) -> Drawing:
+    """Prior predictive densities of a line and of a parabola."""
     with draw((6.4, 3.4)) as figure:
         axes = figure.add_subplot()
-        axes.plot(found.bends, found.line, color=AFTER, label="line")
-        axes.plot(found.bends, found.parabola, color=BEFORE, label="parabola")
+        axes.plot(found.bends, found.line, color=Hue.AFTER, label="line")
+        axes.plot(found.bends, found.parabola, color=Hue.BEFORE, label="parabola")
         for side in (-1, 1):
-            axes.axvline(side * found.crossing, color=INK, linestyle=":", linewidth=0.9)
+            axes.axvline(side * found.crossing, color=Hue.INK, linestyle=":", linewidth=0.9)
         axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
         legend_above(figure, axes, 2)
-        drawing = Drawing.of(
+        return WORDS.drawing(
             figure,
             "two_models",
-            "Why the simpler model wins where both fit",
-            "Each model spreads an area of 1 over the readings it allows. The parabola allows more, so that it has "
-            f"less where a line will do: within {found.crossing:.2f} standard errors.",
+            {"curvature": found.bends, "line": found.line, "parabola": found.parabola},
+            crossing=found.crossing,
         )
-    return drawing, {"curvature": found.bends, "line": found.line, "parabola": found.parabola}

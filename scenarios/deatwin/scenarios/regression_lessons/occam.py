@@ -25,12 +25,12 @@ POINTS, BETWEEN = np.linspace(-1.0, 1.0, N), np.linspace(-0.99, 0.99, 200)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Occam:
-    """What happens with the degree, over repeated experiments."""
+    """Results by degree, over repeated experiments."""
 
     degrees: NDArray[np.int64]  # shape (n,): Of the polynomials
     training: Array
     test: Array
-    monotone: bool  # Whether the training error fell with each degree in each experiment
+    monotone: bool  # True if the training error fell with each degree in each experiment
     evidence: Array  # shape (n,): Mean log evidence with known noise, and its standard error, nats
     evidence_error: Array
     expected: Array  # shape (n,): Closed form of that mean

@@ -1,4 +1,4 @@
-"""What ridge, LASSO and the choice of a subset do to each parameter when the regressors are orthogonal."""
+"""Ridge, LASSO and the choice of a subset on orthogonal regressors."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 RULES = ("ridge", "LASSO", "subset")
 N, M, NOISE = 64, 9, 1.0
 PENALTY, THRESHOLD = 0.5, 0.7
-"""Of ridge and LASSO; of a term in the subset, as the magnitude below which it does not pay."""
+"""Penalty of ridge and LASSO, and the magnitude below which a term does not pay in the subset."""
 LEVEL = 1.5
 """Threshold of the risks, in standard errors of a parameter."""
 DRAWS = 20_000
 
 
 def rule(name: str, least: Array, level: float) -> Array:
-    """What a rule makes of a least-squares parameter, in closed form."""
+    """Apply a rule to a least-squares parameter, in closed form."""
     if name == "ridge":
         return least / (1 + level)
     if name == "LASSO":
@@ -92,7 +92,7 @@ class Risks:
 
     @property
     def worst_zeros(self) -> float:
-        """That of the shares of zeros."""
+        """Largest departure of the shares of zeros, in their standard errors."""
         return float((np.abs(self.zeros - self.zeros_expected) / self.zero_errors).max())
 
 

@@ -1,65 +1,56 @@
 """How often the true structure of a NARX system is found: all methods on systems whose equations are known.
 
-Each system is drawn a hundred times. A method is right if it keeps the true terms and no others; what can be expected
-at all is set by oracles that know the truth. Whether stated uncertainty is right is told by how often the 95 %
-intervals hold the true parameters, by a noise sweep, and by a sampler of structures.
+Each system is drawn a hundred times. A method is right if it keeps the true terms and no others; oracles that know the
+truth set what can be expected at all. Stated uncertainty is tried by how often the 95 % intervals hold the true
+parameters, by a noise sweep, and by a sampler of structures.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.figures import drawings, table_text
+from deatwin.scenarios.svb_benchmark.figures import drawings
 from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.record import CASES
-from deatwin.scenarios.svb_benchmark.study import SWEPT, Plan, Study, carry_out
-from deatwin.scenarios.svb_benchmark.tables import tables
-from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, as_csv
-from deatwin.scenarios.svb_benchmark.verdicts import exact, judge, kept, oracles
-from deatwin.studies.report.story import Note, StoryPage, write_story
+from deatwin.scenarios.svb_benchmark.study import CASES, SWEPT, Plan, Study, carry_out
+from deatwin.scenarios.svb_benchmark.tables import exact, judge, kept, oracles, tables
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.tables import csv_text
 from deatwin.studies.stories import Setting
-
-__all__ = ["run"]
 
 PLAN = Plan()
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Draw, identify, count, draw figures."""
-    record = setting.record()
-    setting.folder.written.extend(("seal.json", CASES))  # draws are there as soon as they are through
-    study = carry_out(setting.folder.path, setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress)
-    _list(setting, study.trials)
-    rows = judge(study)
-    reached = sum(row.passed for row in rows)
-    sentence = (
-        f"{len(PLAN.methods)} ways to choose the structure, on {PLAN.draws} draws of each of {len(PLAN.systems)} "
-        f"systems: {reached} of {len(rows)} stated measures are reached."
-    )
-    figures, files = drawings(study)
-    for name, text in files.items():
-        setting.folder.text(name, text)
+    record, folder = setting.record(), setting.folder
+    folder.written.extend(("seal.json", CASES))  # draws are there as soon as they are through
+    study = carry_out(folder.path, setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress)
+    trials = [(t.system, t.method, t.number, t.redraws, t.missed, t.false, " + ".join(t.terms)) for t in study.trials]
+    folder.text("trials.csv", csv_text(("system", "method", "draw", "redraws", "missed", "false", "terms"), trials))
+    times = [(t.system, t.method, t.number, f"{t.seconds:.4f}") for t in study.trials]
+    folder.text("times.csv", csv_text(("system", "method", "draw", "time_s"), times))  # differs between equal runs
+    rows, swept = judge(study), study.contrasts.get(SWEPT, ())
     page = StoryPage(
-        title="svb-benchmark", sentence=sentence, rows=rows, notes=_notes(study), figures=figures, tables=tables(study)
+        title="svb-benchmark",
+        sentence=f"{len(PLAN.methods)} ways to choose the structure, on {PLAN.draws} draws of each of "
+        f"{len(PLAN.systems)} systems: {reached(rows)} stated measures are reached.",
+        rows=rows,
+        notes=notes(
+            __package__,
+            swept=SWEPT,
+            draws=len(swept),
+            redraws=sum(draw.redraws for draw in swept),
+            snr_db=np.median([draw.snr_db for draw in swept]) if swept else None,
+        ),
+        figures=drawings(study),
+        tables=tables(study),
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows], **_summary(study)}
-    setting.folder.text("svb-benchmark.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
-
-
-def _list(setting: Setting, trials: Sequence[Trial]) -> None:
-    """Write the trials, and their times apart, because these differ between equal runs."""
-    setting.folder.text("trials.csv", as_csv(trials))
-    times = [(t.system, t.method, t.number, f"{t.seconds:.4f}") for t in trials]
-    setting.folder.text("times.csv", table_text(("system", "method", "draw", "time_s"), times))
+    return finish(folder, record, page, **_summary(study))
 
 
 def _rate(rate: Rate) -> dict[str, Any]:
@@ -100,45 +91,3 @@ def _summary(study: Study) -> dict[str, Any]:
             for system, draws in study.contrasts.items()
         },
     }
-
-
-def _notes(study: Study) -> list[Note]:
-    notes = [
-        Note(
-            title="How it is counted",
-            paragraphs=[
-                "All methods get the same draws, and each has the same settings on all systems; they know lags and "
-                "degree of the candidates, and nothing else unless their line says so. A structure is exact if it "
-                "holds the true terms and no others, not even a constant. Behind each rate stands its 95 % interval "
-                "after Clopper and Pearson. Times are processor times, with one "
-                "thread for the linear algebra."
-            ],
-        ),
-        Note(
-            title="Which oracle is a limit",
-            paragraphs=[
-                "Least squares on all candidates shares out the information of a record among hundreds of parameters, "
-                "so that even the best threshold on |t| finds little of what methods find that fit few terms at a "
-                "time. It is tabled as the weaker reference. The stricter oracle looks from the true terms: how often "
-                "is the truth better, at the best price per term, than every set that differs from it by one term "
-                "more, one less, or one exchanged? A choice by sum of squares and price cannot do better, unless it "
-                "is told the number of terms."
-            ],
-        ),
-    ]
-    if SWEPT in study.contrasts:
-        draws = study.contrasts[SWEPT]
-        redraws = sum(draw.redraws for draw in draws)
-        notes.append(
-            Note(
-                title=f"{SWEPT} is not as quiet as the thesis says",
-                paragraphs=[
-                    f"At a variance of 0.004 the output's variance is {np.median([d.snr_db for d in draws]):.1f} dB "
-                    "above that of the noise, where the thesis says about 20 dB; these are reached at 0.001. The "
-                    f"system is stable near rest only: {redraws} of {redraws + len(draws)} runs diverged and were "
-                    "replaced, so that all rates are of runs that stay bounded. Levels and system of the thesis' "
-                    "sweep are not known to us; the sweep here takes this system, with levels around its own."
-                ],
-            )
-        )
-    return notes

@@ -1,17 +1,125 @@
-"""The tables of the page."""
+"""The stated measures, what is demanded and what is reached; and the tables of the page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
+from deatwin.scenarios.svb_benchmark.draws import Comparison, Oracle, Trial, consult, system_of
 from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.study import SWEPT, Study
-from deatwin.scenarios.svb_benchmark.trials import Rate, Trial, system_of
-from deatwin.scenarios.svb_benchmark.verdicts import exact, kept, oracles
+from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Level, Study
+from deatwin.studies.rates import Rate
 from deatwin.studies.report.quantities import three_digits
-from deatwin.studies.report.story import Table
+from deatwin.studies.report.story import Measure, Table
+
+COVERAGE = (0.92, 0.98)
+LEAST_PARAMETERS = 500
+WEAK = "S6"
+"""System whose smallest term is so weak that no method can find it in all draws."""
+CLEAN = "svb-clean"
+
+
+def exact(study: Study, system: str, method: str) -> Rate:
+    """Count the draws of which a method finds the true structure."""
+    return Rate.of(trial.exact for trial in study.of(system, method))
+
+
+def kept(study: Study, system: str, method: str) -> Rate:
+    """Count the draws of which a method keeps every true term."""
+    return Rate.of(trial.kept for trial in study.of(system, method))
+
+
+def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
+    """Ask those who know the truth: on all candidates, and from the true terms."""
+    draws = study.contrasts[system]
+    return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
+
+
+# --- measures -------------------------------------------------------------------------------------------------------
+
+
+def judge(study: Study) -> list[Measure]:
+    """Hold the study against what is demanded."""
+    rows: list[Measure] = []
+    if "semp" in study.plan.methods:
+        rows += _shares(study, "semp", "exact structure", ("S2", "S3", "S4"), 0.95)
+        rows += _beside_oracles(study, "semp", "exact structure", 0.97)
+    if CLEAN in study.plan.methods:
+        strong = ("S1", "S2", "S3", "S4", "E1")
+        rows += _shares(study, CLEAN, "every true term kept", strong, 1.0)
+        rows += _beside_oracles(study, CLEAN, "every true term kept", 1.0)
+        rows += _shares(study, CLEAN, "exact structure", strong, 0.9)
+        rows += _beside_oracles(study, CLEAN, "exact structure", 0.95)
+    return [*rows, *_covers(study), *_sampler_agrees(study)]
+
+
+def _rate(study: Study, system: str, method: str, what: str) -> Rate:
+    return (exact if what.startswith("exact") else kept)(study, system, method)
+
+
+def _shares(study: Study, method: str, what: str, systems: Iterable[str], least: float) -> Iterator[Measure]:
+    demanded = f"at least {100 * least:g} %" if least < 1 else "in all draws"
+    for system in systems:
+        if system in study.plan.systems:
+            rate = _rate(study, system, method, what)
+            yield Measure(f"{METHODS[method].label}, {system}: {what}", demanded, str(rate), rate.share >= least)
+
+
+def _beside_oracles(study: Study, method: str, what: str, share: float) -> Iterator[Measure]:
+    if WEAK not in study.plan.systems:
+        return
+    rate = _rate(study, WEAK, method, what)
+    of = f"{share:g} of " if share < 1 else ""
+    names = ("the oracle on all candidates", "the oracle from the true terms (stricter)")
+    for name, oracle in zip(names, oracles(study, WEAK), strict=True):
+        reference = (oracle.exact if what.startswith("exact") else oracle.kept).share
+        yield Measure(
+            f"{METHODS[method].label}, {WEAK}: {what}, beside {name}",
+            f"at least {of}{100 * reference:g} %",
+            str(rate),
+            rate.share >= share * reference,
+        )
+
+
+def _covers(study: Study) -> Iterator[Measure]:
+    for estimator in sorted({estimator for _, estimator in study.covered}):
+        sets = [study.covered[system, estimator] for system in WHITE if (system, estimator) in study.covered]
+        if sets:
+            rate = Rate.of(np.concatenate([flags.ravel() for flags in sets]).tolist())
+            yield Measure(
+                f"95 % intervals by {estimator}, given the right structure: {', '.join(WHITE)}",
+                f"{_band()} of at least {LEAST_PARAMETERS} parameters are covered",
+                f"{rate} of {rate.count}",
+                _within(rate.share) and rate.count >= LEAST_PARAMETERS,
+            )
+
+
+def _sampler_agrees(study: Study) -> Iterator[Measure]:
+    if not study.comparisons:
+        return
+    same = Rate.of(draw.agrees for draw in study.comparisons)
+    yield Measure(
+        "spike-and-slab sampler on S4: the terms it holds for more likely in than out",
+        "the same as those of SVB in every draw",
+        f"in {same.hits} of {same.count} draws",
+        same.hits == same.count,
+    )
+    for name, words in (("mass_given", "of the same structure"), ("mass", "averaged over structures")):
+        mass = float(np.mean(np.concatenate([getattr(draw, name) for draw in study.comparisons])))
+        measure = f"its probability of SVB's 95 % intervals, {words}"
+        yield Measure(measure, _band(), f"{100 * mass:.1f} %", _within(mass))
+
+
+def _band() -> str:
+    return f"{100 * COVERAGE[0]:g} to {100 * COVERAGE[1]:g} %"
+
+
+def _within(share: float) -> bool:
+    return COVERAGE[0] <= share <= COVERAGE[1]
+
+
+# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:
@@ -27,31 +135,28 @@ def tables(study: Study) -> list[Table]:
 
 
 def _method(study: Study, method: str) -> Table:
-    rows = []
-    for system in study.plan.systems:
-        trials = study.of(system, method)
-        rows.append(
-            [
-                system,
-                str(kept(study, system, method)),
-                str(exact(study, system, method)),
-                f"{np.mean([t.missed for t in trials]):.2f}",
-                f"{np.mean([t.false for t in trials]):.2f}",
-                three_digits(float(np.median([t.seconds for t in trials]))),
-            ]
-        )
-    columns = ["system", "every true term kept", "exact structure", "missed", "false", "median processor time (s)"]
-    return Table(title=f"{METHODS[method].label}: {METHODS[method].line}", columns=columns, rows=rows)
+    def median_time(system: str) -> str:
+        return three_digits(float(np.median([t.seconds for t in study.of(system, method)])))
+
+    return Table.of(
+        f"{METHODS[method].label}: {METHODS[method].line}",
+        study.plan.systems,
+        {
+            "system": str,
+            "every true term kept": lambda system: kept(study, system, method),
+            "exact structure": lambda system: exact(study, system, method),
+            "missed": lambda system: f"{np.mean([t.missed for t in study.of(system, method)]):.2f}",
+            "false": lambda system: f"{np.mean([t.false for t in study.of(system, method)]):.2f}",
+            "median processor time (s)": median_time,
+        },
+    )
 
 
 def _oracles(study: Study) -> Table:
-    rows = []
+    rows, columns = [], ["system"]
     for system in study.plan.systems:
-        cells = [system]
-        for oracle in oracles(study, system):
-            cells += [str(oracle.kept), str(oracle.exact), three_digits(oracle.threshold)]
-        rows.append(cells)
-    columns = ["system"]
+        several = [[str(o.kept), str(o.exact), three_digits(o.threshold)] for o in oracles(study, system)]
+        rows.append([system, *several[0], *several[1]])
     for name in ("on all candidates", "from the true terms"):
         columns += [f"{name}: every true term", "exact structure", "best threshold on |t|"]
     return Table(title="Oracles, who know the truth and choose the threshold by it", columns=columns, rows=rows)
@@ -60,24 +165,26 @@ def _oracles(study: Study) -> Table:
 def _chosen(study: Study) -> Table:
     """Terms of the first draw of E1, and how often each true one is kept over all."""
     system = system_of(SWEPT)
+    true = dict(zip(map(str, system.terms), system.theta, strict=True))
     first = {method: study.of(SWEPT, method)[0] for method in study.plan.methods}
-    true = list(map(str, system.terms))
-    false = [term for term in _all_terms(first.values()) if term not in true]
-    rows = []
-    for term, value in [*zip(true, system.theta, strict=True), *((term, None) for term in false)]:
-        cells = [term, "–" if value is None else f"{value:g}"]
-        for method, trial in first.items():
-            cell = f"{trial.theta[trial.terms.index(term)]:.3f}" if term in trial.terms else "–"
-            if value is not None:
-                share = Rate.of(term in other.terms for other in study.of(SWEPT, method)).share
-                cell += f" ({100 * share:.0f} %)"
-            cells.append(cell)
-        rows.append(cells)
+
+    def cell(term: str, method: str) -> str:
+        trial = first[method]
+        shown = f"{trial.theta[trial.terms.index(term)]:.3f}" if term in trial.terms else "–"
+        if term in true:
+            share = Rate.of(term in other.terms for other in study.of(SWEPT, method)).share
+            shown += f" ({100 * share:.0f} %)"
+        return shown
+
+    terms = dict.fromkeys([*true, *(term for trial in first.values() for term in trial.terms)])
     return Table(
         title=f"{SWEPT}: parameters of the first draw, and in how many of all draws a true term is kept "
         "(thesis table 6.1)",
         columns=["term", "true", *(METHODS[method].label for method in first)],
-        rows=rows,
+        rows=[
+            [term, f"{true[term]:g}" if term in true else "–", *(cell(term, method) for method in first)]
+            for term in terms
+        ],
     )
 
 
@@ -86,121 +193,87 @@ def _intervals(study: Study) -> Table:
     system, rows = system_of(SWEPT), []
     for method in study.plan.bayesian:
         right = [trial for trial in study.of(SWEPT, method) if trial.exact]
-        if not right:
-            continue
-        trial = right[0]
-        for term, value in zip(map(str, system.terms), system.theta, strict=True):
-            at = trial.terms.index(term)
-            low, high = trial.low[at], trial.high[at]
+        for term, value in zip(map(str, system.terms), system.theta, strict=True) if right else ():
+            at = right[0].terms.index(term)
+            low, high = right[0].low[at], right[0].high[at]
             inside = Rate.of(_holds(other, term, value) for other in right)
-            rows.append(
-                [
-                    METHODS[method].label,
-                    term,
-                    f"{value:g}",
-                    f"{trial.theta[at]:.4f}",
-                    f"{low:.4f} to {high:.4f}",
-                    "yes" if low <= value <= high else "no",
-                    str(inside),
-                ]
-            )
+            holds, mean = "yes" if low <= value <= high else "no", f"{right[0].theta[at]:.4f}"
+            ends = f"{low:.4f} to {high:.4f}"
+            rows.append([METHODS[method].label, term, f"{value:g}", mean, ends, holds, str(inside)])
     columns = ["method", "term", "true", "mean", "95 % interval", "holds it", "in all draws with the right structure"]
-    return Table(
-        title=f"{SWEPT}: intervals of the first draw whose structure is found (thesis table 6.2)",
-        columns=columns,
-        rows=rows,
-    )
-
-
-def _coverage(study: Study) -> Table:
-    rows = []
-    for (system, estimator), flags in study.covered.items():
-        rate = Rate.of(flags.ravel().tolist())
-        rows.append([system, estimator, str(rate.count), str(rate)])
-    columns = ["system", "estimator", "parameters", "covered"]
-    return Table(title="95 % intervals, given the right structure", columns=columns, rows=rows)
-
-
-def _sweep(study: Study) -> Table:
-    rows = []
-    for level in study.levels:
-        cells = [f"{level.variance:g}"]
-        for method in study.plan.bayesian:
-            trials = [trial for trial in level.trials if trial.method == method]
-            cells += [str(Rate.of(t.kept for t in trials)), str(Rate.of(t.exact for t in trials))]
-        redraws = sum(trial.redraws for trial in trials)
-        cells += [str(Rate.of(level.covered.ravel().tolist())), f"{redraws} of {redraws + len(trials)}"]
-        rows.append(cells)
-    columns = ["variance"]
-    for method in study.plan.bayesian:
-        columns += [f"{METHODS[method].label}: every true term kept", "exact structure"]
-    return Table(
-        title=f"{SWEPT} at five noise levels", columns=[*columns, "intervals that cover", "diverged"], rows=rows
-    )
-
-
-def _sampler(study: Study) -> Table:
-    rows = [
-        [
-            str(draw.number + 1),
-            "yes" if draw.agrees else "no",
-            f"{np.sort(draw.inclusion)[-len(draw.sampled)]:.3f}",
-            f"{np.sort(draw.inclusion)[-len(draw.sampled) - 1]:.3f}",
-            f"{draw.unsettled:.4f}",
-            f"{100 * draw.mass_given.mean():.1f} %",
-            f"{100 * draw.mass.mean():.1f} %",
-            three_digits(draw.seconds),
-            three_digits(draw.sampled_seconds),
-        ]
-        for draw in study.comparisons
-    ]
-    columns = [
-        "draw",
-        "same terms",
-        "least likely kept",
-        "most likely other",
-        "two chains differ by",
-        "mass of SVB's intervals, same structure",
-        "over all structures",
-        "SVB, processor time (s)",
-        "one chain, processor time (s)",
-    ]
-    return Table(title="S4: a spike-and-slab sampler beside SVB", columns=columns, rows=rows)
-
-
-def _systems(study: Study) -> Table:
-    rows = []
-    for name in study.plan.systems:
-        system, draws = system_of(name), study.contrasts[name]
-        redraws = sum(draw.redraws for draw in draws)
-        rows.append(
-            [
-                name,
-                str(system.model),
-                str(system.n_samples),
-                f"{np.median([draw.snr_db for draw in draws]):.1f} dB",
-                f"{redraws} of {redraws + len(draws)}",
-                f"{np.median([draw.condition for draw in draws]):.1e}",
-                system.source,
-            ]
-        )
-    columns = [
-        "system",
-        "equation",
-        "samples",
-        "output over noise, median",
-        "diverged",
-        "condition of the candidates, median",
-        "source",
-    ]
-    return Table(title="Systems", columns=columns, rows=rows)
-
-
-def _all_terms(trials: Iterable[Trial]) -> list[str]:
-    """Return all terms that occur, each once, in order."""
-    return list(dict.fromkeys(term for trial in trials for term in trial.terms))
+    title = f"{SWEPT}: intervals of the first draw whose structure is found (thesis table 6.2)"
+    return Table(title=title, columns=columns, rows=rows)
 
 
 def _holds(trial: Trial, term: str, value: float) -> bool:
     at = trial.terms.index(term)
     return trial.low[at] <= value <= trial.high[at]
+
+
+def _coverage(study: Study) -> Table:
+    rates = [(*key, Rate.of(flags.ravel().tolist())) for key, flags in study.covered.items()]
+    rows = [[system, estimator, str(rate.count), str(rate)] for system, estimator, rate in rates]
+    columns = ["system", "estimator", "parameters", "covered"]
+    return Table(title="95 % intervals, given the right structure", columns=columns, rows=rows)
+
+
+def _sweep(study: Study) -> Table:
+    def rate(level: Level, method: str, flag: Callable[[Trial], bool]) -> str:
+        return str(Rate.of(flag(trial) for trial in level.trials if trial.method == method))
+
+    rows, columns = [], ["variance"]
+    for level in study.levels:
+        cells = [f"{level.variance:g}"]
+        for method in study.plan.bayesian:
+            cells += [rate(level, method, lambda t: t.kept), rate(level, method, lambda t: t.exact)]
+        trials = [trial for trial in level.trials if trial.method == study.plan.bayesian[-1]]
+        redraws = sum(trial.redraws for trial in trials)
+        covers = str(Rate.of(level.covered.ravel().tolist()))
+        rows.append([*cells, covers, f"{redraws} of {redraws + len(trials)}"])
+    for method in study.plan.bayesian:
+        columns += [f"{METHODS[method].label}: every true term kept", "exact structure"]
+    columns += ["intervals that cover", "diverged"]
+    return Table(title=f"{SWEPT} at five noise levels", columns=columns, rows=rows)
+
+
+def _sampler(study: Study) -> Table:
+    def ranked(draw: Comparison, rank: int) -> str:
+        return f"{np.sort(draw.inclusion)[-rank]:.3f}"
+
+    return Table.of(
+        "S4: a spike-and-slab sampler beside SVB",
+        study.comparisons,
+        {
+            "draw": lambda draw: draw.number + 1,
+            "same terms": lambda draw: "yes" if draw.agrees else "no",
+            "least likely kept": lambda draw: ranked(draw, len(draw.sampled)),
+            "most likely other": lambda draw: ranked(draw, len(draw.sampled) + 1),
+            "two chains differ by": lambda draw: f"{draw.unsettled:.4f}",
+            "mass of SVB's intervals, same structure": lambda draw: f"{100 * draw.mass_given.mean():.1f} %",
+            "over all structures": lambda draw: f"{100 * draw.mass.mean():.1f} %",
+            "SVB, processor time (s)": lambda draw: three_digits(draw.seconds),
+            "one chain, processor time (s)": lambda draw: three_digits(draw.sampled_seconds),
+        },
+    )
+
+
+def _systems(study: Study) -> Table:
+    def diverged(name: str) -> str:
+        redraws = sum(draw.redraws for draw in study.contrasts[name])
+        return f"{redraws} of {redraws + len(study.contrasts[name])}"
+
+    return Table.of(
+        "Systems",
+        study.plan.systems,
+        {
+            "system": str,
+            "equation": lambda name: system_of(name).model,
+            "samples": lambda name: system_of(name).n_samples,
+            "output over noise, median": lambda name: f"{np.median([d.snr_db for d in study.contrasts[name]]):.1f} dB",
+            "diverged": diverged,
+            "condition of the candidates, median": lambda name: (
+                f"{np.median([d.condition for d in study.contrasts[name]]):.1e}"
+            ),
+            "source": lambda name: system_of(name).source,
+        },
+    )

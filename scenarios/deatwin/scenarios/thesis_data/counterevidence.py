@@ -13,7 +13,7 @@ Array = np.ndarray
 LEVELS = 0.05 * 2.0 ** np.arange(5)
 """Commands from far below the smallest of the excitation up to near it, V."""
 HOLD = 12.0
-"""At each of them, s: twenty times the film's relaxation time, so that the ball is where it stays."""
+"""Time at each of them, s: twenty times the film's relaxation time, so that the ball is at rest."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,10 +36,10 @@ class SideBands:
     """The line spectrum of a linear plant whose gain drifts."""
 
     frequencies: Array  # shape (n,): Hz
-    inputs: Array  # shape (n,): Amplitudes of input and output
-    outputs: Array
-    line: float  # Frequency of the only line of the input, and of the drift of the gain, Hz
-    drift: float
+    inputs: Array  # shape (n,): Amplitudes of the input
+    outputs: Array  # shape (n,): Amplitudes of the output
+    line: float  # Frequency of the only line of the input, Hz
+    drift: float  # Frequency of the drift of the gain, Hz
     expected: tuple[float, float]  # Amplitudes of the two side bands in closed form
     superposition: float
 
@@ -71,17 +71,15 @@ def side_bands(
 
     `line, drift` f and :math:`f_d`, Hz.
     """
+    from scipy.signal import lfilter
+
     period = round(1 / (drift * sample_time)) * 2
     timepts = sample_time * np.arange(2 * period)
     pole = np.exp(-sample_time / time)
 
     def respond(u: Array) -> Array:
         gained = (1 - pole) * (1 + depth * np.cos(2 * np.pi * drift * timepts)) * u
-        y = np.empty_like(u)
-        last = 0.0
-        for k, value in enumerate(gained):
-            y[k] = last = pole * last + value
-        return y
+        return np.asarray(lfilter([1.0], [1.0, -pole], gained))
 
     wave, other = np.cos(2 * np.pi * line * timepts), np.cos(2 * np.pi * 2.3 * line * timepts)
     response, of_other, of_sum = respond(wave), respond(other), respond(wave + other)

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.parallel import run_jobs
+from deatwin.ident.curves import loop_area
 from deatwin.plant.excitation import triangles
-from deatwin.plant.fleet import DURATION, Actuator, fleet, specification
+from deatwin.plant.fleet import Actuator, fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.scenarios.thesis_data.measures import loop_area
+from deatwin.studies.parallel import call, run_told
+from deatwin.studies.voice import Progress
 
 LOOP_RATE = 0.01
-"""Of the actuators' loops, Hz."""
+"""Rate of the actuators' loops, Hz."""
 RATES = (0.1, 0.01, 0.001)
-"""Of the specification's, Hz."""
+"""Rates of the loops of the specification, Hz."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,22 +27,22 @@ class Loop:
     """One cycle of a triangle."""
 
     rate: float  # Hz
-    commands: NDArray[np.float64]  # shape (n,): V and m
-    displacements: NDArray[np.float64]
+    commands: NDArray[np.float64]  # shape (n,): V
+    displacements: NDArray[np.float64]  # shape (n,): m
 
     @property
     def area(self) -> float:
-        """As `loop_area` gives it."""
+        """Area of the loop over the rectangle around it."""
         return loop_area(self.commands, self.displacements)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """What was done with one actuator."""
+    """An actuator, its recording and its loop."""
 
-    actuator: Actuator  # The one
+    actuator: Actuator
     recording: Recording
-    loop: Loop  # At `LOOP_RATE`, of another experiment, which begins at rest too
+    loop: Loop  # At `LOOP_RATE`, from another experiment that begins at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,23 +54,17 @@ class Study:
     elastic_loops: tuple[Loop, ...]
 
 
-def carry_out(
-    seed: int, duration: float = DURATION, *, jobs: int = 1, finished: Callable[[int, int], None] | None = None
-) -> Study:
+def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
     """Do all experiments."""
     wished = specification()
-    tasks: list[tuple[Any, ...]] = [(_record, actuator, duration) for actuator in fleet(seed)]
+    tasks: list[tuple[Any, ...]] = [(_record, actuator) for actuator in fleet(seed)]
     tasks += [(loops_of, plant, RATES) for plant in (wished, wished.without_effects())]
-    done = run_jobs(
-        _do, tasks, workers=jobs, finished=None if finished is None else lambda count: finished(count, len(tasks))
-    )
-    return Study(benches=tuple(done[:-2]), loops=done[-2], elastic_loops=done[-1])
+    *benches, loops, elastic = run_told(call, tasks, jobs, progress, "recording six actuators")
+    return Study(benches=tuple(benches), loops=loops, elastic_loops=elastic)
 
 
 def cycle(rate: float, sample_time: float) -> Experiment:
-    """Triangles over the thesis' range of commands: two that make the film forget its start, and one to look at.
-    `rate` of the last one, Hz.
-    """
+    """Triangles over the thesis' range of commands: two that let the film forget its start, and one at `rate`, Hz."""
     pieces = [triangles(sample_time, lower=1.1, upper=3.75, rates=(r,), cycles=1) for r in (0.1, 0.1, rate)]
     starts = np.cumsum([0, *(p.size for p in pieces[:-1])]) * sample_time
     return Experiment(
@@ -82,7 +76,7 @@ def cycle(rate: float, sample_time: float) -> Experiment:
 
 
 def loops_of(plant: Plant, rates: tuple[float, ...]) -> tuple[Loop, ...]:
-    """Loops of a plant, as they are without the sensor. `rates` hz."""
+    """Loops of a plant without the sensor, at `rates`, Hz."""
     found = []
     for rate in rates:
         experiment = cycle(rate, plant.rig.sample_time)
@@ -91,12 +85,8 @@ def loops_of(plant: Plant, rates: tuple[float, ...]) -> tuple[Loop, ...]:
     return tuple(found)
 
 
-def _record(actuator: Actuator, duration: float) -> Bench:
-    recording = actuator.record(actuator.excitation(duration)).recordings[0]
+def _record(actuator: Actuator) -> Bench:
+    recording = actuator.record().recordings[0]
     last = actuator.record(cycle(LOOP_RATE, recording.sample_time)).recordings[-1]
     loop = Loop(rate=LOOP_RATE, commands=last.inputs[0], displacements=last.outputs[0])
     return Bench(actuator=actuator, recording=recording, loop=loop)
-
-
-def _do(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)

@@ -9,67 +9,79 @@ that they have not seen.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
-from deatwin.scenarios.time_varying.benchmark_figures import benchmark_drawings
-from deatwin.scenarios.time_varying.fleet_figures import fleet_drawings, key_of
-from deatwin.scenarios.time_varying.fleet_maps import map_drawings
-from deatwin.scenarios.time_varying.following import CONSTANT, VARYING
-from deatwin.scenarios.time_varying.notes import notes
-from deatwin.scenarios.time_varying.study import Study, carry_out
-from deatwin.scenarios.time_varying.verdicts import judge
-from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.story import StoryPage, write_story
+from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
+from deatwin.scenarios.time_varying.fleet_figures import fleet_drawings
+from deatwin.scenarios.time_varying.known_figures import known_drawings
+from deatwin.scenarios.time_varying.measures import CHANCE, HELD, judge
+from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study, carry_out
+from deatwin.studies.report.panels import key_of
+from deatwin.studies.report.prose import notes
+from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
-__all__ = ["run"]
-
 SAVED_EVERY = 20
-"""Of the trajectories' times every so many are saved: covariances of every second are large."""
+"""Every so many times of a trajectory are saved: covariances of every second are large."""
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Follow known systems and the fleet along time."""
-    record = RunRecord(command=setting.command, inputs=[], seed=setting.seed, jobs=setting.jobs)
+    record = setting.record()
     study = carry_out(setting.seed, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.92, "judging and drawing")
-    rows = judge(study)
-    unseen = {way: [100 * one.track.unseen[way] for one in study.driven] for way in (CONSTANT, VARYING)}
-    sentence = (
-        "Six actuators, one structure: on blocks left out of the fit free runs miss by "
-        f"{min(unseen[CONSTANT]):.0f} to {max(unseen[CONSTANT]):.0f} % of the reading's deviation with constant "
-        f"parameters and by {min(unseen[VARYING]):.0f} to {max(unseen[VARYING]):.0f} % with parameters that vary; "
-        f"{sum(row.passed for row in rows)} of {len(rows)} stated measures are reached."
-    )
-    drawn = [*benchmark_drawings(study.benchmark), *fleet_drawings(study), *map_drawings(study.shown)]
-    for drawing, columns in drawn:
-        setting.folder.csv(drawing.data, columns)
-    for one in study.driven:
-        saved = one.track.trajectory.thinned(SAVED_EVERY)
-        setting.folder.save(f"theta/{key_of(one).lower()}.json", saved.save)
+    rows, tracks = judge(study), [one.track for one in study.driven]
+    for track in tracks:
+        setting.folder.save(f"theta/{key_of(track.name).lower()}.json", track.trajectory.thinned(SAVED_EVERY).save)
     page = StoryPage(
-        title="time-varying", sentence=sentence, rows=rows, notes=notes(study), figures=[d for d, _ in drawn]
+        title="time-varying",
+        sentence=(
+            "Six actuators, one structure: on blocks left out of the fit free runs miss by "
+            f"{_unseen(study, CONSTANT):.0f} % of the reading's deviation with constant parameters and by "
+            f"{_unseen(study, VARYING):.0f} % with parameters that vary; {reached(rows)} stated measures are reached."
+        ),
+        rows=rows,
+        notes=notes(__package__, **_numbers(study)),
+        figures=[*known_drawings(study.known), *fleet_drawings(study)],
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows], "actuators": _errors(study)}
-    setting.folder.text("time-varying.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
-
-
-def _errors(study: Study) -> list[dict[str, Any]]:
-    """Free-run errors of each actuator over its reading's deviation, as plain data."""
-    return [
-        {
-            "actuator": one.name,
-            "share": one.track.share,
-            "seen": dict(one.track.seen),
-            "unseen": dict(one.track.unseen),
-            "ahead": dict(one.track.ahead),
-        }
-        for one in study.driven
+    errors = [
+        {"actuator": t.name, "share": t.share, **{kind: dict(getattr(t, kind)) for kind in ("seen", "unseen", "ahead")}}
+        for t in tracks
     ]
+    return finish(setting.folder, record, page, actuators=errors)
+
+
+def _unseen(study: Study, way: str) -> Span:
+    """Errors on blocks left out of the fit, %."""
+    return Span(100 * one.track.unseen[way] for one in study.driven)
+
+
+def _numbers(study: Study) -> dict[str, Any]:
+    """Numbers of the notes."""
+    tracks = [one.track for one in study.driven]
+    seldom = [
+        f"{'the constant' if str(term) == '1' else term} of “{one.name}” ({100 * share:.1f} %)"
+        for one in study.known.followed
+        for term, share in zip(one.trajectory.terms, one.covered, strict=True)
+        if share < HELD
+    ]
+    return {
+        "seen": 100 * max(track.seen[LIKELIEST] for track in tracks),
+        "likeliest": _unseen(study, LIKELIEST),
+        "constant": _unseen(study, CONSTANT),
+        "varying": _unseen(study, VARYING),
+        "refined": _unseen(study, REFINED),
+        "losing": [track.name for track in tracks if track.unseen[VARYING] >= track.unseen[REFINED]],
+        "block": BLOCK,
+        "structure": STRUCTURE,
+        "step": 0.02 * FACTOR,
+        "worst": max(one.series_error for one in study.driven),
+        "shares": ", ".join(f"{track.share:g} for {track.name}" for track in tracks),
+        "least": SHARES[0] if SHARES[0] in [track.share for track in tracks] else None,
+        "unsure": [one.name for one in study.driven if one.name in DRIFTING and one.chance >= CHANCE],
+        "seldom": seldom,
+        "held": 100 * HELD,
+    }

@@ -2,68 +2,62 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.drifts import root_mean_square
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency.varying.maps import Map
+from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
 from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
-from deatwin.ident.narx import NarxModel, Recording, Term, ThetaTrajectory, generate_terms
-from deatwin.ident.parallel import run_jobs, spawn_generators
+from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory, generate_terms
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, linear_in_output
+from deatwin.ident.narx.fleet.records import thinned
+from deatwin.ident.narx.varying_systems import SYSTEMS
+from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
+from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.fleet import Actuator, fleet
-from deatwin.scenarios.fleet_models.preparation import thinned
-from deatwin.scenarios.time_varying.benchmark import (
+from deatwin.scenarios.time_varying.known import (
     LINES,
     SPEEDS,
-    Benchmark,
     Followed,
     FrozenRun,
-    carry_out_benchmark,
+    Known,
     covered,
     follow,
     frozen_run,
+    known_systems,
     lines,
 )
-from deatwin.scenarios.time_varying.following import CONSTANT, VARYING, Track, follow_actuator
-from deatwin.scenarios.time_varying.maps import Map, root_mean_square
-from deatwin.scenarios.time_varying.spectra import ShortTime, compare_windows, series_error, windows_of
-from deatwin.scenarios.time_varying.systems import SYSTEMS
+from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
 FACTOR = 6
-"""Of the samples every so many are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0."""
+"""Every so many samples are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0."""
 DEGREE = 5
 WINDOW = 100.0
-"""Of the sliding mean and gain, s: the mean of 100 s of the thesis' noise wanders by a few per cent of the stroke."""
+"""Window of the sliding mean and gain, s: the mean of 100 s of the thesis' noise wanders by a few per cent of the stroke."""
 SPECTRUM_WINDOW = 20.0
-"""Of the short-time spectra, s: 0.05 Hz from line to line, and a hundredth of what the slowest histories take."""
-OPERATING_INPUT = 2.4
-"""Mean of the thesis' noise, V."""
+"""Window of the short-time spectra, s: 0.05 Hz from line to line, and a hundredth of what the slowest histories take."""
 BAND = (0.05, 1.0)
-"""Of the thesis' noise, Hz; the test signal for NOFRFs has lines there."""
+"""Band of the thesis' noise, Hz; the test signal for NOFRFs has lines there."""
 LEVEL = 0.6
 """Largest magnitude of the test signal, V: the thesis' standard deviation."""
 SHOWN = (1, 2)
 """Numbers of the actuators whose maps are drawn: the mean of the first falls, that of the second rises."""
 MAP_TIMES = 90
 REALISATIONS = 100
-"""Of random walks whose maps are to cover the truth."""
+"""Random walks whose maps are to cover the truth."""
 COVERAGE_TIMES = np.linspace(1.0, 29.0, 8)
 COVERAGE_HZ = np.array([0.2, 0.5, 1.0, 2.0, 4.0, 8.0])
-
-
-def _feedback_is_linear(term: Term) -> bool:
-    """Whether a term has the past output alone, or not at all."""
-    return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
-
-
-STRUCTURE = tuple(generate_terms(1, (0, 1), DEGREE, rule=_feedback_is_linear))
-"""Of all actuators: y(k-1), and all products of u(k) and u(k-1) up to the fifth degree. Orders above the fifth vanish,
+STRUCTURE = tuple(generate_terms(1, (0, 1), DEGREE, rule=linear_in_output))
+"""Terms of all actuators: y(k-1), and all products of u(k) and u(k-1) up to the fifth degree. Orders above the fifth vanish,
 so that sums of G_n U_n are whole; and an operating point shifts parameters without making new terms."""
 
 
@@ -77,12 +71,12 @@ class Driven:
     judged: ShortTime  # Spectra of the blocks that the parameters were not fitted to
     whole: ShortTime | None  # Spectra of the whole recording, where they are drawn
     maps: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3", where they are drawn
-    frozen: Mapping[str, float]
-    series_error: float
+    frozen: Mapping[str, float]  # Estimated frozen-time error of the TV-GFRFs, over their rms
+    series_error: float  # Sum of the orders against the steady free run, over it
 
     @property
     def name(self) -> str:
-        """Of the actuator."""
+        """Name of the actuator."""
         return self.track.name
 
     @property
@@ -95,43 +89,52 @@ class Driven:
 class Study:
     """All of it."""
 
-    benchmark: Benchmark  # Systems whose parameters are known
+    known: Known
     driven: tuple[Driven, ...]  # The six
-    stories: tuple[str, ...]  # What happens to each, in one sentence
+    stories: tuple[str, ...]  # History of each, in one sentence
 
     @property
     def shown(self) -> tuple[Driven, ...]:
-        """Those whose maps are drawn."""
+        """Actuators whose maps are drawn."""
         return tuple(one for one in self.driven if one.maps)
 
 
 def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
     """Do everything."""
     *of_systems, of_walks = np.random.SeedSequence(seed).spawn(len(SYSTEMS) + 1)
-    rngs = [np.random.default_rng(child) for child in of_systems]
     walks = spawn_generators(int(of_walks.generate_state(1)[0]), REALISATIONS)
-    actuators = fleet(seed)
-    parts: list[tuple[str, float, float, list[tuple[Any, ...]]]] = [
-        ("following six actuators", 0.0, 0.55, [(_drive, a, n in SHOWN) for n, a in enumerate(actuators, start=1)]),
-        (
-            "following systems whose parameters are known",
-            0.55,
-            0.7,
-            [(_follow, place, rng) for place, rng in enumerate(rngs)],
-        ),
-        (
-            "frozen time against the rate of variation",
-            0.7,
-            0.8,
-            [(_frozen_run, place, speed) for place in range(len(SYSTEMS)) for speed in SPEEDS],
-        ),
-        ("coverage of the truth", 0.8, 0.92, [(covered, rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks]),
-    ]
-    driven, followed, frozen, held = (_all(*part, jobs=jobs, progress=progress) for part in parts)
-    benchmark = carry_out_benchmark(
-        tuple(followed), tuple(run for runs in frozen for run in runs), held, COVERAGE_TIMES, COVERAGE_HZ
+    places, actuators = range(len(SYSTEMS)), fleet(seed)
+    driven = run_told(
+        _drive,
+        [(actuator, number in SHOWN) for number, actuator in enumerate(actuators, start=1)],
+        jobs,
+        between(progress, 0.0, 0.55),
+        "following six actuators",
     )
-    return Study(benchmark=benchmark, driven=tuple(driven), stories=tuple(a.story for a in actuators))
+    followed = run_told(
+        _follow,
+        [(place, np.random.default_rng(child)) for place, child in zip(places, of_systems, strict=True)],
+        jobs,
+        between(progress, 0.55, 0.7),
+        "following systems whose parameters are known",
+    )
+    frozen = run_told(
+        _frozen_run,
+        [(place, speed) for place in places for speed in SPEEDS],
+        jobs,
+        between(progress, 0.7, 0.8),
+        "frozen time against the rate of variation",
+    )
+    held = run_told(
+        covered,
+        [(rng, COVERAGE_TIMES, COVERAGE_HZ) for rng in walks],
+        jobs,
+        between(progress, 0.8, 0.92),
+        "coverage of the truth",
+    )
+    runs = tuple(run for each in frozen for run in each)
+    known = known_systems(tuple(followed), runs, held, COVERAGE_TIMES, COVERAGE_HZ)
+    return Study(known=known, driven=tuple(driven), stories=tuple(actuator.story for actuator in actuators))
 
 
 def _drive(actuator: Actuator, drawn: bool) -> Driven:
@@ -178,17 +181,3 @@ def _maps(track: Track, about: Mapping[str, Any]) -> tuple[dict[str, Map], dict[
         for name, response in of_lines.items()
     }
     return {name: Map.of(response) for name, response in (of_lines | of_signal).items()}, frozen
-
-
-def _all(
-    doing: str, first: float, last: float, tasks: list[tuple[Any, ...]], *, jobs: int, progress: Progress
-) -> list[Any]:
-    """Run jobs, telling what share of all work they are."""
-    progress(first, doing)
-    return run_jobs(
-        _do, tasks, workers=jobs, finished=lambda n: progress(first + (last - first) * n / len(tasks), doing)
-    )
-
-
-def _do(function: Callable[..., Any], *arguments: Any) -> Any:
-    return function(*arguments)

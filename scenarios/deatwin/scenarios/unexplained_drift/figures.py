@@ -2,34 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.thesis_data.drifts import moving_mean
-from deatwin.scenarios.unexplained_drift.examine import Finding, Track
+from deatwin.ident.drifts import moving_mean
 from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
+from deatwin.scenarios.unexplained_drift.study import Finding, Track
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 WINDOW = 2.0
-"""Of the sliding mean, s: two periods of the highest frequency of the input."""
+"""Window of the sliding mean, s: two periods of the highest frequency of the input."""
 KEPT = 10
 """One point in so many is drawn."""
 
 
-def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """Each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
+def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
+    """Draw each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
     columns: dict[str, list[Array]] = {"actuator": [], "time_s": [], "recording_um": [], "answer_um": [], "band_um": []}
     visits = len(findings[0].tracks)
     with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
@@ -46,53 +47,45 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> tuple[Drawi
         for axes in grid[-1]:
             axes.set_xlabel("clock (s)")
         legend_above(figure, grid[0, 0], 3)
-        drawing = Drawing.of(
-            figure,
-            "drifts",
-            "What drifts in the six, beside the answers",
-            f"Sliding means over {WINDOW:g} s of recording minus calibrated base plant (grey), and of the answer minus "
-            "base plant (blue, with its predictive 95 % band for one reading). Where nothing is named the answer is "
-            "the base plant, refitted to all samples. Left and right: the two visits.",
+        return WORDS.drawing(
+            figure, "drifts", {name: np.concatenate(values) for name, values in columns.items()}, window=WINDOW
         )
-    return drawing, {name: np.concatenate(values) for name, values in columns.items()}
 
 
-def verdicts(scores: Sequence[Judged]) -> tuple[Drawing, Columns]:
-    """The rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
+def verdicts(scores: Sequence[Judged]) -> Drawing:
+    """Draw the rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
     before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
     at = np.arange(len(scores), dtype=float)
     with draw((9.6, 3.6)) as figure:
         axes = figure.add_subplot()
-        axes.bar(at - 0.2, before, 0.36, color=BEFORE, label="calibrated base plant")
-        axes.bar(at + 0.2, after, 0.36, color=AFTER, label="answer")
-        axes.hlines(floor, at - 0.4, at + 0.4, color=INK, linewidth=1.2, label="noise and model error")
+        axes.bar(at - 0.2, before, 0.36, color=Hue.BEFORE, label="calibrated base plant")
+        axes.bar(at + 0.2, after, 0.36, color=Hue.AFTER, label="answer")
+        axes.hlines(floor, at - 0.4, at + 0.4, color=Hue.INK, linewidth=1.2, label="noise and model error")
         top = float(before.max())
         for place, score in zip(at, scores, strict=True):
             height = np.nanmax(_errors(score)[:2])
-            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=INK)
+            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=Hue.INK)
         axes.set(ylabel="rms residual, unseen (µm)", ylim=(0, 1.15 * top))
         axes.set_xticks(at, [s.name for s in scores])
         axes.grid(axis="x", visible=False)
         legend_above(figure, axes, 3)
-        drawing = Drawing.of(
-            figure,
-            "verdicts",
-            "The answers on unseen data",
-            "Over each pair of bars: how the answer stands to what was concealed.",
+        return WORDS.drawing(
+            figure, "verdicts", {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
         )
-    return drawing, {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
 
 
-def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
-    """Shifts of the mean between two runs of the same noise, by mechanism and history."""
+def repeats(groups: Sequence[Group]) -> Drawing:
+    """Draw shifts of the mean between two runs of the same noise, by mechanism and history."""
     columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
     with draw((9.6, 4.6)) as figure:
         left, right = figure.subplots(1, 2, sharey=True)
         for place, group in enumerate(groups):
-            colour = INK if place == 0 else AFTER
+            colour = Hue.INK if place == 0 else Hue.AFTER
             spread = np.linspace(-0.2, 0.2, group.sizes.size)
             if place:
-                left.barh(place, 1e6 * np.diff(group.next_one)[0], 0.66, 1e6 * group.next_one[0], color=MARK, alpha=0.3)
+                left.barh(
+                    place, 1e6 * np.diff(group.next_one)[0], 0.66, 1e6 * group.next_one[0], color=Hue.MARK, alpha=0.3
+                )
             left.plot(1e6 * group.sizes, place + spread, "o", color=colour, markersize=4)
             right.plot([100 * d.gain for d in group.drifts], place + spread, "o", color=colour, markersize=4)
             for number, d in enumerate(group.drifts, start=1):
@@ -102,17 +95,9 @@ def repeats(groups: Sequence[Group]) -> tuple[Drawing, Columns]:
         left.set_yticks(range(len(groups)), [f"{g.name}:\n{g.assumption}" for g in groups])
         left.invert_yaxis()
         for axes, label in ((left, "shift of the mean (µm)"), (right, "change of the gain (%)")):
-            axes.axvline(0.0, color=INK, linewidth=0.8)
+            axes.axvline(0.0, color=Hue.INK, linewidth=0.8)
             axes.set_xlabel(label)
-        drawing = Drawing.of(
-            figure,
-            "repeats",
-            "What repeats, and under which condition",
-            "One point an actuator: the same noise twice, ten minutes apart. Below the six as they are: six "
-            "fabrications of the specification with one mechanism of one size. Ochre: where 95 % of further actuators "
-            "would lie.",
-        )
-    return drawing, {name: np.array(values) for name, values in columns.items()}
+        return WORDS.drawing(figure, "repeats", columns)
 
 
 def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
@@ -124,10 +109,10 @@ def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
 
 
 def _draw_departures(axes: Axes, time: Array, measured: Array, answer: Array, band: Array) -> None:
-    axes.axhline(0.0, color=BEFORE, label="calibrated base plant")
-    axes.fill_between(time, answer - band, answer + band, color=AFTER, alpha=0.2, linewidth=0)
-    axes.plot(time, measured, color=MEASURED, linewidth=2.0, label="recording")
-    axes.plot(time, answer, color=AFTER, label="answer")
+    axes.axhline(0.0, color=Hue.BEFORE, label="calibrated base plant")
+    axes.fill_between(time, answer - band, answer + band, color=Hue.AFTER, alpha=0.2, linewidth=0)
+    axes.plot(time, measured, color=Hue.MEASURED, linewidth=2.0, label="recording")
+    axes.plot(time, answer, color=Hue.AFTER, label="answer")
 
 
 def _title(score: Judged) -> str:
@@ -138,7 +123,7 @@ def _title(score: Judged) -> str:
 
 
 def _errors(score: Judged) -> tuple[float, float, float]:
-    """Before, after (NaN where nothing is built in), and what no plant can get below, µm."""
+    """Rms errors before, after (NaN where nothing is built in), and of noise and model error, µm."""
     unseen = score.diagnosis.fit.unseen
     after = np.nan if unseen.after is None else unseen.after
     return unseen.before, after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))

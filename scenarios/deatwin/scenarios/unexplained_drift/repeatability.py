@@ -29,7 +29,7 @@ which does not drift, gives the second time what it gave the first, to a nanomet
 SPAN = 640.0
 """From the beginning of its first run to that of its second, s; in between the last command is held."""
 MEAN = 2.4
-"""Of the commands, V."""
+"""Mean of the commands, V."""
 CREEP = Creep(modulus=42e3, time=400.0)
 RELAXATION = PrestretchRelaxation(relative_loss=0.06, time=1000.0)
 AGES = (0.0, 300.0, 800.0, 1500.0, 3000.0, 6000.0)
@@ -42,7 +42,7 @@ RESTS = (5.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """What an actuator went through before the experiment."""
+    """History of an actuator before the experiment."""
 
     age: float = 0.0  # Clock time at which its first recording begins, s: how long the film has been mounted
     hold: float = 0.0  # Time that it was held at `HELD`, s; 0 if it was not
@@ -54,7 +54,7 @@ FRESH = (History(),) * 6
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """How readings have changed from one run of a noise to another."""
+    """Change of readings from one run of a noise to another."""
 
     shift: float
     shift_error: float
@@ -66,8 +66,8 @@ class Drift:
 class Group:
     """Drifts of six actuators under one assumption."""
 
-    name: str  # What drifts, and what is assumed of the histories
-    assumption: str
+    name: str  # The drift in words
+    assumption: str  # About the histories, in words
     histories: tuple[History, ...]  # One for each actuator
     drifts: tuple[Drift, ...]  # One for each actuator
 
@@ -87,7 +87,7 @@ class Group:
 
     @property
     def next_one(self) -> tuple[float, float]:
-        """Where the shift of a further actuator lies in 95 % of all cases, if this were its mechanism and history, m."""
+        """Prediction interval (95 %) of the shift of a further actuator with this mechanism and history, m."""
         from scipy.stats import t
 
         n = self.sizes.size
@@ -95,7 +95,7 @@ class Group:
         return float(self.sizes.mean()) - reach, float(self.sizes.mean()) + reach
 
     def rules_out(self, other: Drift) -> bool:
-        """Whether the shift of a drift is not what this mechanism with these histories would give."""
+        """True if this mechanism with these histories would not give the shift of a drift."""
         low, high = self.next_one
         return other.shift + 2 * other.shift_error < low or other.shift - 2 * other.shift_error > high
 
@@ -116,7 +116,7 @@ class Run:
     """The experiment on one actuator."""
 
     plant: Plant  # With its drift
-    history: History  # What it went through before
+    history: History
     seed: tuple[int, ...]
 
 
@@ -127,7 +127,7 @@ ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
     ("relaxation", "all freshly mounted", RELAXATION, FRESH),
     ("relaxation", "mounted 0 s to 100 min before", RELAXATION, tuple(History(age=age) for age in AGES)),
 )
-"""What drifts and what is assumed of the histories, in words; the drift, None for each actuator's own; histories."""
+"""Drift and assumed histories in words; the effect, None for each actuator's own; the histories."""
 
 
 def runs(seed: int) -> list[Run]:
@@ -141,7 +141,7 @@ def runs(seed: int) -> list[Run]:
 
 
 def grouped(drifts: Sequence[Drift]) -> tuple[Group, ...]:
-    """What came of the experiments, by assumption."""
+    """Group the outcomes of the experiments by assumption."""
     return tuple(
         Group(name=name, assumption=assumption, histories=histories, drifts=tuple(drifts[6 * k : 6 * k + 6]))
         for k, (name, assumption, _, histories) in enumerate(ASSUMPTIONS)

@@ -5,40 +5,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Self
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
 from deatwin.plant.records import plain
-from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
-from deatwin.studies.report.story import Row
+from deatwin.scenarios.unexplained_drift.study import Finding
+from deatwin.studies.report.story import Measure
+from deatwin.studies.report.words import Words
 
+WORDS = Words(__package__)
 OUTSIDE = frozenset({"grease_ridge"})
-"""What is concealed but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
+"""Concealed, but no effect of the catalogue, so that nobody could name it: a roughness of 20 s, no drift."""
 
 
 class Mark(Enum):
-    """How an answer stands to the truth."""
+    """Relation of an answer to the truth."""
 
-    RIGHT = "right"
-    PARTLY = "partly"
-    IN_THE_SET = "in the set"
-    OPEN = "left open"
-    WRONG = "wrong"
+    RIGHT = "right", "all that drifts is named, and nothing else"
+    PARTLY = "partly", "some of what drifts is named, and nothing else"
+    IN_THE_SET = "in the set", "the diagnosis says that it cannot decide, and all that drifts is among what it lists"
+    OPEN = "left open", "nothing is claimed with confidence"
+    WRONG = "wrong", "named with confidence what is not there"
 
-    @property
-    def advice(self) -> str:
-        """What the mark means."""
-        return _ADVICE[self]
+    advice: str
 
-
-_ADVICE: Mapping[Mark, str] = {
-    Mark.RIGHT: "all that drifts is named, and nothing else",
-    Mark.PARTLY: "some of what drifts is named, and nothing else",
-    Mark.IN_THE_SET: "the diagnosis says that it cannot decide, and all that drifts is among what it lists",
-    Mark.OPEN: "nothing is claimed with confidence",
-    Mark.WRONG: "named with confidence what is not there",
-}
+    def __new__(cls, value: str, advice: str) -> Self:
+        """Keep the meaning beside the word."""
+        mark = object.__new__(cls)
+        mark._value_, mark.advice = value, advice
+        return mark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +51,7 @@ class Estimate:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the truth."""
+        """True if the interval holds the truth."""
         return self.low <= self.truth <= self.high
 
 
@@ -66,7 +62,7 @@ class Judged:
     name: str
     truth: Mapping[str, Mapping[str, float]]
     diagnosis: Diagnosis  # The answer
-    mark: Mark  # How it stands to the truth
+    mark: Mark
     estimates: tuple[Estimate, ...]
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,8 +105,8 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
     return Mark.OPEN
 
 
-def measures(scores: Sequence[Judged]) -> list[Row]:
-    """What is demanded of the answers, and what they reach."""
+def measures(scores: Sequence[Judged]) -> list[Measure]:
+    """Hold the answers against what is demanded."""
     from scipy.stats import binom
 
     count = len(scores)
@@ -125,29 +121,9 @@ def measures(scores: Sequence[Judged]) -> list[Row]:
     covered = sum(e.covered for e in estimates)
     allowed = int(binom.ppf(0.025, len(estimates), 0.95)) if estimates else 0
     return [
-        Row(
-            measure="All that drifts is named, and nothing else",
-            demanded=f"{count} of {count}",
-            reached=f"{right} of {count}",
-            passed=right == count,
-        ),
-        Row(measure="Named with confidence what is not there", demanded="0", reached=str(wrong), passed=not wrong),
-        Row(
-            measure="All that drifts is among what is named or listed",
-            demanded=f"{count} of {count}",
-            reached=f"{inside} of {count}",
-            passed=inside == count,
-        ),
-        Row(
-            measure="Where something is built in, the error on unseen data falls",
-            demanded=f"{len(claimed)} of {len(claimed)}",
-            reached=str(better),
-            passed=better == len(claimed),
-        ),
-        Row(
-            measure="Intervals of rightly named drifts that hold the truth",
-            demanded=f"at least {allowed} of {len(estimates)} (95 % each)",
-            reached=str(covered),
-            passed=covered >= allowed,
-        ),
+        WORDS.measure("named", right == count, count=count, reached=right),
+        WORDS.measure("wrong", not wrong, reached=wrong),
+        WORDS.measure("inside", inside == count, count=count, reached=inside),
+        WORDS.measure("better", better == len(claimed), count=len(claimed), reached=better),
+        WORDS.measure("covered", covered >= allowed, allowed=allowed, count=len(estimates), reached=covered),
     ]

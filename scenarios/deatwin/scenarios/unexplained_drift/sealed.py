@@ -1,33 +1,34 @@
-"""What is concealed in each actuator: hashed before the first diagnosis, opened after the last."""
+"""The key of the concealed effects: hashed before the first diagnosis, opened after the last."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.plant.effects import Effect
 from deatwin.plant.fleet import Actuator, fleet, specification
-from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep.seal import SweepSeal, digest
+from deatwin.studies.sweep.constants import constants
+from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/drift-case/1"
-SIZE = "six actuators"
+DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
+"""Packages whose numbers decide a verdict."""
+PACKAGES = ("deatwin.plant", "deatwin.ident")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Key:
-    """What is concealed, by actuator."""
+    """Concealed effects by actuator, with their parameters in SI."""
 
     drifts: Mapping[str, Mapping[str, Mapping[str, float]]]
 
     @classmethod
     def of(cls, actuators: Sequence[Actuator]) -> Key:
-        """The key to actuators."""
+        """Make the key to actuators."""
         return cls(
             drifts={
                 a.name: {
@@ -39,32 +40,25 @@ class Key:
         )
 
     def seal(self, seed: int) -> SweepSeal:
-        """The seal: it says nothing of the drifts, and nothing of them can be changed any more."""
-        now = Seal.of(SIZE, seed, self.drifts)
+        """Seal the key: it says nothing of the drifts, and nothing of them can be changed any more."""
         parts = {
             "seed": seed,
-            "key": now.key,
-            "thresholds": digest(now.thresholds),
-            "code": digest([now.code, *_sources()]),
+            "key": digest(self.drifts),
+            "thresholds": digest(constants(DECIDING)),
+            "code": sources_digest(PACKAGES, sorted(Path(__file__).parent.glob("*.py"))),
             "versions": versions(VERSIONS),
         }
         return SweepSeal(schema=SCHEMA, parts=parts)
 
 
 def concealed_in(actuator: Actuator) -> tuple[Effect, ...]:
-    """What an actuator has and its specification has not."""
+    """List the effects that an actuator has and its specification lacks."""
     known = set(specification().effect_names)
     return tuple(e for e in actuator.plant.effects if e.name not in known)
 
 
 def opened(folder: Path, seed: int) -> Key:
-    """The key, made anew from the seed, if it is the one that was sealed and nothing that decides has changed since."""
+    """Make the key anew from the seed; require that it was sealed, and that nothing that decides has changed since."""
     key = Key.of(fleet(seed))
     key.seal(seed).require_same(read_seal(SweepSeal, folder), folder)
     return key
-
-
-def _sources() -> list[str]:
-    """SHA-256 of each source of this story; those of plant and identification are in the seal that it shares."""
-    paths = sorted(Path(__file__).parent.glob("*.py"))
-    return [f"{path.name}:{hashlib.sha256(path.read_bytes()).hexdigest()}" for path in paths]

@@ -1,38 +1,124 @@
-"""The running of the story: a case for each diagnosis and for each run of the argument, on the disk when through."""
+"""Run the story: a case for each diagnosis and for each run of the argument, on the disk when through."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.errors import DataError, ModelError
-from deatwin.plant.fleet import Actuator, fleet
-from deatwin.scenarios.unexplained_drift.examine import Finding, examine
-from deatwin.scenarios.unexplained_drift.recordings import case_of
+from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.fleet import Actuator, fleet, specification
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, Run, drift_of, grouped, runs
+from deatwin.studies.diagnosing import DiagnosisTask
+from deatwin.studies.folder import ResultFolder
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore
 
+Array = NDArray[np.float64]
+VISITS = ((32.0, 80.0), (1020.0, 40.0))
+"""Clock time at which the actuator is driven, and for how long, s. In between it rests at 0 V: effects that follow the
+drive start anew, effects that follow the clock go on. The first visit begins when the ball of the first actuator has
+worn down the grease over which it snaps from 10 to 30 s: the diagnosis takes that for outliers and refuses the
+recording."""
 CASES = "cases"
 """Folder of the cases."""
 EFFORT = 12.0
-"""Of a diagnosis, where a run of the argument takes 1."""
+"""Work of a diagnosis; a run of the argument takes 1."""
 
-Case = Callable[[], dict[str, Any]]
+Work = Callable[[], dict[str, Any]]
 Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """Everything known of an actuator whose drift is concealed."""
+
+    name: str  # ``DEA 1`` to ``DEA 6``
+    plant: Plant  # The specification: six alike, with hysteresis and without a drift
+    experiments: tuple[Experiment, ...]  # One for each of `VISITS`, each from rest
+
+
+def case_of(actuator: Actuator) -> Case:
+    """Record an actuator with the thesis' noise, as an experimenter would."""
+    rng = np.random.default_rng((*actuator.seed, 3))
+    step = actuator.plant.rig.sample_time
+    experiments = []
+    for start, duration in VISITS:
+        commands = band_limited_noise(rng, duration, step)
+        planned = Recording.from_arrays(commands, np.zeros_like(commands), step, start=start)
+        experiments.append(actuator.record(Experiment(recordings=(planned,)), rng))
+    return Case(name=actuator.name, plant=specification(), experiments=tuple(experiments))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """A recording beside simulations; all signals in m, shape (n,)."""
+
+    timepts: Array  # shape (n,): Clock times, s
+    measured: Array
+    base: Array
+    answer: Array
+    deviation: Array  # shape (n,): Predictive standard deviation of the last, m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finding:
+    """The diagnosis of one actuator."""
+
+    name: str
+    diagnosis: Diagnosis
+    tracks: tuple[Track, ...]  # One for each recording
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data."""
+        tracks = [{key: values.tolist() for key, values in vars(track).items()} for track in self.tracks]
+        return {"name": self.name, "diagnosis": self.diagnosis.to_dict(), "tracks": tracks}
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read what `to_dict` made."""
+        tracks = (Track(**{k: np.array(v, dtype=float) for k, v in track.items()}) for track in data["tracks"])
+        return cls(name=data["name"], diagnosis=Diagnosis.from_dict(data["diagnosis"]), tracks=tuple(tracks))
+
+
+def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tuple[Finding, list[str]]:
+    """Diagnose a case, and write the diagnosis with its report."""
+    own = ResultFolder(folder)
+    task = DiagnosisTask(plant=case.plant, experiments=case.experiments, files=(), command=command, seed=seed)
+    diagnosis = task.run(own, lambda share, text: None)
+    readings, model = diagnosis.readings, diagnosis.model
+    if readings is None or model is None:
+        raise ModelError(f"{case.name}: the diagnosis has no model")
+    tracks = []
+    for experiment, base in zip(case.experiments, readings.base, strict=True):
+        predicted = model.predict(experiment)
+        tracks += [
+            Track(timepts=r.timepts, measured=r.outputs[0], base=b, answer=mean, deviation=deviation)
+            for r, b, mean, deviation in zip(
+                experiment.recordings, base, predicted.mean, predicted.deviation, strict=True
+            )
+        ]
+    kept = Diagnosis.from_dict(diagnosis.to_dict())
+    return Finding(name=case.name, diagnosis=kept, tracks=tuple(tracks)), list(own.written)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """What came out."""
+    """Everything that came out."""
 
     findings: tuple[Finding, ...]  # One for each actuator
     groups: tuple[Group, ...]
-    files: tuple[str, ...]  # That the diagnoses have written, inside the folder
+    files: tuple[str, ...]  # Files of the diagnoses, inside the folder
 
 
 class Answers(CaseStore[SweepSeal]):
@@ -42,15 +128,15 @@ class Answers(CaseStore[SweepSeal]):
         super().__init__(folder, seal, cases=CASES)
 
     def files(self, name: str) -> tuple[str, ...]:
-        """What the diagnosis of a case has written."""
+        """List the files that the diagnosis of a case has written."""
         return self._read(name, lambda found: tuple(f"diagnoses/{name}/{file}" for file in found["files"]))
 
     def finding(self, name: str) -> Finding:
-        """The answer of a case that is a diagnosis."""
+        """Read a case that is a diagnosis."""
         return self._read(name, lambda found: Finding.from_dict(found["finding"]))
 
     def drift(self, name: str) -> Drift:
-        """The answer of a case that is a run of the argument."""
+        """Read a case that is a run of the argument."""
         return self._read(name, lambda found: Drift(**found["drift"]))
 
     def _read(self, name: str, build: Callable[[dict[str, Any]], Content]) -> Content:
@@ -67,11 +153,11 @@ def carry_out(
     answers: Answers, seed: int, command: Sequence[str], jobs: int, tell: Callable[[float, str], None]
 ) -> Study:
     """Run every case that has no answer; no diagnosis sees more than its recordings."""
-    diagnoses: dict[str, Case] = {
+    diagnoses: dict[str, Work] = {
         _slug(actuator): partial(_diagnosed, actuator, answers.folder / "diagnoses" / _slug(actuator), command, seed)
         for actuator in fleet(seed)
     }
-    repeats: dict[str, Case] = {f"argument-{n:02d}": partial(_driven, run) for n, run in enumerate(runs(seed))}
+    repeats: dict[str, Work] = {f"argument-{n:02d}": partial(_driven, run) for n, run in enumerate(runs(seed))}
     through = answers.names()
     answers.discard([name for name in diagnoses if name in through and not _whole(answers, name)])
     for name in through & set(repeats):
@@ -86,8 +172,8 @@ def carry_out(
     )
 
 
-def _answered(case: Case) -> dict[str, Any]:
-    return case()
+def _answered(work: Work) -> dict[str, Any]:
+    return work()
 
 
 def _diagnosed(actuator: Actuator, folder: Path, command: Sequence[str], seed: int) -> dict[str, Any]:
@@ -100,7 +186,7 @@ def _driven(run: Run) -> dict[str, Any]:
 
 
 def _whole(answers: Answers, name: str) -> bool:
-    """Whether a diagnosis can be read, and all that it has written is still there."""
+    """Test that a diagnosis can be read, and that all its files are still there."""
     answers.finding(name)
     return all((answers.folder / file).exists() for file in answers.files(name))
 

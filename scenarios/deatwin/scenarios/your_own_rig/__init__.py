@@ -8,9 +8,8 @@ user's file, which knows of no drag, on a rough road; bumps, on which nothing wa
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
@@ -19,24 +18,34 @@ import numpy as np
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.scenarios.real_physics import figures as shared
-from deatwin.scenarios.real_physics.accounts import error_table, measures, tried_table
-from deatwin.scenarios.real_physics.case import Case, HeldOut, Law, Trial, diagnosed, judged
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.figures import agreement
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
+from deatwin.studies.missing_physics.case import (
+    Case,
+    HeldOut,
+    Law,
+    Trial,
+    amended_plant,
+    diagnosed,
+    error_table,
+    judged,
+    measures,
+    tried_table,
+)
+from deatwin.studies.missing_physics.figures import drawings
+from deatwin.studies.parallel import between
 from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import in_interval
-from deatwin.studies.report.story import Note, Row, StoryPage, Table, write_story
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
 from deatwin.studies.stories import Setting
-
-__all__ = ["case", "run"]
 
 FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
 FINE = 0.01
-"""Of the sensor's noise, by which both integrators may differ."""
+"""Share of the sensor's noise by which the integrators may differ."""
 NEAR = 1.1
 """Times the sensor's noise, what the amended plant may leave."""
 Told = tuple[Case, Diagnosis, Trial]
@@ -50,24 +59,20 @@ def run(setting: Setting) -> Mapping[str, Any]:
     roads = rough_road(rng, plant().rig.sample_time), bumps(plant().rig.sample_time)
     drives = {name: record(name, setting.folder, roads, rng) for name in DRIVERS}
     read = [setting.folder.path / FILE, *(file for one in drives.values() for file in one.files)]
-    begun = RunRecord(command=setting.command, inputs=hashes(read), seed=setting.seed, jobs=setting.jobs)
+    begun = setting.record(hashes(read))
     told = {}
     for number, (name, driven) in enumerate(drives.items()):
         first = 0.1 + 0.4 * number
         own = case(name, driven)
-        diagnosis = diagnosed(
-            setting,
-            own,
-            f"diagnosis_{name}",
-            lambda share, text, first=first: setting.progress(first + 0.4 * share, text),  # type: ignore[misc]
-        )
+        progress = between(setting.progress, first, first + 0.4)
+        diagnosis = diagnosed(setting, own, f"diagnosis_{name}", progress)
         told[name] = own, diagnosis, judged(own, diagnosis)[0]
     setting.progress(0.9, "drawing")
     return _written(setting, told, begun)
 
 
 def case(name: str, driven: Drives) -> Case:
-    """What is diagnosed, and what judges."""
+    """Build the case: the recording to diagnose and the one that judges."""
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
         name=name,
@@ -105,15 +110,8 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
     here = concealed().simulate(Experiment(recordings=(unread(road),))).require().outputs[0][0]
     there, _, _ = drive(CAR, road, rig.sample_time)
     own, diagnosis, trial = told["elsewhere"]
-    made = [
-        agreement(rig.sample_time * np.arange(1.0, road.size + 1), road, here, there, rig.noise),
-        shared.held_out(own, trial),
-        shared.residuals(own, trial),
-    ]
-    if diagnosis.causes and diagnosis.model is not None:
-        made.append(shared.law(own, own.law(diagnosis.model.plant)))
-    for drawing, columns in made:
-        setting.folder.csv(drawing.data, columns)
+    timepts = rig.sample_time * np.arange(1.0, road.size + 1)
+    figures = [agreement(timepts, road, here, there, rig.noise), *drawings(own, trial, amended_plant(diagnosis))]
     rows = [_agree(float(np.abs(here - there).max()), rig.noise)]
     rows += [row for one in told.values() for row in _rows(*one)]
     base, amended = (1e3 * error for error in (trial.base_error, trial.amended_error))
@@ -127,18 +125,13 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
         sentence=sentence,
         rows=rows,
         notes=_notes(told),
-        figures=[drawing for drawing, _ in made],
+        figures=figures,
         tables=[
             *(_titled(error_table(o, [t]), o) for o, _, t in told.values()),
             *(_titled(tried_table(o, d), o) for o, d, _ in told.values()),
         ],
     )
-    write_story(setting.folder, page, record)
-    result = {"sentence": sentence, "measures": [asdict(row) for row in rows], "told": _plain(told)}
-    setting.folder.text("your-own-rig.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
-    finished = record.finished([*setting.folder.written, "run.json"])
-    setting.folder.text("run.json", json.dumps(finished, indent=1) + "\n")
-    return result
+    return finish(setting.folder, record, page, told=_plain(told))
 
 
 def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
@@ -153,96 +146,52 @@ def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
     }
 
 
-def _agree(difference: float, noise: float) -> Row:
-    return Row(
-        measure="The same car over the bumps, by deatwin and by scipy: largest difference of the travel",
-        demanded=f"below {1e6 * FINE * noise:.3g} µm, a hundredth of the sensor's noise",
-        reached=f"{1e6 * difference:.2g} µm",
-        passed=difference < FINE * noise,
+def _agree(difference: float, noise: float) -> Measure:
+    return Measure(
+        "The same car over the bumps, by deatwin and by scipy: largest difference of the travel",
+        f"below {1e6 * FINE * noise:.3g} µm, a hundredth of the sensor's noise",
+        f"{1e6 * difference:.2g} µm",
+        difference < FINE * noise,
     )
 
 
-def _rows(own: Case, diagnosis: Diagnosis, trial: Trial) -> list[Row]:
+def _rows(own: Case, diagnosis: Diagnosis, trial: Trial) -> list[Measure]:
     noise = plant().rig.noise
-    rows = [*measures(own, diagnosis, [trial]), _size(diagnosis)]
-    rows.append(
-        Row(
-            measure="Bumps and a pothole: free run of the amended plant, rms error",
-            demanded=f"at most {NEAR:g} times the sensor's noise, {1e3 * noise:g} mm",
-            reached=f"{1e3 * trial.amended_error:.4g} mm",
-            passed=trial.amended_error <= NEAR * noise,
-        )
+    near = Measure(
+        "Bumps and a pothole: free run of the amended plant, rms error",
+        f"at most {NEAR:g} times the sensor's noise, {1e3 * noise:g} mm",
+        f"{1e3 * trial.amended_error:.4g} mm",
+        trial.amended_error <= NEAR * noise,
     )
+    rows = [*measures(own, diagnosis, [trial]), _size(diagnosis), near]
     return [replace(row, measure=f"{own.title}. {row.measure}") for row in rows]
 
 
-def _size(diagnosis: Diagnosis) -> Row:
+def _size(diagnosis: Diagnosis) -> Measure:
     found = next((c.parameters["coefficient"] for c in diagnosis.causes if c.effect == DRAG), None)
-    measure, demanded = "The drag of the car, within its 95 % interval", f"{CAR.orifice:g} N s²/m²"
-    if found is None:
-        return Row(measure=measure, demanded=demanded, reached="no drag was named", passed=False)
-    return Row(
-        measure=measure,
-        demanded=demanded,
-        reached=in_interval(found.value, found.low, found.high),
-        passed=found.low <= CAR.orifice <= found.high,
-    )
+    within = found is not None and found.low <= CAR.orifice <= found.high
+    shown = "no drag was named" if found is None else in_interval(found.value, found.low, found.high)
+    return Measure("The drag of the car, within its 95 % interval", f"{CAR.orifice:g} N s²/m²", shown, within)
 
 
 def _notes(told: Mapping[str, Told]) -> list[Note]:
     _, here, _ = told["here"]
     _, there, trial = told["elsewhere"]
-    shift = there.model.plant.parameters if there.model is not None else plant().parameters
     nominal = plant().parameters
-    moved = ", ".join(
-        f"{name} {nominal[name].value:g} to {shift[name].value:.4g} {nominal[name].unit} (the car has "
-        f"{getattr(CAR, name):g})"
-        for name in ("wheel", "spring", "damper", "tyre")
+    fitted = there.model.plant.parameters if there.model is not None else nominal
+    moved = [(nominal[name], fitted[name].value, getattr(CAR, name)) for name in ("wheel", "spring", "damper", "tyre")]
+    return notes(
+        __package__,
+        file=FILE,
+        source=_source(),
+        drag=CAR.orifice,
+        here=here.sentence,
+        there=there.sentence,
+        moved=moved,
+        base=1e3 * trial.base_error,
+        left=1e3 * trial.amended_error,
+        noise=1e3 * plant().rig.noise,
     )
-    return [
-        Note(
-            title="Monday: the file",
-            code=_source(),
-            paragraphs=[
-                f"A rig is a class with parameters and equations; the whole file, {FILE}, is here and beside this page. "
-                "The body is weighed, so that no fit moves it; every other value is a guess off a data sheet. What may be "
-                "found missing is what the file offers: the road (drive), the strut's force (force, with displacement and "
-                "velocity watched), the reading (sensor).",
-                "The same on the command line: deatwin diagnose quarter_car:plant "
-                "recordings/elsewhere_rough_road.csv --input-column road_m --output-column travel_m --out found.",
-            ],
-        ),
-        Note(
-            title="Tuesday: can it be found at all?",
-            paragraphs=[
-                f"deatwin drives the car itself, with a drag of {CAR.orifice:g} N s²/m² that the diagnosis is not told, "
-                f"and with other values than those of the file. Verdict: {here.sentence}",
-                "An easy life: the equations that made the recording are those that explain it. It says that this road "
-                "and this sensor are good enough, no more.",
-            ],
-        ),
-        Note(
-            title="Wednesday: recordings from elsewhere",
-            paragraphs=[
-                "The car again, by somebody who has never seen the file: momenta for velocities, travel for the body's "
-                "height, scipy's Runge-Kutta with step control for fixed implicit steps. The first figure holds the two "
-                f"against each other. Verdict: {there.sentence}",
-                f"What the fit made of the guesses: {moved}.",
-            ],
-        ),
-        Note(
-            title="Thursday: bumps",
-            paragraphs=[
-                "Four bumps and holes that nobody fitted anything to; the strut moves faster than on the rough road. The "
-                f"calibrated base plant has chosen a damper for the rough road's speeds, and is off by "
-                f"{1e3 * trial.base_error:.3g} mm rms; with the drag built in {1e3 * trial.amended_error:.3g} mm are left, "
-                f"of which the sensor's noise is {1e3 * plant().rig.noise:g} mm.",
-                "What this page does not show: a real car has dry friction in its seals, a damper that differs up and "
-                "down, and a tyre that leaves the ground. With model_share = 0.002 the file claims to be right to 0.2 % of "
-                "the travel, which these cars allow; for a real one that share would be larger.",
-            ],
-        ),
-    ]
 
 
 def _source() -> str:

@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class Car:
-    """What the car is, in SI."""
+    """Constants of the car, SI."""
 
     body: float = 300.0  # Masses, kg
     wheel: float = 38.0
     spring: float = 17.5e3  # N/m
     tyre: float = 180e3
-    damper: float = 700.0  # Of the oil that seeps through the valve, N s/m
-    orifice: float = 2000.0  # Of the oil that is pressed through a hole, N s²/m²
+    damper: float = 700.0  # Oil that seeps through the valve, N s/m
+    orifice: float = 2000.0  # Oil pressed through a hole, N s²/m²
 
 
 CAR = Car()

@@ -1,4 +1,4 @@
-"""What the car is driven over, and who computes how it moves."""
+"""Roads, and the two programs that drive the car over them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.missing_physics.case import experiment_of
 
 Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0
 """Root mean square height of the road, m, and its band, Hz."""
 LENGTH = 12.0
-"""Of each drive, s."""
+"""Duration of each drive, s."""
 BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25))
 """Times, s, heights, m, and durations, s: a bump, a pothole, two more bumps."""
 
@@ -30,7 +31,7 @@ BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25
 class Drives:
     """Two drives of one car, as they are read back from their files."""
 
-    rough: Recording  # What is diagnosed, and what judges
+    rough: Recording  # To diagnose
     over_bumps: Recording
     files: tuple[Path, Path]  # Read from
 
@@ -76,15 +77,7 @@ def unread(road: Array) -> Recording:
 
 
 def _named(road: Array, travel: Array) -> Recording:
-    return Recording.from_arrays(
-        road,
-        travel,
-        plant().rig.sample_time,
-        input_names=("road",),
-        output_names=("travel",),
-        input_units=("m",),
-        output_units=("m",),
-    )
+    return experiment_of(plant().rig, road, travel).recordings[0]
 
 
 def _here(road: Array, rng: np.random.Generator) -> Recording:

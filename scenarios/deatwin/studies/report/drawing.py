@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -9,18 +10,22 @@ from deatwin.studies.report.svg import inline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+    from deatwin.studies.folder import ResultFolder
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drawing:
-    """A figure of the report."""
+    """A figure of a page, and the data behind it."""
 
-    name: str  # What it is called and what it shows
+    name: str
     title: str
     caption: str
     svg: str  # The picture
     data: str = ""  # Name of the CSV file with its data; empty without one
     further: tuple[str, ...] = ()  # Names of further such files
+    columns: Mapping[str, ArrayLike] | str | None = None  # Content of `data`: columns, or the text of the file
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -28,6 +33,16 @@ class Drawing:
         return (self.data, *self.further) if self.data else self.further
 
     @classmethod
-    def of(cls, figure: Figure, name: str, title: str, caption: str) -> Drawing:
-        """Return a drawn figure with its data in ``figures/NAME.csv``."""
-        return cls(name=name, title=title, caption=caption, svg=inline(figure, name, title), data=f"figures/{name}.csv")
+    def of(
+        cls, figure: Figure, name: str, title: str, caption: str, columns: Mapping[str, ArrayLike] | str | None = None
+    ) -> Drawing:
+        """Return a drawn figure whose data belong in ``figures/NAME.csv``; call it before `draw` ends."""
+        svg = inline(figure, name, title)
+        return cls(name=name, title=title, caption=caption, svg=svg, data=f"figures/{name}.csv", columns=columns)
+
+    def save_data(self, folder: ResultFolder) -> None:
+        """Write the CSV file with its data, if the drawing holds them."""
+        if isinstance(self.columns, str):
+            folder.text(self.data, self.columns)
+        elif self.columns is not None:
+            folder.csv(self.data, self.columns)

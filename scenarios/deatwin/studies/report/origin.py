@@ -1,4 +1,4 @@
-"""Where a result comes from, as the end of its page says."""
+"""Origin of a result, as the end of its page states it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a result comes from, as far as equal runs share it."""
+    """Origin of a result, as far as equal runs share it."""
 
     inputs: Sequence[Mapping[str, str]]  # ``file`` and ``sha256`` of each input
     seed: int
@@ -23,7 +23,7 @@ class Origin:
 
     @classmethod
     def of(cls, record: RunRecord) -> Origin:
-        """That of a run."""
+        """Take the origin from the record of a run."""
         return cls(inputs=record.inputs, seed=record.seed, command=record.command)
 
     @property

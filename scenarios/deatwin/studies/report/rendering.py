@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.say import risk
 from deatwin.studies.folder import ResultFolder
@@ -18,37 +18,56 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.svg import COLOURS
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
 LARGEST = 4_500_000
 """Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000
 """Bytes of a page beside its figures and their data, at most."""
 
 
-def write_page(folder: ResultFolder, template: str, drawings: Iterable[Drawing], origin: Origin, **shown: Any) -> None:
-    """Write ``report.html``."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
+def write_page(
+    folder: ResultFolder,
+    template: str,
+    drawings: Iterable[Drawing],
+    origin: Origin,
+    package: str = "deatwin.studies.report",
+    **shown: Any,
+) -> None:
+    """Write ``report.html`` from a template of a package, which may extend those of this one."""
+    script = files("deatwin.studies.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
+    figures = list(drawings)
+    page = (
+        templates(package)
+        .get_template(template)
+        .render(
+            **shown,
+            origin=origin,
+            versions=versions(),
+            colours=COLOURS,
+            script=script,
+            script_hash=_hash(script),
+            data=packed(folder.path, figures),
+        )
+    )
+    folder.text("report.html", page)
+
+
+def templates(package: str) -> Environment:
+    """The templates of a package, and behind them those of the reports."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
-        loader=PackageLoader("deatwin.studies.report"),
+        loader=ChoiceLoader([PackageLoader(package), PackageLoader("deatwin.studies.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = three_digits
-    environment.filters["risk"] = risk
-    script = files("deatwin.studies.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
-    figures = list(drawings)
-    page = environment.get_template(template).render(
-        **shown,
-        origin=origin,
-        versions=versions(),
-        colours=COLOURS,
-        script=script,
-        script_hash=_hash(script),
-        data=packed(folder.path, figures),
-    )
-    folder.text("report.html", page)
+    environment.filters |= {"number": three_digits, "risk": risk}
+    return environment
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
@@ -69,5 +88,5 @@ def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
 
 
 def _hash(script: str) -> str:
-    """That by which the page's policy allows its one script."""
+    """Hash by which the page's policy allows its one script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

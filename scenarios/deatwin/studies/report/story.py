@@ -1,9 +1,11 @@
-"""The page of a story: what was demanded, what was reached, notes and figures."""
+"""How a story ends: measures beside their goals, notes, tables and figures on one page, and the files beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
@@ -11,22 +13,31 @@ from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.rendering import write_page
 
+Item = TypeVar("Item")
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """A stated measure."""
+
+@dataclass(frozen=True)
+class Measure:
+    """A measured value beside its goal, as text with units."""
 
     measure: str
     demanded: str
     reached: str
-    passed: bool  # Whether what is demanded is reached
+    passed: bool
+
+    @classmethod
+    def below(
+        cls, measure: str, value: float, limit: float, demanded: str = "below {:g}", form: str = ".0e"
+    ) -> Measure:
+        """Measure a number that must lie below a limit; `demanded` shows the limit, `form` the number."""
+        return cls(measure, demanded.format(limit), format(value, form), bool(value < limit))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
     """Text under a heading, and a file or commands behind it."""
 
-    title: str  # The heading
+    title: str
     paragraphs: Sequence[str]  # Plain text
     code: str = ""  # Shown as it is, line by line; empty for none
 
@@ -35,34 +46,62 @@ class Note:
 class Table:
     """A table at the end of the page."""
 
-    title: str  # The heading
-    columns: Sequence[str]  # Their names
+    title: str
+    columns: Sequence[str]
     rows: Sequence[Sequence[str]]  # Cells as they are to be shown
+
+    @classmethod
+    def of(cls, title: str, items: Iterable[Item], columns: Mapping[str, Callable[[Item], object]]) -> Table:
+        """Make a row of each item; a column is a function of an item."""
+        rows = [[str(cell(item)) for cell in columns.values()] for item in items]
+        return cls(title=title, columns=list(columns), rows=rows)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoryPage:
-    """All that the page shows."""
+    """Content of the page."""
 
-    title: str  # Name of the story, and what came out
+    title: str  # Name of the story, and of its result file
     sentence: str
-    rows: Sequence[Row]  # The stated measures
+    rows: Sequence[Measure]
     notes: Sequence[Note]
     figures: Sequence[Drawing]
     tables: Sequence[Table] = ()
 
     @property
     def passed(self) -> bool:
-        """Whether all measures are reached."""
+        """True if every goal is met."""
         return all(row.passed for row in self.rows)
 
     @property
     def label(self) -> str:
-        """How many are, in words."""
-        reached = sum(row.passed for row in self.rows)
-        return f"{reached} of {len(self.rows)} measures reached"
+        """Count the goals that are met, in words."""
+        return f"{reached(self.rows)} measures reached"
+
+
+def reached(rows: Sequence[Measure]) -> str:
+    """Count the measures that meet their goals, as in ``7 of 9``."""
+    return f"{sum(row.passed for row in rows)} of {len(rows)}"
 
 
 def write_story(folder: ResultFolder, page: StoryPage, record: RunRecord) -> None:
-    """Write ``report.html``."""
+    """Write the data of the figures and ``report.html``."""
+    for figure in page.figures:
+        figure.save_data(folder)
     write_page(folder, "story.html.j2", page.figures, Origin.of(record), page=page)
+
+
+def finish(folder: ResultFolder, record: RunRecord, page: StoryPage, **more: Any) -> dict[str, Any]:
+    """Write figures' data, page, ``NAME.json`` and ``run.json``; return what ``NAME.json`` holds: sentence, measures
+    and `more`.
+    """
+    write_story(folder, page, record)
+    result = {"sentence": page.sentence, "measures": [asdict(row) for row in page.rows], **more}
+    return end_run(folder, record, page.title, result)
+
+
+def end_run(folder: ResultFolder, record: RunRecord, name: str, result: Mapping[str, Any]) -> dict[str, Any]:
+    """Write ``NAME.json`` and ``run.json``; return the result."""
+    folder.text(f"{name}.json", json.dumps(result, indent=1, ensure_ascii=False) + "\n")
+    record.save(folder)
+    return dict(result)

@@ -1,4 +1,4 @@
-"""What a figure shows, as a table: for results that draw themselves."""
+"""The data of a drawn figure as a table, for results that draw themselves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a picture of a long record can show."""
+"""Long records, thinned to what a picture can show."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def write_case(path: Path | str, record: Mapping[str, Any]) -> None:
 
 
 def _stating(content: bytes, sha256: bytes) -> bytes:
-    """The same file with another hash; no name of a dimension, which stand before it, has the zero bytes around it."""
+    """Put another hash into the file; names of dimensions, which come first, have no zero bytes around them."""
     return STATED.sub(lambda found: found[0][:-64] + sha256, content, count=1)
 
 
@@ -100,7 +100,7 @@ class _Kept(io.BytesIO):
 
 
 def _variables(path: str, value: Any) -> Iterator[tuple[str, Array]]:
-    """What a value has that fits into variables, by its path; rows of a table become columns."""
+    """Parts of a value that fit into variables, by their paths; rows of a table become columns."""
     if isinstance(value, (list, tuple)) and value and all(isinstance(row, dict) for row in value):
         value = {key: [row.get(key) for row in value] for key in dict.fromkeys(key for row in value for key in row)}
     if isinstance(value, Mapping):

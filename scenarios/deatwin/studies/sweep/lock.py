@@ -13,7 +13,7 @@ LOCK_FILE = ".lock"
 
 
 @contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def exclusive_lock(folder: Path) -> Iterator[None]:
     """Hold the lock of a folder."""
     path = folder / LOCK_FILE
     held = _held(path)

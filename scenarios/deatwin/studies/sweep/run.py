@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
-from deatwin.studies.interrupts import heard
+from deatwin.studies.interrupts import forward_signals
 from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.timeleft import TimeLeft
 
@@ -21,13 +21,13 @@ Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
 PARENT = os.getppid()
-"""Of a worker process: who wants its results."""
+"""Process that wants a worker's results."""
 WATCH = 0.5
 """A worker looks so often whether its master still lives, s."""
 MOST_DEATHS = 4
 """A case that was being run so many times when its worker died is given up."""
 TOGETHER = 2
-"""From so many on it is run alone, so that no other case dies with it."""
+"""After so many deaths a case runs alone, so that no other dies with it."""
 DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
 """Errors of loky and of dask that say that a worker died, by name: dask need not be there."""
 
@@ -73,7 +73,7 @@ def run_sweep(
     Exception
         What `work` raises; the cases that are through keep their results.
     """
-    with store.alone():
+    with store.exclusive_lock():
         progress = _Progress(cases, store.missing(list(cases)), tell, noun, efforts or {})
         try:
             _run_all(work, cases, store, jobs, progress)
@@ -140,7 +140,7 @@ def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name:
 
     _end_with_master()
     if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
-        with store.running(name), threadpool_limits(1), heard():
+        with store.running(name), threadpool_limits(1), forward_signals():
             result = work(case)
             obey()
             store.put(name, result)
@@ -164,7 +164,7 @@ def _end_with_master() -> None:
 
 
 class _Progress:
-    """What is told while a sweep runs: the share by effort, the count, and the time left."""
+    """Progress of a sweep: the share by effort, the count, and the time left."""
 
     def __init__(
         self, cases: Mapping[str, Any], missing: list[str], tell: Tell, noun: str, efforts: Mapping[str, float]

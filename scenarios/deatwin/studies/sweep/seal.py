@@ -23,12 +23,12 @@ class Sealed(ABC):
     @property
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """What must not change, as plain data."""
+        """Everything that must not change, as plain data."""
 
     @property
     @abstractmethod
     def case_schema(self) -> str:
-        """Of the files of the cases, such as ``deatwin/study-case/1``."""
+        """Schema of the files of the cases, such as ``deatwin/study-case/1``."""
 
     @abstractmethod
     def described(self) -> dict[str, Any]:
@@ -37,37 +37,11 @@ class Sealed(ABC):
     @classmethod
     @abstractmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `described` described.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of ``seal.json``; of its hash nothing is asked.
-
-        Returns
-        -------
-        Sealed
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If it is none.
-        """
+        """Read the seal from the data that `described` gave; KeyError, TypeError or ValueError if they are none."""
 
     @abstractmethod
     def changes(self, other: Self) -> str:
-        """What of another seal is no longer so, in words.
-
-        Parameters
-        ----------
-        other : Sealed
-            Found in a folder.
-
-        Returns
-        -------
-        str
-            Empty if cases of both may stand together.
-        """
+        """Say how this seal differs from another, `other`; empty if cases of both may stand together."""
 
     @cached_property
     def hash(self) -> str:
@@ -80,22 +54,7 @@ class Sealed(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The seal that `to_dict` described.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of ``seal.json``.
-
-        Returns
-        -------
-        Sealed
-
-        Raises
-        ------
-        DataError
-            If it is none, or its hash is not that of its content.
-        """
+        """Read the seal from the content of ``seal.json``; DataError if it is none or was altered."""
         try:
             seal, stated = cls.read(data), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
@@ -107,20 +66,7 @@ class Sealed(ABC):
         return seal
 
     def require_same(self, other: Self, where: Path) -> None:
-        """Refuse to mix cases that were run under different seals.
-
-        Parameters
-        ----------
-        other : Sealed
-            Found in the folder.
-        where : path
-            The folder, for the message.
-
-        Raises
-        ------
-        DataError
-            Naming what differs.
-        """
+        """Raise DataError, naming what differs from the seal found in a folder."""
         if changed := self.changes(other):
             raise DataError(
                 f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; go on "
@@ -128,18 +74,7 @@ class Sealed(ABC):
             )
 
     def stamp(self, name: str) -> dict[str, Any]:
-        """What the file of a case begins with.
-
-        Parameters
-        ----------
-        name : str
-            Of the case.
-
-        Returns
-        -------
-        dict
-            Schema, hash of the seal, name.
-        """
+        """Schema, hash of the seal and name, with which the file of a case begins."""
         return {"schema": self.case_schema, "seal": self.hash, "name": name}
 
 
@@ -196,7 +131,7 @@ def digest(data: Any) -> str:
 
 
 def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
-    """SHA-256 of the Python sources of packages, and of further files.
+    """SHA-256 of the Python and C sources of packages, and of further files.
 
     Parameters
     ----------
@@ -213,7 +148,7 @@ def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
     whole = hashlib.sha256()
     for package in packages:
         for root in import_module(package).__path__:
-            for path in sorted(Path(root).rglob("*.py")):
+            for path in sorted(p for p in Path(root).rglob("*") if p.suffix in (".py", ".c")):
                 whole.update(f"{package}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
     for path in files:
         whole.update(path.name.encode() + path.read_bytes())

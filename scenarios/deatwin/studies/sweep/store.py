@@ -16,13 +16,12 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.intake import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
-from deatwin.studies.sweep.kept import read_object
-from deatwin.studies.sweep.lock import alone
+from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.lock import exclusive_lock
 from deatwin.studies.sweep.seal import Sealed
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
-FORMER = ".json"
 SIDE_BY_SIDE = 2000
 """Up to so many cases lie in one folder; more are spread."""
 GRACE = 1.0
@@ -134,7 +133,7 @@ class CaseStore(Generic[S]):
         return found
 
     def has(self, name: str) -> bool:
-        """Whether a case is through.
+        """Test if a case is through.
 
         Parameters
         ----------
@@ -148,23 +147,12 @@ class CaseStore(Generic[S]):
         return self.path(name).exists()
 
     def names(self) -> set[str]:
-        """The cases that are through.
-
-        Raises
-        ------
-        DataError
-            If there are JSON files, which former versions wrote.
-        """
+        """The cases that are through."""
         found: set[str] = set()
         for folder in self._folders():
             with os.scandir(folder) as entries:
                 there = [entry.name for entry in entries if entry.name[0] != "."]
-            if any(file.endswith(FORMER) for file in there):
-                raise DataError(
-                    f"{folder} holds cases as JSON files, as former versions wrote them: go on with the version that "
-                    "began it, or take an empty folder"
-                )
-            found.update(file.removesuffix(CASE_ENDING) for file in there if file.endswith(CASE_ENDING))
+            found.update(name.removesuffix(CASE_ENDING) for name in there if name.endswith(CASE_ENDING))
         return found
 
     def missing(self, names: Sequence[str]) -> list[str]:
@@ -241,7 +229,7 @@ class CaseStore(Generic[S]):
         return [note.name for note in notes]
 
     @contextmanager
-    def alone(self) -> Iterator[None]:
+    def exclusive_lock(self) -> Iterator[None]:
         """Keep a second run off the folder, and clear away what a killed one left.
 
         Raises
@@ -249,7 +237,7 @@ class CaseStore(Generic[S]):
         DataError
             If another process is running this sweep.
         """
-        with alone(self.folder / RUNNING):
+        with exclusive_lock(self.folder / RUNNING):
             if self.left_running():
                 time.sleep(GRACE)
             for folder in self._folders():

@@ -24,7 +24,7 @@ Work = Callable[[Case, np.random.Generator], Mapping[str, Any]]
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 DIGITS = 16
-"""Of the name of a case: two of ten million have the same one with a chance of 3e-6, and that is an error."""
+"""Length of a case's name: two of ten million cases share one with a chance of 3e-6, which is an error."""
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:

@@ -1,11 +1,15 @@
 """Equilibria, the linear part, and the model of deviations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter
 
 from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.frequency.dc import deviations
+from deatwin.ident.frequency.removal import remove
+from deatwin.ident.narx import Fixed, NarxModel, OperatingRange
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -231,3 +235,37 @@ def test_the_operating_range_moves_along():
     assert shifted.operating.input_centre == shifted.operating.output_centre == [0]
     assert shifted.operating.output_max == [2]
     assert equilibrium(shifted).output == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_recording_seen_from_an_operating_point():
+    # y = 0.5 y1 + u^2 rests at 2 u^2; with u = 3 + w the square gives 6 w + w^2, and the constant goes.
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k)^2": 1.0}, sample_time=1.0)
+    record = Recording.from_arrays([3.0, 3.5, 2.0], [18.0, 21.0, 14.0], 1.0)
+    model = replace(
+        model,
+        operating=Fixed(terms=["1"])
+        .fit(Recording.from_arrays([3.0] * 9, [18.0, 18.0, 18.1] * 3, 1.0))
+        .model_.operating,
+    )
+    shifted = deviations(model)
+    moved = shifted.seen(record)
+    found = dict(zip(map(str, shifted.model.terms), shifted.model.theta, strict=True))
+    assert found == pytest.approx({"y(k-1)": 0.5, "u(k)": 6.0, "u(k)^2": 1.0})
+    np.testing.assert_allclose(moved.inputs[0], [0.0, 0.5, -1.0])
+    np.testing.assert_allclose(moved.outputs[0], [0.0, 3.0, -4.0])
+
+
+def test_removal_changes_nothing_and_deletion_does():
+    # y = 0.6 y1 + 0.4 u + 0.1 y1^2 + 0.3: rests at 1 at zero input; v = 0.8 v1 + 0.4 w + 0.1 v1^2
+    model = NarxModel.from_terms({"1": 0.3, "y(k-1)": 0.6, "u(k)": 0.4, "y(k-1)^2": 0.1}, sample_time=1.0)
+    u = 0.1 * np.sin(np.arange(200.0) ** 1.3)
+    removal = remove(model, Recording.from_arrays(u, np.ones(200), 1.0))
+    assert dict(zip(map(str, removal.shifted.model.terms), removal.shifted.model.theta, strict=True)) == pytest.approx(
+        {"y(k-1)": 0.8, "u(k)": 0.4, "y(k-1)^2": 0.1}
+    )
+    assert removal.error < 1e-13
+    v = np.zeros(200)
+    for k in range(1, 200):  # the law without its constant, given deviations
+        v[k] = 0.6 * v[k - 1] + 0.4 * u[k] + 0.1 * v[k - 1] ** 2
+    np.testing.assert_allclose(removal.deleted_run, 1 + v, atol=1e-13)
+    assert removal.deleted_error == pytest.approx(np.sqrt(np.mean((1 + v - removal.run) ** 2)) / removal.run.std())

@@ -1,0 +1,80 @@
+"""Summaries of the responses of a fleet: their spread, differences beside true ones, and what tolerances predict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.comparison.bands import BandMean
+from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.frequency.comparison.equality import equality
+
+Array = NDArray[np.float64]
+Means = tuple[BandMean, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contrast:
+    """The difference of two actuators in one order and band, as measured and as it is, over the gain."""
+
+    measured: float  # Along the direction of the true difference
+    true: float
+    error: float  # Standard error of the measured one
+    inside: bool  # Whether the true difference, a complex number, lies in the 95 % region of the measured one
+
+
+def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean]) -> Contrast:
+    """Hold a measured difference against the true one."""
+    gain = float(np.hypot(true[0].gain, true[1].gain) / np.sqrt(2))
+    away, apart = (pair[0].value - pair[1].value for pair in (measured, true))
+    along = apart / max(float(np.linalg.norm(apart)), np.finfo(float).tiny)
+    scale = sum(mean.scatter.scale for mean in measured)
+    test = equality(away - apart, [mean.scatter for mean in measured])
+    return Contrast(
+        measured=float(along @ away) / gain,
+        true=float(np.linalg.norm(apart)) / gain,
+        error=float(np.sqrt(along @ scale @ along)) / gain,
+        inside=test.p_value > 0.05,
+    )
+
+
+def spread_of_means(group: Iterable[Means]) -> Array:
+    """Standard deviation of the members of a group about their mean, over the gain, without the scatter of the
+    estimates. Shapes: returns (n_columns,).
+    """
+    found = []
+    for column in zip(*group, strict=True):
+        values = np.array([mean.value for mean in column])
+        scatter = np.mean([_variance(mean) for mean in column])
+        variance = values.var(axis=0, ddof=1).sum() - scatter
+        gain = np.sqrt(np.mean([mean.gain**2 for mean in column]))
+        found.append(np.sqrt(max(0.0, variance)) / gain)
+    return np.array(found)
+
+
+def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
+    """Spread that each tolerance alone would make, all values within it being equally likely. Shapes: returns
+    (n_columns,).
+
+    `off` responses with one quantity after the other at the end of its tolerance.
+    """
+    return {
+        name: np.array(
+            [np.linalg.norm(a.value - b.value) / (np.sqrt(3) * b.gain) for a, b in zip(made, wished, strict=True)]
+        )
+        for name, made in off.items()
+    }
+
+
+def share_of(table: Comparison, agreement: Agreement) -> Array:
+    """Share of the pairs of a table with a given agreement. Shapes: returns (n_columns,)."""
+    flags = np.array([d.agreement is agreement for d in table.differences])
+    return np.asarray(flags.reshape(len(table.pairs), len(table.columns)).mean(axis=0))
+
+
+def _variance(mean: BandMean) -> float:
+    """Variance of both parts of an estimate together."""
+    return float(np.trace(mean.scatter.scale)) * mean.scatter.dof / (mean.scatter.dof - 2)

@@ -1,0 +1,61 @@
+"""Removal of the DC component of a model, beside the mistake of deleting its constant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.dc import Deviations, deviations
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.terms import Term
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Removal:
+    """A model before and after its DC component is removed, with free runs over a held-out section."""
+
+    model: NarxModel
+    shifted: Deviations  # From the equilibrium at the mean of the training commands
+    section: Recording
+    run: Array
+    shifted_run: Array
+    deleted_run: Array  # With nothing but the constant left out
+
+    @property
+    def error(self) -> float:
+        """Largest difference that the removal makes of the free run, over its stroke."""
+        return float(np.abs(self.shifted_run - self.run).max() / np.ptp(self.run))
+
+    @property
+    def deleted_error(self) -> float:
+        """Root mean square of the difference that deleting makes, over that of the run about its mean; at most 100."""
+        difference = np.nan_to_num(self.deleted_run - self.run, nan=np.inf)
+        return min(float(np.sqrt(np.mean(np.clip(difference, -1, 1) ** 2)) / self.run.std()), 100.0)
+
+
+def remove(model: NarxModel, section: Recording) -> Removal:
+    """Remove the DC component in the right way and in the wrong one, and run all three models free."""
+    shifted = deviations(model)
+    moved, level = shifted.seen(section), shifted.point.output
+    kept = [place for place, term in enumerate(model.terms) if term != Term(())]
+    deleted = replace(
+        model,
+        terms=tuple(model.terms[i] for i in kept),
+        theta=model.theta[kept],
+        theta_cov=model.theta_cov[np.ix_(kept, kept)],
+        equations=(),
+        operating=None,
+    )
+    return Removal(
+        model=model,
+        shifted=shifted,
+        section=section,
+        run=model.simulate(section).outputs[0],
+        shifted_run=shifted.model.simulate(moved).outputs[0] + level,
+        deleted_run=deleted.simulate(moved).outputs[0] + level,
+    )

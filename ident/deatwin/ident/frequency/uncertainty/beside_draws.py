@@ -1,0 +1,227 @@
+"""A frequency response with the uncertainty that is propagated to it, beside draws of it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from time import process_time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.uncertainty.parameters import Quantity
+from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
+from deatwin.ident.frequency.uncertainty.sampling import Sampled, sample
+from deatwin.ident.narx import NarxModel
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+DRAWS = 20_000
+"""Draws of the parameters."""
+SIMULTANEOUS = 0.99
+"""Probability that all elements at all frequencies lie in the Monte Carlo band."""
+STRICT = 0.1
+"""Nonlinearity up to which the covariance is off by its square, 1 %, which so many draws do not tell from none."""
+CHUNKS = 40
+"""Sets of `DRAWS` draws each, against which the error of the law is measured."""
+CALLS = 7
+"""Calls of propagation, of which the shortest counts."""
+LOOP = 100
+"""Draws that are computed one by one."""
+_FLAT = 1e-9  # of the larger variance
+_DIGITS = "₀₁₂₃₄₅₆₇₈"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spread:
+    """A response, propagated and drawn."""
+
+    case: str
+    propagated: Propagated
+    sampled: Sampled
+    curve: Complex  # shape (n_curve,): the response at more frequencies, to be drawn as a line
+
+    @property
+    def symbol(self) -> str:
+        """Symbol and order of the response, as plain text."""
+        return symbol_of(self.propagated.response)
+
+    @property
+    def relative(self) -> Array:
+        """Largest standard deviation in any direction of the complex plane, over the gain, shape (n,)."""
+        longest: Array = np.sqrt(np.linalg.eigvalsh(self.propagated.covariance)[:, -1])
+        return longest / self.propagated.gain
+
+    @property
+    def whitened(self) -> Array:
+        """Covariance of the draws in axes in which the propagated one is the unit matrix, shape (n, 2, 2)."""
+        return whitened(self.propagated.covariance, self.sampled.covariance)
+
+    @property
+    def strict(self) -> NDArray[np.bool_]:
+        """Whether the law should hold as exactly as the draws can tell, shape (n,)."""
+        return np.asarray(self.propagated.nonlinearity <= STRICT)
+
+    @property
+    def largest(self) -> float:
+        """Largest departure of the draws' covariance from the propagated one, over its Monte Carlo error."""
+        error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix about the unit
+        departure = np.abs(self.whitened - np.eye(2)) / np.sqrt(error)
+        return float(np.max(departure[self.strict], initial=0.0))
+
+    @property
+    def allowed(self) -> float:
+        """Bound of `largest` with probability `SIMULTANEOUS`, were the propagated covariance exact."""
+        return NormalDist().inv_cdf(1 - (1 - SIMULTANEOUS) / (2 * 3 * max(1, int(self.strict.sum()))))
+
+    @property
+    def ratio(self) -> float:
+        """The draws' variance over the propagated one, at the frequency and in the direction furthest from one."""
+        values = np.linalg.eigvalsh(self.whitened).ravel()
+        return float(values[np.argmax(np.abs(np.log(values)))])
+
+    @property
+    def held(self) -> float:
+        """Smallest or largest share of the draws that the 95 % region holds, whichever is further from 95 %."""
+        shares = self.propagated.contains(self.sampled.draws).mean(axis=0)
+        return float(shares[np.argmax(np.abs(shares - 0.95))])
+
+
+def symbol_of(response: FrequencyResponse) -> str:
+    """Symbol and order of a response, as plain text."""
+    return f"{response.symbol}{_DIGITS[response.order]}"
+
+
+def whitened(reference: Array, covariance: Array) -> Array:
+    """Covariances in axes in which the reference is the unit matrix. Shapes: `reference, covariance` (n, 2, 2);
+    returns (n, 2, 2).
+    """
+    sizes, axes = np.linalg.eigh(reference)
+    flat = sizes <= _FLAT * sizes[:, 1:]
+    root = np.where(flat, 0.0, 1 / np.sqrt(np.where(flat, 1.0, sizes)))
+    turned = (axes * root[:, None, :]).swapaxes(1, 2)
+    found: Array = turned @ covariance @ turned.swapaxes(1, 2) + flat[:, None, :] * np.eye(2)
+    return found
+
+
+def departure(reference: Array, covariance: Array) -> float:
+    """Largest relative departure of covariances from others, over frequency and direction. Shapes: `reference,
+    covariance` (n, 2, 2).
+    """
+    return float(np.abs(np.linalg.eigvalsh(whitened(reference, covariance)) - 1).max())
+
+
+def spread_of(
+    case: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator, curve: Complex | None = None
+) -> Spread:
+    """Propagate and draw. Shapes: `curve` (n_curve,)."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UncertaintyWarning)  # the page says it, where it is looked for
+        propagated = propagate(model, quantity)
+    sampled = sample(model, quantity, rng, DRAWS)
+    fine = np.empty(0, dtype=np.complex128) if curve is None else curve
+    return Spread(case=case, propagated=propagated, sampled=sampled, curve=fine)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sweep:
+    """Propagation beside draws, with the parameters known better and worse."""
+
+    label: str
+    scales: Array  # shape (n,): of the parameters' deviations
+    ratios: Array  # shape (n,): the draws' variance over the propagated one, furthest from one
+    held: Array  # shape (n,): share of the draws in the 95 % region, furthest from 95 %
+    indices: Array  # shape (n,): the largest nonlinearity over the frequencies
+    holds: NDArray[np.bool_]  # shape (n,): whether propagation says that its law holds at all frequencies
+
+
+@dataclass(frozen=True, kw_only=True)
+class Speed:
+    """Cost of propagation to one response, beside draws of equal accuracy."""
+
+    label: str
+    propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
+    drawn: float
+    alone: float
+    error: float  # Largest relative error of propagation, and of 20,000 draws
+    drawn_error: float
+    equal: float  # Number of draws as accurate as propagation
+
+    @property
+    def ratio(self) -> float:
+        """Time of draws of equal accuracy, computed all at once, over that of propagation."""
+        return self.drawn * self.equal / DRAWS / self.propagated
+
+
+def columns_of(spreads: Sequence[Spread]) -> dict[str, Array]:
+    """Values, propagated covariances, and those of the draws; one response after the other."""
+    every: dict[str, list[Array]] = {}
+    for number, spread in enumerate(spreads, start=1):
+        response = spread.propagated
+        tones = response.frequency_Hz.reshape(response.values.size, -1)
+        of: dict[str, Array] = {
+            "response": np.full(len(tones), float(number)),
+            "order": np.full(len(tones), float(response.response.order)),
+            "output_frequency_Hz": tones.sum(axis=1),
+            "real": response.values.real,
+            "imaginary": response.values.imag,
+            "nonlinearity": response.nonlinearity,
+        }
+        for name, (i, j) in {"real_real": (0, 0), "real_imaginary": (0, 1), "imaginary_imaginary": (1, 1)}.items():
+            of[f"propagated_{name}"] = response.covariance[:, i, j]
+            of[f"drawn_{name}"] = spread.sampled.covariance[:, i, j]
+        for name, values in of.items():
+            every.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in every.items()}
+
+
+def sweep_of(
+    name: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator, scales: tuple[float, ...]
+) -> Sweep:
+    """Propagate and draw with the deviations of the parameters scaled."""
+    rows = [spread_of(name, replace(model, theta_cov=scale**2 * model.theta_cov), quantity, rng) for scale in scales]
+    return Sweep(
+        label=f"{rows[0].symbol} of {name}",
+        scales=np.array(scales),
+        ratios=np.array([row.ratio for row in rows]),
+        held=np.array([row.held for row in rows]),
+        indices=np.array([row.propagated.nonlinearity.max() for row in rows]),
+        holds=np.array([bool(row.propagated.linear_law.all()) and row.propagated.lost == 0 for row in rows]),
+    )
+
+
+def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator) -> Speed:
+    """Measure what propagation costs and how accurate it is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UncertaintyWarning)
+        propagated = propagate(model, quantity).covariance
+        own = min(_timed(lambda: propagate(model, quantity).covariance) for _ in range(CALLS))
+    begun = process_time()
+    drawn = np.array([sample(model, quantity, rng, DRAWS).covariance for _ in range(CHUNKS)])
+    together = (process_time() - begun) / CHUNKS
+    pooled: Array = drawn.mean(axis=0)
+    error = departure(pooled, propagated)
+    drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
+    least = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
+    equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - least**2, least**2))) ** 2
+    thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
+    return Speed(
+        label=f"{symbol_of(quantity(model))} of {name}",
+        propagated=own,
+        drawn=together,
+        alone=_timed(lambda: [quantity(replace(model, theta=theta)) for theta in thetas]) / LOOP * DRAWS,
+        error=error,
+        drawn_error=drawn_error,
+        equal=float(equal),
+    )
+
+
+def _timed(work: Callable[[], object]) -> float:
+    """Processor time, s."""
+    begun = process_time()
+    work()
+    return process_time() - begun

@@ -1,0 +1,46 @@
+"""Responses along time as plain arrays, which travel between processes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.varying.response import VaryingResponse
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Map:
+    """A response over time and frequency."""
+
+    timepts: Array  # shape (n_times,): s
+    frequencies: Array  # shape (n,): Of the first tone, Hz
+    values: NDArray[np.complex128]  # shape (n_times, n): in the response's unit
+    equilibria: Array  # shape (n_times,): in the output's unit
+    equilibrium_std: Array
+
+    @classmethod
+    def of(cls, response: VaryingResponse) -> Self:
+        """Take the arrays of a response along time."""
+        frequencies = response.frequency_Hz
+        return cls(
+            timepts=response.timepts,
+            frequencies=frequencies if frequencies.ndim == 1 else frequencies[:, 0],
+            values=response.values,
+            equilibria=response.equilibria,
+            equilibrium_std=response.equilibrium_std,
+        )
+
+    @property
+    def gain(self) -> Array:
+        """Magnitude, shape (n_times, n)."""
+        return np.asarray(np.abs(self.values), dtype=np.float64)
+
+    @property
+    def change_dB(self) -> Array:
+        """Gain over its mean along time at each frequency, shape (n_times, n)."""
+        return np.asarray(20 * np.log10(self.gain / self.gain.mean(axis=0)))

@@ -1,0 +1,129 @@
+"""The output's short-time spectrum, as the TV-NOFRFs predict it from the input, and as it was recorded.
+
+In each window the input's deviations are taken for one period of a periodic excitation, and the model of the window's
+middle answers with Y = G_1 U_1 + ... + G_N U_N. Both this answer and the recording are then seen through the same Hann
+window: it hides the seam of the period, where the answer is that to an input that jumps, and the leakage is the same on
+both sides.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.drifts import root_mean_square
+from deatwin.ident.frequency import output_spectrum, remove_dc
+from deatwin.ident.frequency.output_responses.powers import input_spectrum
+from deatwin.ident.frequency.output_responses.result import NofrfWarning
+from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
+from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+HIGHEST = 5
+"""N: the degree of the fleet's models, which have no higher order."""
+PERIODS = 10
+"""After which a free run is taken to be steady."""
+BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
+"""Bands in which powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
+is input, above only what the nonlinearity makes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShortTime:
+    """Short-time spectra of a recording, and what was predicted of them."""
+
+    timepts: Array  # shape (n_windows,): Middle of each window, s
+    frequencies: Array  # shape (n,): Hz
+    recorded: Complex  # shape (n_windows, n): Amplitudes
+    predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
+
+    def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
+        """Predicted over recorded power in a band, Hz, by window, dB. Shapes: returns (n_windows,)."""
+        inside = self._inside(band)
+        powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
+        return np.asarray(10 * np.log10(powers[0] / powers[1]))
+
+    def error(self, name: str, band: tuple[float, float]) -> float:
+        """Root mean square of predicted less recorded lines in a band, Hz, over that of the recorded ones."""
+        inside = self._inside(band)
+        missed = np.sum(np.abs(self.predicted[name] - self.recorded)[:, inside] ** 2)
+        return float(np.sqrt(missed / np.sum(np.abs(self.recorded[:, inside]) ** 2)))
+
+    def _inside(self, band: tuple[float, float]) -> NDArray[np.bool_]:
+        return (self.frequencies >= band[0] - 1e-9) & (self.frequencies < band[1] - 1e-9)
+
+
+def windows_of(recording: Recording, length: float) -> list[Recording]:
+    """Cut a recording into windows that overlap by half."""
+    size = 2 * (round(length / recording.sample_time) // 2)
+    starts = range(0, recording.n_samples - size + 1, size // 2)
+    return [recording.section(first, first + size) for first in starts]
+
+
+def compare_windows(
+    windows: Sequence[Recording], sources: Mapping[str, NarxModel | ThetaTrajectory], operating_input: float
+) -> ShortTime:
+    """Predict the spectrum of each window from its input, and compute that of its output."""
+    middles = np.array([0.5 * (w.start + w.end) for w in windows])
+    step = windows[0].sample_time
+    recorded = [short_time(w.outputs[0], step) for w in windows]
+    found = {
+        name: np.stack(
+            [
+                short_time(predicted(source, w.inputs[0] - operating_input, middle, operating_input), step)[1]
+                for w, middle in zip(windows, middles.tolist(), strict=True)
+            ]
+        )
+        for name, source in sources.items()
+    }
+    return ShortTime(
+        timepts=middles, frequencies=recorded[0][0], recorded=np.stack([r for _, r in recorded]), predicted=found
+    )
+
+
+def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
+    """One period of the output's deviation from the equilibrium, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period` (n,);
+    returns (n,).
+    """
+    if isinstance(source, NarxModel):
+        spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
+    else:
+        # G_n U_n is Y_n: G_n of a random record is erratic where its powers cancel, the product is not.
+        response = tv_output_spectrum(source, period, HIGHEST, timepts=[time], operating_input=operating_input)
+        spectrum = response.values[0]
+    return np.asarray(np.fft.irfft(spectrum * period.size, period.size))
+
+
+def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
+    """Error of the sum of G_n U_n, order by order, against the steady free run of the model of a window's middle."""
+    period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
+    spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NofrfWarning)  # G_n of a random record is erratic, its product with U_n is not
+        for order in range(1, HIGHEST + 1):
+            powers = input_spectrum(period, order, window.sample_time)
+            response = tv_nofrf(trajectory, period, order, timepts=[middle], operating_input=operating_input)
+            spectrum[powers.defined] += response.values[0] * powers.values[powers.defined]
+    summed = np.fft.irfft(spectrum * period.size, period.size)
+    model = remove_dc(trajectory.at(middle), operating_input)
+    tiled = Recording.from_arrays(np.tile(period, PERIODS), np.zeros(PERIODS * period.size), window.sample_time)
+    steady = model.simulate(tiled).outputs[0, -period.size :]
+    return root_mean_square(summed - steady) / root_mean_square(steady)
+
+
+def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
+    """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window. Shapes: `values`
+    (n,); returns (n // 2 + 1,), Hz, and (n // 2 + 1,).
+    """
+    from scipy.signal import ShortTimeFFT
+    from scipy.signal.windows import hann
+
+    window = hann(values.size, sym=False)
+    transform = ShortTimeFFT(window, hop=values.size // 2, fs=1 / sample_time, scale_to="magnitude")
+    middle = transform.stft(values - values.mean(), p0=1, p1=2)  # the one slice that lies on the samples exactly
+    return np.asarray(transform.f), np.asarray(middle[:, 0], dtype=np.complex128)

@@ -1,0 +1,52 @@
+"""Folder of results and exit status of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from deatwin.studies.voice import Progress, Voice, complain
+
+if TYPE_CHECKING:
+    from deatwin.studies.folder import ResultFolder
+
+
+DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
+
+
+@contextmanager
+def results(out: Path, voice: Voice, doing: str) -> Iterator[tuple[ResultFolder, Progress]]:
+    """Give a folder for results and a bar of progress; an interrupt ends the command and says what was kept."""
+    import typer
+
+    from deatwin.studies.folder import ResultFolder
+
+    folder = ResultFolder(out)
+    try:
+        with folder, voice.progress(doing) as progress:
+            yield folder, progress
+    except KeyboardInterrupt as stop:
+        complain(str(stop) or f"interrupted; {folder.summary}")
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def exit_status(work: Callable[[], None]) -> int:
+    """Work, complain in one line about what the user or the machine got wrong, and return the status to exit with."""
+    try:
+        work()
+    except KeyboardInterrupt:
+        complain("interrupted")
+        return INTERRUPTED
+    except OSError as error:  # what the machine refuses, as a full disk
+        complain(f"{error.filename or 'the system'}: {error.strerror or error}")
+        return WRONG_INPUT
+    except Exception as error:
+        from deatwin.plant.errors import DeatwinError  # which comes with numpy: help does without
+
+        if not isinstance(error, DeatwinError):
+            raise  # a fault of deatwin's own: the traceback is what its authors need
+        complain(str(error))
+        return WRONG_INPUT
+    return DONE

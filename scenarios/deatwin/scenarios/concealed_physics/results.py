@@ -1,0 +1,157 @@
+"""Open the key: each case beside what was concealed in it, and what may be counted of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.concealed_physics.key import TERM_NAMES
+from deatwin.scenarios.concealed_physics.seal import Seal, Store
+from deatwin.scenarios.concealed_physics.study import key_of, labels
+from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.seal import digest
+
+FAR = 16.0
+"""Distance d² from which on two explanations can be told apart."""
+CLEAN_VERDICTS = frozenset({"none", "parameters"})
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A case with its truth; a case that failed has no causes, and its ratio is the one that was aimed at."""
+
+    name: str
+    kind: str
+    mechanisms: tuple[str, ...]  # Concealed mechanisms
+    truth: tuple[str, ...]  # The name under which each mechanism of the catalogue is counted
+    rich: bool  # True if the input distinguishes mechanisms
+    result: Mapping[str, Any]  # As it was written
+    failed: bool
+    ratio: float  # Structural residual over noise
+    diagnosis: Mapping[str, Any]  # Empty if the case failed
+    verdict: str  # ``error`` if the case failed
+    causes: tuple[str, ...]  # Effects that are built in, the one that explains most first
+    answer: frozenset[str]  # Causes and set together
+    cleared: bool  # The verdict is that no physics is missing
+    detected: bool  # The verdict is that some is
+    wrong_cause: bool  # Some cause is not right
+    confidently_wrong: bool  # The verdict is named, with a cause that is not right
+    first_right: bool  # The first cause is right
+    family_right: bool  # The first cause is of a right family
+    inside: bool  # The answer holds a right name for every mechanism
+    all_named: bool  # The causes hold a right name for every mechanism
+    named_right: bool  # The verdict is named, with a right name for every mechanism and no other cause
+    nearest: float  # Distance d² to the nearest rival that the diagnosis states; infinite where it states none
+    resolved: bool  # The advised experiment let the diagnosis name what is right, alone
+    heavier: bool  # The advised experiment was diagnosed with a mass added and the tied effects as catalogue
+    sparse_right: bool  # The strongest term of the sparse dynamics may stand for what is right
+    errors: Mapping[str, float]  # Rms errors on the check record by who made them, SI; of those that could follow
+    stated: tuple[tuple[float, bool], ...]  # Probability of each cause, and whether it is right
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opened:
+    """A study with its key: all that has been run of it."""
+
+    cases: tuple[Case, ...]
+    intervals: tuple[Mapping[str, Any], ...]
+    failures: Mapping[str, str]  # Messages of the cases and fits that ended in an error
+    seconds: tuple[float, ...]  # Processor time of each case
+    planned: int  # Cases and fits that the key has
+    missing: tuple[str, ...]  # Those of them that have not been run
+
+    def of(self, *kinds: str, ratio: float = 0.0) -> list[Case]:
+        """Return the cases of some kinds."""
+        return [case for case in self.cases if case.kind in kinds and case.ratio >= ratio]
+
+
+def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
+    """Put the truth beside the results of a study that is through."""
+    study = open_part(store, key)
+    if study.missing:
+        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: go on with the study")
+    return study
+
+
+def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
+    """Put the truth beside the results that there are."""
+    if digest(key) != store.seal.key:
+        raise DataError(
+            f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.key[:12]}): "
+            "labels must not change once a study has begun"
+        )
+    missing = store.missing([spec["name"] for spec in key["cases"]])
+    results = [(spec, store.get(spec["name"])) for spec in key["cases"] if spec["name"] not in set(missing)]
+    cases = [(spec, result) for spec, result in results if spec["kind"] != "interval"]
+    fits = [result for spec, result in results if spec["kind"] == "interval"]
+    return Opened(
+        cases=tuple(_case(spec, result, key["names"]["key"]) for spec, result in cases),
+        intervals=tuple(row for result in fits for row in result.get("parameters", ())),
+        failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
+        seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
+        planned=len(key["cases"]),
+        missing=tuple(missing),
+    )
+
+
+def opened_study(folder: Path | str) -> tuple[Opened, Seal]:
+    """Read a study with its key, which is made anew until the last case is through."""
+    store, path = Store.opened(folder), Path(folder) / "key.json"
+    seal = store.seal
+    key = read_object(path, "the key of a study") if path.exists() else key_of(labels(seal.size, seal.seed))
+    if path.exists() and digest(key) != seal.key:
+        raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
+    return open_part(store, key), seal
+
+
+def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Case:
+    diagnosis, again = result.get("diagnosis") or {}, result.get("advised") or {}
+    stated, verdict = diagnosis.get("causes", ()), str(diagnosis.get("verdict", "error"))
+    causes = tuple(cause["effect"] for cause in stated)
+    answer = frozenset((*causes, *diagnosis.get("set", ())))
+    accepted = [frozenset(names.get(mechanism, ())) for mechanism in spec["effects"]]
+    right: frozenset[str] = frozenset().union(*accepted)
+    failed, cleared = result["status"] != "done", verdict in CLEAN_VERDICTS
+    wrong = any(cause not in right for cause in causes)
+    all_named = bool(accepted) and all(one & set(causes) for one in accepted)
+    near = (float(pair["d2"]) for pair in diagnosis.get("indistinguishable", ()) if pair["d2"] is not None)
+    later = {cause["effect"] for cause in again.get("causes", ())}
+    baselines = result.get("baselines", {})
+    errors = {**result.get("check", {}), **{name: made["rms"] for name, made in baselines.items()}}
+    return Case(
+        name=spec["name"],
+        kind=spec["kind"],
+        mechanisms=tuple(spec["effects"]),
+        truth=tuple(spec["truth"]),
+        rich=bool(spec["rich"]),
+        result=result,
+        failed=failed,
+        ratio=float(result.get("ratio", spec["target_ratio"])),
+        diagnosis=diagnosis,
+        verdict=verdict,
+        causes=causes,
+        answer=answer,
+        cleared=cleared,
+        detected=not failed and not cleared,
+        wrong_cause=wrong,
+        confidently_wrong=verdict == "named" and wrong,
+        first_right=bool(causes) and causes[0] in right,
+        family_right=bool(causes) and _family(causes[0]) in set(map(_family, right)),
+        inside=bool(accepted) and all(one & answer for one in accepted),
+        all_named=all_named,
+        named_right=verdict == "named" and all_named and not wrong,
+        nearest=min(near, default=float("inf")),
+        resolved=again.get("verdict") == "named" and bool(later) and later <= right,
+        heavier="verdict" in again and (diagnosis.get("next_experiment") or {}).get("added_mass_g") is not None,
+        sparse_right=bool(TERM_NAMES.get(baselines.get("pysindy", {}).get("term", ""), frozenset()) & right),
+        errors={name: float(rms) for name, rms in errors.items() if rms is not None},
+        stated=tuple((float(cause["probability"]), cause["effect"] in right) for cause in stated),
+    )
+
+
+def _family(effect: str) -> str:
+    return effect_named(effect).family.value

@@ -1,0 +1,209 @@
+"""Figures of the benchmark systems, after figures 7.1 to 7.5 of the thesis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency import FrequencyResponse
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep, columns_of
+from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue, draw_between, panels_of, titled
+from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+WORDS = Words(__package__)
+CLOUD = 400
+"""Draws that are shown as points."""
+
+
+def known_drawings(known: Known) -> list[Drawing]:
+    """Draw what was done with the benchmark systems."""
+    linear, notch = known.cases[LINEAR][0], known.fragile[NOTCH.name][0]
+    return [
+        _complex(linear),
+        _plane(linear),
+        _gain_and_phase(linear, notch),
+        _higher(known.cases[BILINEAR][1:], known.surface),
+        _spectra(known.spectra),
+        _law(known.sweeps),
+    ]
+
+
+def _complex(spread: Spread) -> Drawing:
+    """A real and a complex quantity, and what is known of them."""
+    response, place = spread.propagated, int(np.argmax(spread.relative))
+    draws, edge, middle = spread.sampled.draws[:, place], response.ellipse()[place], response.values[place]
+    covariance, gain = response.covariance[place], float(response.gain[place])
+    deviation, band = float(np.sqrt(response.gain_phase_covariance[place, 0, 0])), response.gain_band()
+    reach = np.sqrt(np.trace(covariance) / 2) * np.abs(edge - middle).max()
+    radius = reach / np.sqrt(np.linalg.eigvalsh(covariance)[-1])
+    circle = middle + radius * np.exp(2j * np.pi * np.linspace(0, 1, edge.size))
+    axis = gain + deviation * np.linspace(-4, 4, 121)
+    density = np.exp(-0.5 * ((axis - gain) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+    with draw((9.6, 4.2)) as figure:
+        left, right = figure.subplots(1, 2)
+        left.hist(np.abs(draws), bins=60, density=True, color=Hue.MEASURED, alpha=0.5)
+        left.plot(axis, density, color=Hue.AFTER)
+        left.axvspan(band.low[place], band.high[place], color=Hue.AFTER, alpha=0.12, linewidth=0)
+        left.set_axisbelow(True)
+        left.set(xlabel=f"gain |H₁| at {response.frequency_Hz[place]:.3f} Hz", ylabel="density")
+        titled(left, "a real quantity: an interval")
+        right.plot(draws[:CLOUD].real, draws[:CLOUD].imag, ".", color=Hue.MEASURED, markersize=3, label="draws")
+        right.plot(edge.real, edge.imag, color=Hue.AFTER, label="95 % region, propagated")
+        right.plot(circle.real, circle.imag, "--", color=Hue.INK, linewidth=0.9, label="as if both parts were alike")
+        right.set(xlabel="real part", ylabel="imaginary part", adjustable="datalim", aspect="equal")
+        titled(right, "a complex one: an ellipse")
+        legend_above(figure, right, 3)
+        columns = {
+            "ellipse_real": edge.real,
+            "ellipse_imaginary": edge.imag,
+            "circle_real": circle.real,
+            "circle_imaginary": circle.imag,
+        }
+        numbers = {"symbol": spread.symbol, "draws": len(spread.sampled.draws)}
+        return WORDS.drawing(figure, "complex", columns, case=spread.case, **numbers)
+
+
+def _plane(spread: Spread) -> Drawing:
+    """The first-order response in the complex plane, whole and near the resonance."""
+    count, worst = spread.propagated.values.size, int(np.argmax(spread.relative))
+    near = range(max(0, worst - 2), min(worst + 3, count))
+    with draw((9.6, 4.6)) as figure:
+        left, right = figure.subplots(1, 2)
+        _regions(left, spread, range(count), 0)
+        _regions(right, spread, near, CLOUD)
+        titled(left, "all frequencies")
+        titled(right, "about the frequency that is known worst")
+        points = spread.sampled.draws[:CLOUD, near.start : near.stop]
+        right.set(xlim=_padded(points.real), ylim=_padded(points.imag))
+        legend_above(figure, right, 3)
+        draws = len(spread.sampled.draws)
+        return WORDS.drawing(figure, "plane", columns_of([spread]), case=spread.case, CLOUD=CLOUD, draws=draws)
+
+
+def _gain_and_phase(linear: Spread, notch: Spread) -> Drawing:
+    """Bands of gain and phase, where the linear law holds and where the gain is near zero."""
+    with draw((9.6, 6.0)) as figure:
+        panels = panels_of(figure, 2, 2, "frequency (Hz)", sharex="col")
+        for column, spread in zip(panels.T, (linear, notch), strict=True):
+            response, sampled, frequency = spread.propagated, spread.sampled, spread.propagated.frequency_Hz
+            bands = (response.gain_band(), response.phase_band())
+            drawn = (sampled.gain_band(), sampled.phase_band())
+            both = (response.gain, response.phase_deg)
+            for axes, values, band, other in zip(column, both, bands, drawn, strict=True):
+                draw_between(axes, frequency, band.low, band.high, Hue.AFTER)
+                axes.plot(frequency, values, color=Hue.AFTER, label="identified, 95 % band propagated")
+                axes.plot(frequency, other.low, ".", color=Hue.INK, markersize=3.5, label="95 % of the draws")
+                axes.plot(frequency, other.high, ".", color=Hue.INK, markersize=3.5)
+                half, label = (frequency[1] - frequency[0]) / 2, "linear law fails"
+                for at in frequency[~band.linear_law]:
+                    axes.axvspan(at - half, at + half, color=Hue.MARK, alpha=0.2, linewidth=0, label=label)
+                    label = "_"
+            titled(column[0], spread.case)
+            column[0].set_ylim(0, None)
+        panels[0, 0].set_ylabel("gain")
+        panels[1, 0].set_ylabel("phase (°)")
+        legend_above(figure, panels[1, 1], 3)
+        return WORDS.drawing(figure, "gain_phase", columns_of([linear, notch]))
+
+
+def _higher(spreads: Sequence[Spread], surface: FrequencyResponse) -> Drawing:
+    """Regions of H_2 and H_3, and H_2 over two frequencies with its relative uncertainty."""
+    side = round(surface.values.size**0.5)
+    axis = surface.frequency_Hz[:side, 1]
+    longest = np.sqrt(np.linalg.eigvalsh(surface.covariance)[:, -1])
+    maps = {
+        "gain of H₂ (log₁₀)": np.log10(surface.gain),
+        "standard deviation of H₂ (% of its gain)": 100 * longest / surface.gain,
+    }
+    with draw((9.6, 8.2)) as figure:
+        above, below = figure.subplots(2, 2)
+        for axes, spread in zip(above, spreads, strict=True):
+            _regions(axes, spread, range(spread.propagated.values.size), CLOUD // 4)
+            titled(axes, f"{spread.symbol} at equal frequencies")
+        for axes, (title, values) in zip(below, maps.items(), strict=True):
+            drawn = axes.contourf(axis, axis, values.reshape(side, side), levels=12, cmap="cividis")
+            figure.colorbar(drawn, ax=axes)
+            axes.set(xlabel="first frequency (Hz)", ylabel="second frequency (Hz)", aspect="equal")
+            titled(axes, title)
+            axes.grid(False)
+        legend_above(figure, above[0], 3)
+        return WORDS.drawing(figure, "higher_orders", columns_of(spreads), case=spreads[0].case)
+
+
+def _spectra(spectra: Sequence[Spread]) -> Drawing:
+    """The orders of the output of a multisine, with bands."""
+    with draw((9.6, 5.6)) as figure:
+        panels = panels_of(figure, 2, len(spectra), "frequency (Hz)", sharex="col", sharey="row")
+        for (above, below), spread in zip(panels.T, spectra, strict=True):
+            frequency, gain = spread.propagated.frequency_Hz, spread.propagated.gain
+            above.plot(frequency, gain, "o", color=Hue.AFTER, markersize=3)
+            above.vlines(frequency, 1e-9, gain, color=Hue.AFTER, linewidth=0.8)
+            above.set(yscale="log", ylim=(1e-7, 1e-1))
+            titled(above, spread.symbol)
+            bands = (spread.propagated.gain_band(), spread.sampled.gain_band())
+            band, drawn = ([100 * (limit / gain - 1) for limit in (one.low, one.high)] for one in bands)
+            below.vlines(frequency, *band, color=Hue.AFTER, alpha=0.4, linewidth=5, label="95 % band, propagated")
+            below.plot(frequency, drawn[0], "_", color=Hue.INK, markersize=6, label="95 % of the draws")
+            below.plot(frequency, drawn[1], "_", color=Hue.INK, markersize=6)
+        panels[0, 0].set_ylabel("amplitude")
+        panels[1, 0].set_ylabel("band, about the amplitude (%)")
+        legend_above(figure, panels[1, 0], 2)
+        return WORDS.drawing(figure, "spectra", columns_of(spectra), case=spectra[0].case)
+
+
+def _law(sweeps: Sequence[Sweep]) -> Drawing:
+    """How far the law of propagation is off, over how uncertain the parameters are."""
+    columns: dict[str, Array] = {}
+    with draw((9.6, 4.0)) as figure:
+        left, right = panels_of(figure, 1, 2, "nonlinearity")[0]
+        for sweep, colour in zip(sweeps, (Hue.AFTER, Hue.BEFORE, Hue.MARK), strict=True):
+            for axes, values in ((left, 100 * sweep.held), (right, np.sqrt(sweep.ratios))):
+                axes.plot(sweep.indices, values, "-", color=colour, linewidth=1.0, label=sweep.label)
+                axes.plot(sweep.indices[sweep.holds], values[sweep.holds], "o", color=colour, markersize=5)
+                axes.plot(sweep.indices[~sweep.holds], values[~sweep.holds], "x", color=colour, markersize=7)
+            key = sweep.label.replace(" ", "_")
+            columns |= {
+                f"{key}_scale": sweep.scales,
+                f"{key}_nonlinearity": sweep.indices,
+                f"{key}_held": sweep.held,
+                f"{key}_variance_ratio": sweep.ratios,
+            }
+        for axes, level in ((left, 95), (right, 1)):
+            axes.axhline(level, color=Hue.INK, linewidth=0.7, linestyle=":")
+            axes.set_xscale("log")
+        left.set_ylabel("draws in the 95 % region (%)")
+        right.set(ylabel="deviation of the draws over that propagated", yscale="log")
+        legend_above(figure, left, len(sweeps))
+        return WORDS.drawing(figure, "law", columns)
+
+
+def _regions(axes: Axes, spread: Spread, shown: Sequence[int], cloud: int) -> None:
+    """Draw a response in the complex plane with its regions, and some of the draws."""
+    from matplotlib.collections import LineCollection
+
+    places, curve = list(shown), spread.curve
+    axes.plot(curve.real, curve.imag, color=Hue.INK, linewidth=0.7)
+    edges, values = spread.propagated.ellipse()[places], spread.propagated.values[places]
+    draws = spread.sampled.draws[:cloud, places].ravel()
+    if cloud:
+        axes.plot(draws.real, draws.imag, ".", color=Hue.MEASURED, markersize=2.5, label="draws")
+    outlines = np.stack([edges.real, edges.imag], axis=-1)
+    axes.add_collection(LineCollection(list(outlines), colors=Hue.AFTER, label="95 % region, propagated"))
+    axes.plot(values.real, values.imag, ".", color=Hue.INK, markersize=3, label="identified")
+    axes.autoscale_view()
+    axes.set(xlabel="real part", ylabel="imaginary part")
+
+
+def _padded(values: Array) -> tuple[float, float]:
+    low, high = float(np.min(values)), float(np.max(values))
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)

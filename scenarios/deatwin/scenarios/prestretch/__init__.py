@@ -1,0 +1,166 @@
+"""What prestretch does: each claim that is made for it, computed on the plant and judged with a number.
+
+The claims are those that the literature on dielectric elastomer actuators makes (Pelrine, Kornbluh, Pei & Joseph,
+Science 287 (2000) 836, and after); the wording of thesis 2.2.2 was not at hand. A square film of VHB 4905, 0.5 mm
+thick, is held at its prestretch by equal dead loads (`Planar`), by unequal ones, or by a frame with a ball at its
+centre (`Diaphragm`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.actuation import ActuationCurve, actuation_curve
+from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
+from deatwin.plant.laws.energies import maxwell_branch
+from deatwin.plant.laws.stress import nominal_stress
+from deatwin.plant.material import material
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.plant.rigs.film_actuator import relaxed_stresses
+from deatwin.plant.rigs.planar import Planar
+from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
+from deatwin.scenarios.prestretch.page import write_sweep
+from deatwin.studies.report.story import end_run
+from deatwin.studies.stories import Setting
+
+Array = np.ndarray
+PRESTRETCHES = np.linspace(1.0, 5.0, 17)
+RATIOS = np.linspace(1.0, 3.0, 9)
+"""Prestretch across over prestretch along, at the thickness of 3 x 3."""
+KILOVOLT, TOP = 1000.0, 10e3
+STRAIN = 0.05
+
+
+def run(setting: Setting) -> Mapping[str, Any]:
+    """Sweep the prestretch, judge the claims, and write page, figure and table."""
+    record = setting.record()
+    columns = sweep(setting.progress)
+    setting.progress(0.8, "unequal prestretch")
+    ratios = unequal(RATIOS)
+    setting.progress(0.9, "where pull-in ends")
+    judged = judged_claims(Sweep(columns=columns, ratios=ratios, pull_in_end=pull_in_ends_at(columns)))
+    setting.folder.csv("prestretch.csv", columns)
+    setting.folder.csv("unequal.csv", ratios)
+    true, conditional, false = (sum(c.verdict is verdict for c in judged) for verdict in Verdict)
+    result = {
+        "claims": [{**asdict(claim), "verdict": claim.verdict.value} for claim in judged],
+        "sentence": (
+            f"Of {len(judged)} claims for prestretch {true} hold, {conditional} under a condition, {false} not. "
+            f"{judged[0].finding}"
+        ),
+    }
+    write_sweep(setting.folder, result, columns, ratios, record)
+    return end_run(setting.folder, record, "prestretch", result)
+
+
+def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
+    """Actuation curve of the square film under equal dead loads. returns Over film volts up to 10 kV."""
+    rig = Planar(**{"prestretch": float(prestretch), "gain": 1.0, **fields})
+    return actuation_curve(Plant(rig=rig), np.linspace(0.0, TOP, 201))
+
+
+def sweep(progress: Callable[[float, str], None]) -> dict[str, Array]:
+    """Compute all columns over the prestretch, each of shape (n,)."""
+    rows: list[dict[str, float]] = []
+    for number, prestretch in enumerate(PRESTRETCHES):
+        progress(0.8 * number / PRESTRETCHES.size, f"prestretch {prestretch:g}")
+        rows.append({"prestretch": float(prestretch), **_under_dead_load(prestretch), **_mounted(prestretch)})
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _under_dead_load(prestretch: float) -> dict[str, float]:
+    curve = dead_load(prestretch)
+    volts, stretch = curve.commands, curve.unknowns["position"] / Planar.length
+    strain = stretch / prestretch - 1
+    ends = [at for at in (None if curve.end.ok else volts[-1], curve.breakdown_command) if at is not None]
+    thickness = Planar.thickness / stretch**2
+    weaker = curve.signals["field"] / KOFOD_2001.at(thickness, stretch, stretch)
+    return {
+        "strain_at_1kV": float(np.interp(KILOVOLT, volts, strain)),
+        "voltage_for_5_percent_V": float(np.interp(STRAIN, strain, volts)),
+        "pull_in_V": np.nan if curve.end.ok else float(volts[-1]),
+        "breakdown_V": curve.breakdown_command or np.nan,
+        "breakdown_of_soft_film_V": _crossing(volts, weaker),
+        "largest_strain": float(np.interp(min(ends), volts, strain)),
+        "prompt_share": _prompt_share(prestretch, float(np.interp(0.01, strain, volts))),
+    }
+
+
+def _crossing(volts: Array, share: Array) -> float:
+    """Voltage at which a share that starts at 0 first reaches 1; NaN if it does not."""
+    if share.max() < 1.0:
+        return np.nan
+    first = int(np.argmax(share >= 1.0))
+    return float(np.interp(1.0, share[: first + 1], volts[: first + 1]))
+
+
+def _prompt_share(prestretch: float, voltage: float) -> float:
+    """Share of the final strain that is there 20 ms after a step, with a part that has neither mass nor damping."""
+    rig = Planar(prestretch=float(prestretch), gain=1.0, mass=0.0, damping=1e-6)
+    step = Recording.from_arrays(np.array([0.0, voltage]), np.zeros(2), rig.sample_time)
+    prompt = Plant(rig=rig).simulate(Experiment(recordings=(step,))).require().outputs[0][0, -1]
+    return float(prompt / actuation_curve(Plant(rig=rig), np.array([voltage])).readings[-1])
+
+
+def _mounted(prestretch: float) -> dict[str, float]:
+    """Values of the film as mounted, and in the ring with the ball."""
+    film = material(Planar.material)
+    thickness = Planar.thickness / prestretch**2
+    tension = relaxed_stresses(film, prestretch, prestretch)[0]
+    permittivity = film.permittivity.value * VACUUM_PERMITTIVITY
+    field = HUANG_2012.at(thickness, prestretch, prestretch)
+    return {
+        "breakdown_field_MV_m": float(field / 1e6),
+        "breakdown_voltage_as_mounted_V": float(field * thickness),
+        "slack_V": float(Planar.thickness * np.sqrt(max(tension, 0.0) / (permittivity * prestretch**3))),
+        "tension_lost": _tension_lost(prestretch),
+        "ball_at_2kV_mm": _ball(prestretch),
+    }
+
+
+def _tension_lost(prestretch: float) -> float:
+    """Share of the tension right after mounting that the branches take back; NaN without any tension."""
+    film = material(RELAXING)
+    branches, _ = nominal_stress(maxwell_branch, prestretch, prestretch)
+    relaxing = sum(branch.modulus.value for branch in film.branches) * float(branches)
+    total = relaxing + relaxed_stresses(film, prestretch, prestretch)[0]
+    return relaxing / total if total > 0 else np.nan
+
+
+def _ball(prestretch: float) -> float:
+    """Displacement of the ball on the film in its ring; NaN where a film without tension cannot hold it."""
+    if prestretch < 1.5:
+        return np.nan
+    curve = actuation_curve(Plant(rig=Diaphragm(prestretch=float(prestretch), gain=1.0)), np.linspace(0, 2000.0, 11))
+    return float(1e3 * curve.readings[-1]) if curve.end.ok else np.nan
+
+
+def unequal(ratios: Array) -> dict[str, Array]:
+    """Strains at 1 kV along and across a film of unequal prestretch, at one thickness. Shapes: `ratios` (n,); returns
+    (n,).
+    """
+    along, across = [], []
+    for ratio in ratios:
+        first, second = 3.0 / np.sqrt(ratio), 3.0 * np.sqrt(ratio)
+        rig = Planar(prestretch=float(first), side_prestretch=float(second), sides="free", gain=1.0)
+        curve = actuation_curve(Plant(rig=rig), np.array([0.5 * KILOVOLT, KILOVOLT]))
+        along.append(curve.unknowns["position"][-1] / rig.length / first - 1)
+        across.append(curve.unknowns["side_stretch"][-1] / second - 1)
+    return {"ratio": ratios, "strain_along": np.array(along), "strain_across": np.array(across)}
+
+
+def pull_in_ends_at(columns: Mapping[str, Array]) -> float:
+    """The prestretch from which on a film under dead load no longer pulls in."""
+    stretches, pulls_in = columns["prestretch"], np.isfinite(columns["pull_in_V"])
+    low, high = float(stretches[pulls_in].max()), float(stretches[~pulls_in].min())
+    while high - low > 0.01:
+        middle = (low + high) / 2
+        low, high = (low, middle) if dead_load(middle).end.ok else (middle, high)
+    return (low + high) / 2

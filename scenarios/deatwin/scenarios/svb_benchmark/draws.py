@@ -1,0 +1,273 @@
+"""One draw of a system: the structure that a method finds, how far the true terms stand out, and a sampler's answer."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.bayes import Statistics
+from deatwin.ident.narx.posterior import ThetaPosterior
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
+from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
+from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
+from deatwin.plant.errors import DeatwinError
+from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS
+from deatwin.studies.rates import LEVEL, Rate
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Flags = NDArray[np.bool_]
+FLIPS, BURN_IN, DRAWS = 20_000, 2_000, 20_000
+"""Flips of each chain of the sampler, flips before them, and parameters that are drawn at its end."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """The structure that a method found in a draw."""
+
+    system: str
+    method: str
+    number: int  # Number of the draw
+    redraws: int  # Runs that diverged before it
+    terms: tuple[str, ...]  # Terms that were kept; none if the method failed
+    theta: tuple[float, ...]  # Parameters of the kept terms
+    low: tuple[float, ...]  # Ends of the parameters' 95 % intervals
+    high: tuple[float, ...]
+    missed: int  # True terms that were not kept
+    false: int  # False terms that were kept
+    seconds: float  # Processor time of the fit
+    failure: str = ""  # Error of the method
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read what `dataclasses.asdict` made, from a file too."""
+        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
+        return cls(**given)
+
+    @property
+    def kept(self) -> bool:
+        """True if every true term was kept."""
+        return self.missed == 0
+
+    @property
+    def exact(self) -> bool:
+        """True if the terms are the true ones."""
+        return self.missed == self.false == 0
+
+
+def system_of(name: str, noise_variance: float | None = None) -> BenchmarkSystem:
+    """Return a benchmark system, with other noise if wanted."""
+    system = SYSTEMS[name]
+    return system if noise_variance is None else replace(system, noise_std=noise_variance**0.5)
+
+
+def draw_of(system: BenchmarkSystem, seed: int, number: int) -> Draw:
+    """Make a draw: the same for the same numbers, whatever else is drawn."""
+    place = list(SYSTEMS).index(system.name)
+    return system.draw(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(place, number))))
+
+
+def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
+    """Say which intervals hold the true parameter if the structure is right. Shapes: returns (n_terms,)."""
+    system = system_of(name, noise_variance)
+    model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)
+    low, high = ThetaPosterior(model=model).interval(LEVEL).T
+    places = [model.terms.index(term) for term in system.terms]
+    return (low[places] <= system.theta) & (system.theta <= high[places])
+
+
+def try_out(name: str, method: str, seed: int, number: int, noise_variance: float | None = None) -> Trial:
+    """Let a method identify a draw."""
+    system = system_of(name, noise_variance)
+    draw = draw_of(system, seed, number)
+    identifier = METHODS[method].for_system(system)
+    begin = time.process_time()
+    try:
+        model, failure = identifier.fit(draw.recording).model_, ""
+    except DeatwinError as error:
+        model, failure = None, str(error)
+    seconds = time.process_time() - begin
+    if not failure and not identifier.status_.ok:
+        raise KeyboardInterrupt  # the method has kept its best so far, which is no result of the study
+    terms = () if model is None else model.terms
+    low, high = ((), ()) if model is None else map(tuple, ThetaPosterior(model=model).interval(LEVEL).T.tolist())
+    return Trial(
+        system=name,
+        method=method,
+        number=number,
+        redraws=draw.redraws,
+        terms=tuple(map(str, terms)),
+        theta=() if model is None else tuple(model.theta.tolist()),
+        low=low,
+        high=high,
+        missed=len(set(system.terms) - set(terms)),
+        false=len(set(terms) - set(system.terms)),
+        seconds=seconds,
+        failure=failure,
+    )
+
+
+# --- oracles --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contrast:
+    """Margins by which the true terms of a draw stand out."""
+
+    full: Margin  # In least squares on all candidates
+    near: Margin  # Among the neighbours of the true terms
+    redraws: int  # Runs that diverged before the draw
+    snr_db: float  # Variance of the output over that of e(k), dB
+    condition: float  # Condition number of the candidates, each scaled to length 1
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read what `dataclasses.asdict` made."""
+        return cls(**{**data, "full": Margin(**data["full"]), "near": Margin(**data["near"])})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Oracle:
+    """The best threshold of a system, and what is reached by it."""
+
+    threshold: float
+    exact: Rate
+    kept: Rate
+
+
+def contrast(name: str, seed: int, number: int) -> Contrast:
+    """Compare true and false terms of a draw."""
+    system = system_of(name)
+    draw = draw_of(system, seed, number)
+    data = _candidates(system, draw)
+    true = np.array([data.table.terms.index(term) for term in system.terms])
+    rows, target = data.matrix()
+    ratio = draw.recording.outputs.var() / system.noise_std**2
+    return Contrast(
+        full=full_margin(rows, target, true),
+        near=near_margin(rows, target, true),
+        redraws=draw.redraws,
+        snr_db=10 * float(np.log10(ratio)),
+        condition=float(np.linalg.cond(rows / np.linalg.norm(rows, axis=1)[:, None])),
+    )
+
+
+def _candidates(system: BenchmarkSystem, draw: Draw) -> Regression:
+    output_lags, input_lags = system.output_lags, system.input_lags
+    return Regression.of(draw.recording, output_lags=output_lags, input_lags=input_lags, degree=system.degree)
+
+
+def consult(margins: Sequence[Margin]) -> Oracle:
+    """Choose the threshold by which most draws of a system come out exactly right; of equals the least."""
+    true = np.array([margin.true for margin in margins])
+    false = np.array([margin.false for margin in margins])
+    # A draw comes out right if false <= threshold < true, so that one of the lower ends is best of all thresholds.
+    thresholds = np.sort(false)
+    exact = [(false <= threshold) & (threshold < true) for threshold in thresholds]
+    best = int(np.argmax([flags.sum() for flags in exact]))
+    return Oracle(threshold=float(thresholds[best]), exact=Rate.of(exact[best]), kept=Rate.of(true > thresholds[best]))
+
+
+# --- the sampler beside variational Bayes ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison:
+    """A draw by a sampler of structures and by variational Bayes."""
+
+    number: int  # Number of the draw
+    terms: tuple[str, ...]  # All candidates
+    inclusion: Array  # shape (candidates,): Probability of each by the first chain
+    other_inclusion: Array  # shape (candidates,): The same by the second
+    sampled: tuple[str, ...]  # Terms that the first chain finds more likely in than out
+    chosen: tuple[str, ...]  # Terms that variational Bayes keeps
+    theta: Array  # shape (common,): Its parameters of the terms that both keep
+    low: Array  # shape (common,): Ends of its 95 % intervals
+    high: Array
+    sampled_low: Array  # shape (common,): Ends of the sampler's intervals, over all structures
+    sampled_high: Array
+    mass: Array  # shape (common,): Sampler's probability of the first intervals, over all structures
+    mass_given: Array  # shape (common,): The same given the chosen structure
+    seconds: float  # Processor time of variational Bayes
+    sampled_seconds: float  # Processor time of one chain
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read plain data."""
+        names = {key: tuple(data[key]) for key in ("terms", "sampled", "chosen")}
+        numbers = {k: np.array(v, dtype=float) for k, v in data.items() if isinstance(v, list) and k not in names}
+        return cls(**{**data, **numbers, **names})
+
+    @property
+    def common(self) -> tuple[str, ...]:
+        """Terms that both keep."""
+        return tuple(term for term in self.chosen if term in self.sampled)
+
+    @property
+    def agrees(self) -> bool:
+        """True if both keep the same terms."""
+        return set(self.sampled) == set(self.chosen)
+
+    @property
+    def unsettled(self) -> float:
+        """Largest difference of a term's probability between the two chains."""
+        return float(np.abs(self.inclusion - self.other_inclusion).max())
+
+
+def compare(name: str, method: str, seed: int, number: int) -> Comparison:
+    """Sample the structures of a draw, and let a method choose one."""
+    system = system_of(name)
+    trial = try_out(name, method, seed, number)
+    rng = np.random.default_rng([seed, number])
+    draw = draw_of(system, seed, number)
+    begin = time.process_time()
+    data = _candidates(system, draw)
+    gram, moment, power = data.gram()
+    posterior = SpikeSlab(data=Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples))
+    found = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN)
+    seconds = time.process_time() - begin
+    crowd = frozenset(rng.choice(posterior.n_terms, 20, replace=False).tolist())
+    other = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN, start=crowd)
+    terms = tuple(map(str, data.table.terms))
+    sampled = tuple(terms[i] for i in sorted(found.median))
+    common = [term for term in trial.terms if term in sampled]
+    kept, places = [trial.terms.index(term) for term in common], [terms.index(term) for term in common]
+    low, high = np.array(trial.low)[kept], np.array(trial.high)[kept]
+    scales = data.term_scales[places]
+    averaged = _present(found.parameters(posterior, DRAWS, rng)[:, places] * scales)
+    alone = Structures(inclusion=found.inclusion, weights={frozenset(terms.index(t) for t in trial.terms): 1.0})
+    given = _present(alone.parameters(posterior, DRAWS, rng)[:, places] * scales)
+    return Comparison(
+        number=number,
+        terms=terms,
+        inclusion=found.inclusion,
+        other_inclusion=other.inclusion,
+        sampled=sampled,
+        chosen=trial.terms,
+        theta=np.array(trial.theta)[kept],
+        low=low,
+        high=high,
+        sampled_low=np.nanquantile(averaged, 0.5 * (1 - LEVEL), axis=0),
+        sampled_high=np.nanquantile(averaged, 0.5 * (1 + LEVEL), axis=0),
+        mass=_mass(averaged, low, high),
+        mass_given=_mass(given, low, high),
+        seconds=trial.seconds,
+        sampled_seconds=seconds,
+    )
+
+
+def _present(theta: Array) -> Array:
+    """Return drawn parameters with NaN where the term is out."""
+    return np.where(theta != 0, theta, np.nan)
+
+
+def _mass(theta: Array, low: Array, high: Array) -> Array:
+    """Return the share of the draws, with the term in, that lies in each interval."""
+    inside = np.sum((low <= theta) & (theta <= high), axis=0)
+    return np.asarray(inside / np.sum(~np.isnan(theta), axis=0), dtype=np.float64)

@@ -1,0 +1,57 @@
+"""How well stated probabilities are borne out, and how well a median is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from deatwin.studies.rates import LEVEL, Rate
+
+BINS = 10
+"""Bins of stated probabilities, from 0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """One bin of stated probabilities."""
+
+    stated: float  # Mean of the probabilities in it
+    came_true: Rate
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float]:
+    """Interval of order statistics that holds the median with at least 95 %."""
+    from scipy.stats import binom
+
+    ordered = np.sort(np.asarray(values, dtype=float))
+    if not ordered.size:
+        return float("nan"), float("nan")
+    # The r-th value from either end lies outside the median with the probability of fewer than r successes.
+    out = max(int(binom.ppf(0.5 * (1 - LEVEL), ordered.size, 0.5)) - 1, 0)
+    return float(ordered[out]), float(ordered[-1 - out])
+
+
+def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Calibration, ...]:
+    """Sort stated probabilities into bins, and count how often each bin was right."""
+    probabilities, happened = np.array(stated, dtype=float).reshape(-1, 2).T
+    places = np.minimum((probabilities * BINS).astype(int), BINS - 1)
+    return tuple(
+        Calibration(stated=float(probabilities[places == k].mean()), came_true=Rate.of(happened[places == k] > 0))
+        for k in range(BINS)
+        if (places == k).any()
+    )
+
+
+def expected_calibration_error(bins: Sequence[Calibration]) -> float:
+    """Mean distance of stated probability from observed rate, weighted by the number in each bin."""
+    total = sum(b.came_true.count for b in bins)
+    if not total:
+        return float("nan")
+    return sum(b.came_true.count * abs(b.stated - b.came_true.share) for b in bins) / total
+
+
+def brier_score(stated: Sequence[tuple[float, bool]]) -> float:
+    """Mean square of stated probability less outcome (Brier, Mon. Weather Rev. 78 (1950) 1)."""
+    return float(np.mean([(p - happened) ** 2 for p, happened in stated])) if stated else float("nan")

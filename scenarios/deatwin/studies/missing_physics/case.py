@@ -1,0 +1,285 @@
+"""A plant without some documented physics, diagnosed, then judged on recordings that were held out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.mismatch import Diagnosis
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.errors import ModelError
+from deatwin.plant.model import Plant
+from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
+from deatwin.studies.diagnosing import DiagnosisTask
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.missing_physics.figures import drawings
+from deatwin.studies.parallel import between
+from deatwin.studies.provenance import hashes
+from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED, Outcome, attempt
+from deatwin.studies.public.records import DataSet
+from deatwin.studies.public.sources import origins
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
+from deatwin.studies.stories import Setting
+from deatwin.studies.voice import Progress
+
+Array = NDArray[np.float64]
+FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
+"""Folders of recordings whose name is not the story's."""
+BLACK_BOXES = (LINEAR, REFINED, GROWN)
+"""Black boxes that stand beside the plant; NARX models are the last two."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldOut:
+    """A recording on which nothing is fitted or chosen."""
+
+    name: str
+    experiment: Experiment  # Begins at rest, or leads in
+    first: int = 0  # Sample of its last record from which on it counts; those before lead in
+    black_box: DataSet | None = None  # For black boxes: their training data, and this recording to judge them
+    follows: bool = False  # True if the readings follow the input
+
+    def readings(self, plant: Plant) -> Array:
+        """A plant's free run where it counts. Shapes: returns (n,)."""
+        return plant.simulate(self.experiment).require().outputs[-1][0, self.first :]
+
+    @property
+    def measured(self) -> Array:
+        """Readings where it counts, shape (n,), SI."""
+        return self.experiment.recordings[-1].outputs[0, self.first :]
+
+    @property
+    def level(self) -> Array:
+        """Level that figures subtract from readings, shape (n,), SI: the input if they follow it, else 0."""
+        command = self.experiment.recordings[-1].inputs[0, self.first :]
+        return command if self.follows else np.zeros_like(command)
+
+    @property
+    def timepts(self) -> Array:
+        """Clock times where it counts, shape (n,), s."""
+        return self.experiment.recordings[-1].timepts[self.first :]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Law:
+    """The missing physics over the state that it depends on."""
+
+    state: str  # Labels with units
+    force: str
+    measured: tuple[Array, Array]  # State and force, shapes (n,)
+    modelled: tuple[Array, Array]  # Those of the amended plant, shapes (m,)
+    caption: str  # On the origin of the measured force
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Case:
+    """A recording and a plant from which its documented physics is left out."""
+
+    name: str
+    title: str
+    documented: tuple[str, ...]  # Effects that would be right answers
+    plant: Plant  # Without them
+    fitted: tuple[Experiment, ...]
+    held_out: tuple[HeldOut, ...]  # The official test recording first, where there is one
+    unit: str  # Of the errors shown
+    scale: float  # Size of that unit, SI
+    files: tuple[Path, ...]  # Read from
+    notes: tuple[str, ...]  # On the recordings and the plant
+    law: Callable[[Plant], Law]  # Takes the amended plant, returns the `Law`
+    loop: str = "open loop"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """Free runs over a held-out recording."""
+
+    held_out: HeldOut
+    base: Array  # shape (n,): readings of the calibrated base plant, SI
+    amended: Array  # shape (n,): readings of the amended plant, SI
+    black_boxes: tuple[Outcome, ...]  # Black boxes that learned from the same samples
+
+    @property
+    def base_error(self) -> float:
+        """Rms of measured minus base plant, SI."""
+        return float(np.sqrt(np.mean((self.held_out.measured - self.base) ** 2)))
+
+    @property
+    def amended_error(self) -> float:
+        """Rms of measured minus amended plant, SI."""
+        return float(np.sqrt(np.mean((self.held_out.measured - self.amended) ** 2)))
+
+    @property
+    def best_black_box(self) -> Outcome | None:
+        """The NARX with the least error here: chosen on the held-out recording, in its favour."""
+        sound = [o for o in self.black_boxes if o.method != LINEAR and np.isfinite(o.free_run)]
+        return min(sound, key=lambda o: o.free_run) if sound else None
+
+
+def experiment_of(rig: Rig, inputs: Array, outputs: Array, sample_time: float | None = None, **more: Any) -> Experiment:
+    """One recording, named as the rig names its signals. Shapes: `inputs, outputs` (n,)."""
+    record = Recording.from_arrays(
+        inputs,
+        outputs,
+        sample_time or rig.sample_time,
+        input_names=(rig.input_name,),
+        output_names=(rig.output_name,),
+        input_units=(rig.input_unit,),
+        output_units=(rig.output_unit,),
+        **more,
+    )
+    return Experiment(recordings=(record,))
+
+
+def tell(setting: Setting, case: Case) -> dict[str, Any]:
+    """Diagnose, judge on the held-out recordings, and write the page."""
+    record = setting.record(hashes(case.files))
+    diagnosis = diagnosed(setting, case, "diagnosis", between(setting.progress, 0.0, 0.7))
+    setting.progress(0.7, "the held-out recordings")
+    trials = judged(case, diagnosis, setting.jobs)
+    setting.progress(0.95, "drawing")
+    rows = measures(case, diagnosis, trials)
+    page = StoryPage(
+        title=case.name,
+        sentence=f"{diagnosis.sentence} {_said(case, trials[0])}",
+        rows=rows,
+        figures=drawings(case, trials[0], amended_plant(diagnosis)),
+        notes=[
+            Note(title="The recordings and the plant", paragraphs=case.notes),
+            Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
+        ],
+        tables=[
+            error_table(case, trials),
+            tried_table(case, diagnosis),
+            origins(setting.data, {FOLDERS.get(case.name, case.name): case.files}),
+        ],
+    )
+    return finish(
+        setting.folder,
+        record,
+        page,
+        verdict=diagnosis.verdict.value,
+        causes=[cause.effect for cause in diagnosis.causes],
+        set=list(diagnosis.names),
+        right=rows[0].passed,
+        held_out={t.held_out.name: _plain(t) for t in trials},
+    )
+
+
+def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
+    """Diagnose the fitted recordings, into a folder below that of the story."""
+    task = DiagnosisTask(
+        plant=case.plant,
+        experiments=case.fitted,
+        files=case.files,
+        command=setting.command,
+        jobs=setting.jobs,
+        seed=setting.seed,
+    )
+    with ResultFolder(setting.folder.path / name) as own:
+        diagnosis = task.run(own, progress)
+    setting.folder.written.extend(f"{name}/{written}" for written in own.written)
+    return diagnosis
+
+
+def amended_plant(diagnosis: Diagnosis) -> Plant | None:
+    """The plant with what was found built in; None if nothing was."""
+    return diagnosis.model.plant if diagnosis.causes and diagnosis.model is not None else None
+
+
+def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
+    """Run the plants, and black boxes that learned from the same samples, over the held-out recordings."""
+    known, model = diagnosis.base_model, diagnosis.model
+    if known is None or model is None:
+        raise ModelError("a diagnosis without its evidence cannot be judged")
+    base = calibrate(known.plant, case.fitted, starts=1).plant
+    tasks = [
+        (method, held.black_box)
+        for held in case.held_out
+        if held.black_box is not None
+        for method in reversed(BLACK_BOXES)
+    ]
+    outcomes = run_jobs(attempt, tasks, workers=jobs)
+    trials = []
+    for held in case.held_out:
+        own = tuple(o for o, (_, data) in zip(outcomes, tasks, strict=True) if data is held.black_box)
+        readings = held.readings(base), held.readings(model.plant)
+        trials.append(Trial(held_out=held, base=readings[0], amended=readings[1], black_boxes=own[::-1]))
+    return tuple(trials)
+
+
+def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Measure]:
+    """Hold a diagnosis and its free runs against their goals."""
+    causes = [cause.effect for cause in diagnosis.causes]
+    rows = [
+        Measure(
+            "The physics that is documented is named, and no other",
+            f"named: {' or '.join(case.documented)}",
+            f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
+            bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named",
+        )
+    ]
+    for trial in trials:
+        base, after = trial.base_error / case.scale, trial.amended_error / case.scale
+        name = f"{trial.held_out.name}: free run, rms error, against the base plant's"
+        rows.append(Measure(name, f"below {base:.4g} {case.unit}", f"{after:.4g} {case.unit}", after < base))
+    return rows
+
+
+def error_table(case: Case, trials: Sequence[Trial]) -> Table:
+    """Errors of all free runs over the held-out recordings."""
+    rows = []
+    for trial in trials:
+        errors = {
+            "calibrated base plant": f"{trial.base_error / case.scale:.4g}",
+            "amended plant": f"{trial.amended_error / case.scale:.4g}",
+            **{
+                f"{o.method}, {o.terms} parameters": o.failure or f"{o.free_run / case.scale:.4g}"
+                for o in trial.black_boxes
+            },
+        }
+        rows += [[trial.held_out.name, *row] for row in errors.items()]
+    return Table(
+        title=f"Free runs in {case.loop} over held-out recordings: root mean square errors",
+        columns=["recording", "model", f"error ({case.unit})"],
+        rows=rows,
+    )
+
+
+def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
+    """Effects that the diagnosis built in, with what each left."""
+    tried = diagnosis.candidates
+    rows = [
+        [
+            " and ".join(c.effects).replace("_", " ") or "none",
+            f"{c.fitted / case.scale:.4g}",
+            f"{c.unseen / case.scale:.4g}",
+        ]
+        for c in sorted(tried, key=lambda c: c.fitted)
+    ]
+    return Table(
+        title="Effects that were built in",
+        rows=rows,
+        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
+    )
+
+
+def _plain(trial: Trial) -> dict[str, Any]:
+    black_boxes = {o.method: o.free_run if np.isfinite(o.free_run) else None for o in trial.black_boxes}
+    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": black_boxes}
+
+
+def _said(case: Case, trial: Trial) -> str:
+    base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
+    best = trial.best_black_box
+    beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
+    return (
+        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "
+        f"{case.unit} rms before, {amended:.3g} after{beside}."
+    )

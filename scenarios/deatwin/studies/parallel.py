@@ -1,0 +1,34 @@
+"""Independent jobs of a story that tell how far they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TypeVar
+
+from deatwin.ident.parallel import run_jobs
+from deatwin.studies.voice import Progress
+
+Result = TypeVar("Result")
+
+
+def between(progress: Progress, first: float, last: float) -> Progress:
+    """The progress of a part of the work, from the share `first` of all of it to `last`."""
+
+    def tell(share: float, text: str = "") -> None:
+        progress(first + (last - first) * share, text)
+
+    return tell
+
+
+def run_told(
+    function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int, progress: Progress, doing: str
+) -> list[Result]:
+    """Call a function once for each tuple of arguments; results in order."""
+    every = list(tasks)
+    progress(0.0, doing)
+    return run_jobs(function, every, workers=jobs, finished=lambda count: progress(count / len(every), doing))
+
+
+def call(function: Callable[..., Result], *arguments: object) -> Result:
+    """Call a function: the job of tasks that begin with functions of their own."""
+    return function(*arguments)

@@ -1,0 +1,161 @@
+"""The methods, each as a function from a data set to a model, and what a model is worth."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx import NarxIdentifier
+from deatwin.ident.narx.frols import Frols
+from deatwin.ident.narx.lasso import Lasso
+from deatwin.ident.narx.linear import Arx, LinearModel, OutputError
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.refine import extend, prune, refine
+from deatwin.ident.narx.semp import Semp
+from deatwin.ident.narx.svb import SvbNarx
+from deatwin.ident.narx.terms import generate_terms
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+from deatwin.studies.public.records import DataSet
+
+Array = NDArray[np.float64]
+Model = NarxModel | LinearModel
+
+LINEAR, FRO, SEMP, REFINED, GROWN = (
+    "output error, linear",
+    "FRO",
+    "SEMP",
+    "FRO, refined",
+    "grown by the free-run error",
+)
+
+
+def _arx(data: DataSet) -> Model:
+    chosen = data.candidates
+    return Arx(na=chosen.output_lags, nb=len(chosen.input_lags), nk=chosen.input_lags[0]).fit(data.train).model_
+
+
+def _output_error(data: DataSet) -> Model:
+    chosen = data.candidates
+    return OutputError(nf=2, nb=len(chosen.input_lags), nk=chosen.input_lags[0]).fit(data.train).model_
+
+
+def _narx(data: DataSet, search: Callable[..., NarxIdentifier], **more: Any) -> NarxModel:
+    return search(**data.candidates.arguments, **more).fit(data.train).model_
+
+
+def _fro(data: DataSet) -> NarxModel:
+    return _narx(data, Frols, max_terms=data.candidates.max_terms, criterion="none")
+
+
+def _on_part(data: DataSet, part: Recording) -> NarxModel:
+    """Grow a structure from a linear model by the free-run error, half as large again as allowed, and prune it."""
+    chosen = data.candidates
+    lags = [lag for lag in chosen.input_lags if lag <= 2]
+    first, held_out = (part.section(*ends) for ends in pairwise((0, 2 * part.n_samples // 3, part.n_samples)))
+    linear = Arx(na=2, nb=len(lags), nk=lags[0]).fit(first).model_.to_narx()
+    terms = generate_terms(chosen.output_lags, chosen.input_lags, chosen.degree, rule=chosen.rule)
+    larger = extend(linear, first, terms, max_terms=3 * chosen.max_terms // 2)[-1]
+    allowed = [m for m in prune(larger, first, n_terms=len(linear.terms)) if len(m.terms) <= chosen.max_terms]
+    runs = [model.simulate(held_out) for model in allowed]
+    errors = [run.rms_error if run.status.ok else np.inf for run in runs]
+    return refine(allowed[int(np.argmin(errors))], part)
+
+
+def _grown(data: DataSet) -> NarxModel:
+    """Grow a structure on each part of the training recording; keep the one that runs best over all of it."""
+    length = data.train.n_samples // data.parts
+    parts = [data.train.section(i * length, (i + 1) * length) for i in range(data.parts)]
+    models = [refine(_on_part(data, part), data.train) for part in parts]
+    return min(models, key=lambda model: model.simulate(data.train).rms_error)
+
+
+METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
+    {
+        "ARX, linear": _arx,
+        LINEAR: _output_error,
+        FRO: _fro,
+        "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
+        SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
+        "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # the published algorithm
+        REFINED: lambda data: refine(_fro(data), data.train),
+        GROWN: _grown,
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """Result of a method on a data set; errors are root mean squares in the output's unit, NaN without a model."""
+
+    data: str  # Name of the set
+    method: str
+    seconds: float  # Time to learn
+    outputs: Array  # shape (n,): free run over the test recording
+    terms: int = 0  # Number of parameters
+    one_step: float = np.nan  # Error over the test recording
+    free_run: float = np.nan  # Error over the test recording
+    training: float = np.nan  # Error of the free run over the training recording
+    failure: str = ""  # Why there is no sound free run
+    model: Model | None = None
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """For files: numbers that do not change from run to run, and the model in words."""
+        numbers = {"one_step": self.one_step, "free_run": self.free_run, "training": self.training}
+        finite = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
+        return {
+            "data": self.data,
+            "method": self.method,
+            "terms": self.terms,
+            **finite,
+            "failure": self.failure,
+            "model": str(self.model) if self.model is not None else "",
+        }
+
+
+def attempt(method: str, data: DataSet) -> Outcome:
+    """Let a method learn, and judge it."""
+    begun = time.perf_counter()
+    try:
+        model = METHODS[method](data)
+    except ModelError as error:
+        return Outcome(
+            data=data.name,
+            method=method,
+            seconds=time.perf_counter() - begun,
+            failure=str(error),
+            outputs=np.full(data.test.n_samples, np.nan),
+        )
+    return _judged(method, data, model, time.perf_counter() - begun)
+
+
+def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome:
+    """Hold a model against the test recording."""
+    run = _free(model, data.test)
+    return Outcome(
+        data=data.name,
+        method=method,
+        terms=model.theta.size,
+        seconds=seconds,
+        model=model,
+        one_step=model.predict(data.test).rms_error,
+        free_run=run.rms_error if run.status.ok else np.nan,
+        training=_free(model, data.train).rms_error,
+        outputs=run.outputs[0],
+        failure="" if run.status.ok else f"the free run diverges at {run.failed_at_s:.4g} s",
+    )
+
+
+def _free(model: Model, recording: Recording) -> Any:
+    """The free run from the first measured lags alone, as `NarxModel` does it."""
+    if isinstance(model, NarxModel):
+        return model.simulate(recording)
+    return model.simulate(recording, warmup=model.poles.size)

@@ -1,0 +1,182 @@
+"""The public recordings, parted into what is learned from and what is judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.terms import Rule
+from deatwin.plant.recording import Recording
+from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_samples
+
+Array = NDArray[np.float64]
+
+SILVERBOX_RATE = 1e7 / 2**14
+"""Hz."""
+ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
+"""The usual parts; between and after them the input rests or is another one."""
+EMPS_DECIMATION = (10, 2)
+"""1 kHz becomes 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
+
+EMPS_EDGE = 20
+"""Samples left out at either end."""
+EMPS_LEAST = 1000
+"""Samples that the filters need."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidates:
+    """Among which terms structures are sought."""
+
+    output_lags: int  # Number of output lags
+    input_lags: tuple[int, ...]  # Input lags
+    degree: int  # Largest degree
+    max_terms: int  # Largest number of terms
+    rule: Rule | None = None  # That keeps a candidate
+
+    @property
+    def arguments(self) -> dict[str, object]:
+        """For an estimator, without the number of terms."""
+        return {
+            "output_lags": self.output_lags,
+            "input_lags": self.input_lags,
+            "degree": self.degree,
+            "rule": self.rule,
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DataSet:
+    """A public data set."""
+
+    name: str  # In files and on the page
+    title: str
+    train: Recording  # To learn from
+    test: Recording
+    candidates: Candidates
+    unit: str  # Unit in which errors are shown, and its size in that of the output
+    scale: float
+    files: tuple[Path, ...] = ()  # Read from
+    note: str = ""  # On its preparation
+    parts: int = 1  # Into so many a long training recording is cut where structures are grown
+
+
+def buck(folder: Path) -> DataSet:
+    """The converter, with the candidates of SysIdentPy's documentation."""
+    files = tuple(folder / f"buck_{part}.csv" for part in ("id", "valid"))
+    tables = [csv_columns(file, ("input", "y")) for file in files]
+    train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
+    return DataSet(
+        name="buck",
+        title="Buck converter",
+        train=train,
+        test=test,
+        unit="V",
+        scale=1.0,
+        files=files,
+        candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
+        note="Learned from buck_id, judged on buck_valid, as they are.",
+    )
+
+
+def silverbox(folder: Path) -> DataSet:
+    """The oscillator, learned from the multisine alone."""
+    table, file = silverbox_table(folder)
+    require_samples(file, len(table), MULTISINE.stop)
+    whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
+    return DataSet(
+        name="silverbox",
+        title="Silverbox",
+        unit="mV",
+        scale=1e-3,
+        files=(file,),
+        parts=4,
+        train=whole.section(MULTISINE.start, MULTISINE.stop),
+        test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
+        candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
+        note="Learned from the multisine (samples 40,650 to 127,400), judged on the arrow-head (the first 40,000), "
+        "whose amplitude grows beyond what was learned from. The input is band-limited, so that its present value "
+        "counts.",
+    )
+
+
+def silverbox_table(folder: Path) -> tuple[Array, Path]:
+    """All samples of the oscillator: input and output, V, shape (131072, 2)."""
+    return _columns(folder, "SNLS80mV", ("V1", "V2"))
+
+
+def cascaded_tanks(folder: Path) -> DataSet:
+    """The two tanks, with an overflow at 10 V."""
+    table, file = _columns(folder, "dataBenchmark", ("uEst", "uVal", "yEst", "yVal"))
+    train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
+    return DataSet(
+        name="tanks",
+        title="Cascaded tanks",
+        train=train,
+        test=test,
+        unit="V",
+        scale=1.0,
+        files=(file,),
+        candidates=Candidates(output_lags=3, input_lags=(1, 2, 3), degree=3, max_terms=15),
+        note="Learned from the estimation record, judged on the validation record. A polynomial has no overflow.",
+    )
+
+
+def emps(folder: Path) -> DataSet:
+    """The positioning system: force in, velocity out, decimated."""
+    files = tuple(folder / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    train, test = (_emps(path) for path in files)
+    return DataSet(
+        name="emps",
+        title="EMPS",
+        train=train,
+        test=test,
+        unit="mm/s",
+        scale=1e-3,
+        files=files,
+        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
+        note="Motor force in, which holds the pulses of the validation record, and velocity out (differences of the "
+        "position), both decimated from 1 kHz to 50 Hz. The free run is in open loop, from force to velocity. "
+        "Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
+        "are biased. A polynomial has no Coulomb friction.",
+    )
+
+
+def _emps(path: Path) -> Recording:
+    from scipy.signal import decimate
+
+    data = matlab_vectors(path, ("vir", "qm"), single=("gtau",))
+    require_samples(path, data["qm"].size, EMPS_LEAST)
+    force = data["vir"] * data["gtau"][0]  # the motor's, as recorded: it holds the pulses already
+    position, step = data["qm"], 1e-3
+    for factor in EMPS_DECIMATION:
+        force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
+        step *= factor
+    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters know nothing beyond the ends
+    return _recording(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
+
+
+def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str], path: Path) -> Recording:
+    return Recording.from_arrays(
+        inputs,
+        outputs,
+        step,
+        input_names=("input",),
+        output_names=("output",),
+        input_units=units[:1],
+        output_units=units[1:],
+        provenance={"file": path.name},
+    )
+
+
+def _columns(folder: Path, stem: str, names: Sequence[str]) -> tuple[Array, Path]:
+    """Columns of a set that is published both as CSV and as MAT, and the file that is there."""
+    matlab = folder / f"{stem}.mat"
+    file = folder / f"{stem}.csv"
+    if file.is_file() or not matlab.is_file():
+        return csv_columns(file, names), file
+    return np.column_stack(list(matlab_vectors(matlab, names).values())), matlab

@@ -1,0 +1,115 @@
+"""Sources of the public recordings: the user's folder, or the download of the package nonlinear_benchmarks."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import os
+from collections.abc import Iterable, Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import MappingProxyType
+
+from deatwin.plant.errors import DataError
+from deatwin.studies.provenance import hashes
+from deatwin.studies.report.story import Table
+from deatwin.studies.stories import DATA_VARIABLE
+
+PACKAGE = "nonlinear_benchmarks"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Who published a set of recordings."""
+
+    title: str  # Name of the set
+    published: str
+    loader: str = ""
+
+
+SOURCES: Mapping[str, Source] = MappingProxyType(
+    {
+        "silverbox": Source(
+            title="Silverbox",
+            loader="Silverbox",
+            published="Wigren & Schoukens, European Control Conference 2013; nonlinearbenchmark.org",
+        ),
+        "emps": Source(
+            title="EMPS",
+            loader="EMPS",
+            published="Janot, Gautier & Brunot, Workshop on Nonlinear System Identification Benchmarks 2019; "
+            "nonlinearbenchmark.org",
+        ),
+        "cascaded_tanks": Source(
+            title="Cascaded tanks",
+            loader="Cascaded_Tanks",
+            published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
+            "nonlinearbenchmark.org",
+        ),
+        # The package has the test signals of this benchmark only; those to learn from come out of a MATLAB program.
+        "boucwen_benchmark_h5": Source(
+            title="Bouc-Wen benchmark (simulated)",
+            published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
+            "github.com/forgi86/dynonet, examples/BW",
+        ),
+        "buck_converter": Source(title="Buck converter", published="github.com/wilsonrljr/sysidentpy-data"),
+        "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
+    }
+)
+"""Sources by the name of the set's folder."""
+
+
+def data_folder(given: Path | None, name: str) -> Path:
+    """The folder of a set of public recordings: below the one given or named by the variable, or downloaded."""
+    root = given or os.environ.get(DATA_VARIABLE)
+    if not root:
+        return downloaded(name)
+    folder = Path(root) / name
+    if not folder.is_dir():
+        raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")
+    return folder
+
+
+def downloaded(name: str) -> Path:
+    """The folder to which nonlinear_benchmarks downloads a set; it does so once."""
+    wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
+    loader = SOURCES[name].loader
+    if not loader:
+        raise DataError(wanted)
+    try:
+        load = getattr(importlib.import_module(PACKAGE), loader)
+    except ModuleNotFoundError:
+        raise DataError(f"{wanted}, or pip install {PACKAGE}, which downloads them") from None
+    try:
+        with redirect_stdout(io.StringIO()):  # it prints what it does, and results may be asked for there
+            files = load(data_file_locations=True)
+    except Exception as error:  # of the network, the archive or the package: it lets all through
+        raise DataError(
+            f"{PACKAGE} could not download the recordings {name} ({error}); give their folder by --data or "
+            f"{DATA_VARIABLE}"
+        ) from error
+    return Path(files if isinstance(files, str | os.PathLike) else files[0]).parent
+
+
+def origins(given: Path | None, files: Mapping[str, Iterable[Path]]) -> Table:
+    """Who published the recordings of a page, how they got here, and their hashes."""
+    rows = [
+        [SOURCES[name].title, SOURCES[name].published, _way(given), Path(one["file"]).name, one["sha256"]]
+        for name, read in files.items()
+        for one in hashes(read)
+    ]
+    columns = ["recordings", "published", "read from", "file", "SHA-256"]
+    return Table(title="Where the recordings come from", columns=columns, rows=rows)
+
+
+def _way(given: Path | None) -> str:
+    if given:
+        return "the folder given by --data"
+    if os.environ.get(DATA_VARIABLE):
+        return f"the folder given by {DATA_VARIABLE}"
+    try:
+        return f"the download of {PACKAGE} {version(PACKAGE)}"
+    except PackageNotFoundError:
+        return f"the download of {PACKAGE}"

@@ -1,0 +1,30 @@
+"""Tables as text: Markdown for documents, CSV for files whose cells may be words, parameters of models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxModel
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """The lines of a table in Markdown; a vertical bar in a cell becomes a slash."""
+    return [
+        f"| {' | '.join(columns)} |",
+        f"|{'---|' * len(columns)}",
+        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
+    ]
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """The text of a CSV file; cells hold no comma, quote or line break."""
+    return "\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n"
+
+
+def parameters_by_term(*models: NarxModel) -> list[list[str]]:
+    """Rows of a table: each term of any of the models, by degree, and its parameter in each."""
+    values = [dict(zip(model.terms, model.theta, strict=True)) for model in models]
+    every = sorted({term for each in values for term in each}, key=lambda term: (term.degree, term.factors))
+    return [[str(term), *(f"{each[term]:.4g}" if term in each else "–" for each in values)] for term in every]

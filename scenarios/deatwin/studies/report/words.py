@@ -1,0 +1,84 @@
+"""Words of measures, figures and tables: a TOML file beside the story, in which numbers stand by name."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.story import Measure, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
+
+
+class Span:
+    """The smallest and the largest of some numbers: ``{errors:.1f}`` becomes "0.2 to 3.1"."""
+
+    def __init__(self, values: Iterable[float]) -> None:
+        self.values = list(values)
+
+    def __format__(self, form: str) -> str:
+        if not self.values:
+            return "–"
+        low, high = format(min(self.values), form), format(max(self.values), form)
+        return low if low == high else f"{low} to {high}"
+
+
+class Each:
+    """Numbers one after the other: ``{errors:.1f}`` becomes "0.2, 3.1, 0.7"; the numbers of a tuple are joined by
+    "and".
+    """
+
+    def __init__(self, values: Iterable[Any]) -> None:
+        self.values = list(values)
+
+    def __format__(self, form: str) -> str:
+        parts = (one if isinstance(one, tuple) else (one,) for one in self.values)
+        return ", ".join(" and ".join(format(number, form) for number in part) for part in parts)
+
+
+class Words:
+    """The file ``words.toml`` of a package.
+
+    Its tables are ``measure.NAME`` with ``of``, ``demanded`` and ``reached``; ``figure.NAME`` with ``title`` and
+    ``caption``; ``table.NAME`` with ``title`` and ``columns``. Texts are format strings, lines are joined.
+    """
+
+    def __init__(self, package: str) -> None:
+        self._words = tomllib.loads(files(package).joinpath("words.toml").read_text(encoding="utf-8"))
+
+    def text(self, name: str, /, **numbers: Any) -> str:
+        """A text by its dotted name."""
+        found: Any = self._words
+        for part in name.split("."):
+            found = found[part]
+        return _filled(found, numbers)
+
+    def measure(self, name: str, passed: bool, /, **numbers: Any) -> Measure:
+        """A measure beside its goal."""
+        measure, demanded, reached = (self.text(f"measure.{name}.{part}", **numbers) for part in _MEASURE)
+        return Measure(measure, demanded, reached, bool(passed))
+
+    def drawing(
+        self, figure: Figure, name: str, columns: Mapping[str, ArrayLike] | str, called: str = "", /, **numbers: Any
+    ) -> Drawing:
+        """A figure with its title, caption and data; several may share their words and be called differently."""
+        title, caption = (self.text(f"figure.{name}.{part}", **numbers) for part in ("title", "caption"))
+        return Drawing.of(figure, called or name, title, caption, columns)
+
+    def table(self, name: str, rows: Sequence[Sequence[str]], /, *more: str, **numbers: Any) -> Table:
+        """A table; `more` are columns after those of the file."""
+        columns = [*(_filled(column, numbers) for column in self._words["table"][name]["columns"]), *more]
+        return Table(title=self.text(f"table.{name}.title", **numbers), columns=columns, rows=rows)
+
+
+_MEASURE = ("of", "demanded", "reached")
+
+
+def _filled(text: str, numbers: Mapping[str, Any]) -> str:
+    return re.sub(r"[ \n]+", " ", text.strip()).format_map(numbers)

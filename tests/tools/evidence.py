@@ -1,0 +1,289 @@
+"""The tables in the documents that say what the last studies reached, made from the data files beside them.
+
+``python tests/tools/evidence.py docs`` writes them anew. After a study its folder is given too::
+
+    python tests/tools/evidence.py docs --control-check FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --control-story FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --concealed-physics FOLDER --remark "Run at commit 0123abc."
+    python tests/tools/evidence.py docs --scenarios FOLDER --remark "commit 0123abc"
+
+reads the folder into ``docs/data/``, and writes the pages. ``--control-check`` takes the trials of a control check,
+``--control-story`` all else, from the same folder or from that of another run. ``--concealed-physics`` draws that study
+for its page, too. ``--scenarios`` takes the measures of all others, each from the folder of its name; of those that
+are not there what was kept stays.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from control_story import STORY, story_blocks, story_data
+from measured import MEASURED, measured_blocks, measured_data
+
+from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.intake import clipped
+from deatwin.scenarios.concealed_physics.figures import summary
+from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
+from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of
+from deatwin.scenarios.concealed_physics.results import opened_study
+from deatwin.scenarios.concealed_physics.score import NO_CASE, score
+from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
+from deatwin.studies.rates import Rate
+from deatwin.studies.report.tables import markdown_table
+from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
+from deatwin.studies.sweep.json_files import read_object
+
+TRIALS = "deatwin/control-trials/1"
+STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
+"""Of the usual length of recordings, and of a rig's own."""
+FIGURE = """
+## In one figure
+
+![Confusion of families, naming by strength, stated probabilities, errors on unseen data]({name}.svg)
+"""
+DATA = {"control-check": TRIALS, "control-story": STORY, STUDY: CONCEALED, LONG_STUDY: CONCEALED, "scenarios": MEASURED}
+"""Files in ``docs/data/`` by their names without ending, with their schemas."""
+BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+Data = Mapping[str, Mapping[str, Any]]
+
+
+def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
+    """Read the trials of a control check."""
+    found = sorted(Path(folder).glob(f"trials/**/*{CASE_ENDING}"))
+    if not found:
+        raise DataError(f"{folder}: it holds no trials (trials/000.nc and so on)")
+    rows, sealed = [], set()
+    for path in found:
+        try:
+            row = read_case(path)
+            sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
+            rows.append({**Outcome.from_dict(row).to_dict(), "number": int(row["number"])})
+        except DataError:
+            raise
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+            raise DataError(f"{path}: it is no trial: {clipped(repr(error), 200)}") from None
+    if len(sealed) > 1:
+        raise DataError(f"{folder}: its trials are of {len(sealed)} seeds or codes; they must be of one")
+    _, seed, code = sealed.pop()
+    rows.sort(key=lambda row: row["number"])
+    return {"schema": TRIALS, "seed": seed, "code": code, "remark": remark, "trials": rows}
+
+
+def blocks(data: Data) -> dict[str, list[str]]:
+    """The lines of every block that pages hold."""
+    with _as_written("control-check"):
+        control, checked = _of_trials(data["control-check"])
+    with _as_written(STUDY):
+        missed, concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
+    with _as_written(LONG_STUDY):
+        _, long = _of_concealed(LONG_STUDY, "the same in long recordings", data[LONG_STUDY])
+    with _as_written("control-story"):
+        story = story_blocks(data["control-story"])
+    with _as_written("scenarios"):
+        measured = measured_blocks(data["scenarios"])
+    studies = markdown_table(["study", "cases", "goals met, of those with a case", "run"], [concealed, long, checked])
+    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured}
+
+
+def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
+    """The blocks of a control check, and its row among the studies."""
+    outcomes = [Outcome.from_dict(row) for row in trials["trials"]]
+    head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
+    row = [
+        "[control check](control-check.md)",
+        str(len(outcomes)),
+        f"{sum(_kept(outcomes))} of 2",
+        f"seed {trials['seed']}, code `{trials['code'][:12]}`",
+    ]
+    return {
+        "trials": _run(trials, outcomes),
+        "promises": markdown_table(["demanded", "reached"], _promises(outcomes)),
+        "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
+        "by-concealed": markdown_table(["concealed", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
+        "control": markdown_table(["control check: demanded", "reached"], _promises(outcomes)),
+    }, row
+
+
+def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple[list[str], list[str]]:
+    """The goals of concealed physics that were missed, and its row among the studies, which leads to its page."""
+    goals = concealed["goals"]
+    tested = [goal for goal in goals if goal["reached"] != NO_CASE]
+    missed = [[goal["goal"], goal["demanded"], goal["reached"]] for goal in tested if goal["met"] == "no"]
+    row = [
+        f"[{called}]({page}.md)",
+        f"{concealed['done']} of {concealed['planned']}",
+        f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
+        f"seed {concealed['seed']}, deatwin {concealed['version']}",
+    ]
+    return markdown_table(["goal of concealed physics that was missed", "demanded", "reached"], missed), row
+
+
+@contextmanager
+def _as_written(name: str) -> Iterator[None]:
+    """Make one clear error of what a data file lacks that has the right schema."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError) as error:
+        raise DataError(f"data/{name}.json: not as this module writes it: {clipped(repr(error), 200)}") from None
+
+
+def with_blocks(text: str, made: Mapping[str, Sequence[str]]) -> str:
+    """A page with its blocks written anew."""
+
+    def anew(found: re.Match[str]) -> str:
+        if found[2] not in made:
+            raise DataError(f"there is no block {found[2]!r}; known: {', '.join(made)}")
+        return "\n".join([found[1].rstrip("\n"), "", *made[found[2]], "", found[3]])
+
+    return BLOCK.sub(anew, text)
+
+
+def pages(docs: Path | str) -> dict[str, str]:
+    """Every page that is made from data, as it should be."""
+    folder = Path(docs)
+    data = {name: _read(folder / "data" / f"{name}.json", schema) for name, schema in DATA.items()}
+    made = blocks(data)
+    whole = {}
+    for name in (STUDY, LONG_STUDY):
+        with _as_written(name):
+            whole[f"{name}.md"] = page_of(data[name]) + FIGURE.format(name=name)
+    parts = {
+        name: with_blocks((folder / name).read_text(encoding="utf-8"), made)
+        for name in ("control-check.md", "validation.md")
+    }
+    return whole | parts
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Read studies into data files where they are given, and write the pages."""
+    from deatwin.plant.files import write_text_atomic
+
+    parser = argparse.ArgumentParser(
+        prog="python tests/tools/evidence.py",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("docs", type=Path, help="folder of the documents")
+    parser.add_argument("--control-check", type=Path, metavar="FOLDER", help="the trials of that scenario")
+    parser.add_argument("--control-story", type=Path, metavar="FOLDER", help="results of control-check but its trials")
+    parser.add_argument("--concealed-physics", type=Path, metavar="FOLDER", help="results of that scenario")
+    parser.add_argument("--scenarios", type=Path, metavar="FOLDER", help="of folders with the results of others")
+    parser.add_argument("--remark", default="", help="a sentence on the run, such as its commit")
+    given = parser.parse_args(arguments)
+    try:
+        if given.control_check is not None:
+            _write(given.docs, "control-check", trials_data(given.control_check, given.remark))
+        if given.control_story is not None:
+            _write(given.docs, "control-story", story_data(given.control_story, given.remark))
+        if given.concealed_physics is not None:
+            study, seal = opened_study(given.concealed_physics)
+            data, figure = page_data(study, score(study), seal), summary(study)
+            name = f"{STUDY}-{data['size']}" if data["size"] in TITLES else STUDY
+            _write(given.docs, name, {**data, "remark": given.remark})
+            write_text_atomic(given.docs / f"{name}.svg", figure)
+        if given.scenarios is not None:
+            kept = _read(given.docs / "data" / "scenarios.json", MEASURED)
+            with _as_written("scenarios"):
+                measured_blocks(kept)  # it is joined to what is read, and so must be sound
+            _write(given.docs, "scenarios", measured_data(given.scenarios, given.remark, kept))
+        for name, text in pages(given.docs).items():
+            write_text_atomic(given.docs / name, text)
+    except (DeatwinError, OSError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def _read(path: Path, schema: str) -> Mapping[str, Any]:
+    found = read_object(path, f"the data of a page, {schema}")
+    if found.get("schema") != schema:
+        raise DataError(f"{path}: it must be a {schema} file")
+    return found
+
+
+def _write(docs: Path, name: str, data: Mapping[str, Any]) -> None:
+    """A data file, a row of its lists a line: so that a change of one shows as one."""
+    from deatwin.plant.files import write_text_atomic
+
+    def one(value: object) -> str:
+        return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+    fields = []
+    for key, value in data.items():
+        rows = ",\n  ".join(map(one, value)) if isinstance(value, list) else ""
+        fields.append(f" {one(key)}: " + (f"[\n  {rows}\n ]" if rows else one(value)))
+    (docs / "data").mkdir(exist_ok=True)
+    write_text_atomic(docs / "data" / f"{name}.json", "{\n" + ",\n".join(fields) + "\n}\n")
+
+
+def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
+    without = sum(o.sound is None for o in outcomes)
+    passed, broke = inside(outcomes).count, caught(outcomes).count
+    words = [
+        f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
+        trials["remark"],
+        "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
+        f"{without} of the trials had no controller: the specification could not be met on the model, and the "
+        f"check failed them with that reason. What {passed} passes and {broke} broken designs can show ends at "
+        "the bounds.",
+    ]
+    return [" ".join(word for word in words if word)]
+
+
+def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
+    return [
+        [
+            "passed designs whose true steps lie wholly inside the predicted simultaneous 95 % band: at least 90 %",
+            _cell(inside(outcomes)),
+        ],
+        ["designs that break a limit on the true rig and were not passed: at least 90 %", _cell(caught(outcomes))],
+        ["passed designs that keep every limit on the true rig", _cell(sound(outcomes))],
+        ["sound designs that were not passed (the price of caution)", _cell(_cautious(outcomes), bound=False)],
+        [
+            "designs that break a limit, whose steps lie inside the band all the same (it bounds what the model knows, "
+            "not what is wanted)",
+            _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
+        ],
+    ]
+
+
+def _kept(outcomes: Sequence[Outcome]) -> list[bool]:
+    """Whether the two rates of which 90 % is demanded reach it."""
+    return [rate.count > 0 and rate.share >= 0.9 for rate in (inside(outcomes), caught(outcomes))]
+
+
+def _cautious(outcomes: Sequence[Outcome]) -> Rate:
+    return Rate.of(o.verdict != "pass" for o in outcomes if o.sound)
+
+
+def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list[list[str]]:
+    names = sorted({key(o) for o in outcomes}, key=lambda name: (name != "nothing", name))
+    rows = []
+    for name in names:
+        of = [o for o in outcomes if key(o) == name]
+        passed = sum(o.verdict == "pass" for o in of)
+        rates = (inside(of), caught(of), _cautious(of))
+        rows.append([name, str(len(of)), str(passed), *(_counts(rate) for rate in rates)])
+    return rows
+
+
+def _cell(rate: Rate, *, bound: bool = True) -> str:
+    if not rate.count:
+        return "no trial"
+    least_of = f" (bound {rate.least_percent} %)" if bound else ""
+    return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
+
+
+def _counts(rate: Rate) -> str:
+    return f"{rate.hits} of {rate.count}" if rate.count else "–"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,214 @@
+"""What the scenarios reached, as data that are kept with the sources, and the tables that the documents show of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.catalogue import STORIES
+from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.report.tables import markdown_table
+from deatwin.studies.sweep.json_files import read_object
+
+MEASURED = "deatwin/story-measures/1"
+"""Schema of what the tables are made of."""
+OTHERWISE = ("concealed-physics", "control-check", "prestretch-sweep")
+"""Scenarios that are not read here: two have pages and data of their own, the third judges claims."""
+READ = tuple(story.name for story in STORIES if story.name not in OTHERWISE)
+NARX = ("real-data", "semp-fleet", "svb-fleet", "svb-benchmark")
+FREQUENCY = ("frequency-analysis", "time-varying", "frequency-uncertainty")
+UNKNOWN = "–"
+Rows = Sequence[Mapping[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _System:
+    """Whose recordings a scenario diagnoses: what its plant lacks, what is documented, and the unit of errors in SI."""
+
+    recording: str
+    lacks: str
+    documented: str
+    unit: str
+    scale: float
+    loop: str = "open"
+
+
+SYSTEMS: Mapping[str, _System] = MappingProxyType(
+    {
+        "silverbox": _System(
+            recording="Silverbox (Wigren & Schoukens 2013)",
+            lacks="a cubic spring",
+            documented="cubic spring",
+            unit="mV",
+            scale=1e-3,
+        ),
+        "emps": _System(
+            recording="EMPS (Janot, Gautier & Brunot 2019)",
+            lacks="dry friction",
+            documented="20.4 N",
+            unit="µm",
+            scale=1e-6,
+            loop="closed",
+        ),
+        "cascaded-tanks": _System(
+            recording="cascaded tanks (Schoukens et al. 2016)",
+            lacks="a brim",
+            documented="level saturates at 10 V",
+            unit="V",
+            scale=1.0,
+        ),
+        "bouc-wen": _System(
+            recording="Bouc-Wen (Noël & Schoukens 2016, simulated)",
+            lacks="hysteresis",
+            documented="1.25 mm, 62.5 N",
+            unit="µm",
+            scale=1e-6,
+        ),
+        "vhb4910": _System(
+            recording="VHB 4910 coupons (C. Zhao's data)",
+            lacks="relaxation",
+            documented="viscoelasticity",
+            unit="N",
+            scale=1.0,
+        ),
+    }
+)
+
+
+def measured_data(folder: Path | str, remark: str = "", before: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Read what scenarios reached."""
+    found = [name for name in READ if (Path(folder) / name).is_dir()]
+    if not found:
+        raise DataError(f"{folder}: it holds no scenario's results in a folder of its name ({READ[0]} and so on)")
+    told = [_told(Path(folder) / name, name, remark) for name in found]
+    merged: dict[str, Any] = {"schema": MEASURED}
+    for key in ("stories", "measures", "recordings"):
+        kept = [row for row in (before or {}).get(key, ()) if row["story"] in READ and row["story"] not in found]
+        rows = kept + [row for one in told for row in one[key]]
+        merged[key] = sorted(rows, key=lambda row: READ.index(row["story"]))
+    return merged
+
+
+def measured_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
+    """The lines of the blocks that show what scenarios reached."""
+    rows = data["measures"]
+    missed = [row for row in rows if not row["passed"]]
+    return {
+        "recordings-of-others": _recordings(data["recordings"]),
+        "narx-measures": _measures(row for row in rows if row["story"] in NARX),
+        "frequency-measures": _measures(row for row in rows if row["story"] in FREQUENCY),
+        "scenarios": markdown_table(
+            ["scenario", "measures reached", "run"],
+            [[f"`{one['story']}`", _share(rows, one["story"]), _run(one)] for one in data["stories"]],
+        ),
+        "scenarios-missed": markdown_table(
+            ["scenario", "measure that was missed", "demanded", "reached"],
+            [[f"`{row['story']}`", *_words(row)] for row in missed],
+        ),
+    }
+
+
+def _told(folder: Path, name: str, remark: str) -> dict[str, list[dict[str, Any]]]:
+    result, run = (read_object(folder / file) for file in (f"{name}.json", "run.json"))
+    story = {"story": name}
+    try:
+        return {
+            "stories": [{**story, "seed": run["seed"], "version": run["versions"]["deatwin"], "remark": remark}],
+            "measures": [
+                {
+                    **story,
+                    **{key: str(row[key]) for key in ("measure", "demanded", "reached")},
+                    "passed": bool(row["passed"]),
+                }
+                for row in result["measures"]
+            ],
+            "recordings": [
+                {
+                    **story,
+                    "verdict": result["verdict"],
+                    "causes": list(result["causes"]),
+                    "recording": recording,
+                    "base": float(errors["base"]),
+                    "amended": float(errors["amended"]),
+                    "black_boxes": dict(errors["black_boxes"]),
+                }
+                for recording, errors in result["held_out"].items()
+            ]
+            if name in SYSTEMS
+            else [],
+        }
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"{folder}: its {name}.json or run.json is not that scenario's: {error!r}") from None
+
+
+def _recordings(rows: Rows) -> list[str]:
+    """The first held-out recording of each scenario: it is the official one, where there is such."""
+    first = {row["story"]: row for row in reversed(rows)}
+    cells, ahead, beside = [], 0, 0
+    for name, system in SYSTEMS.items():
+        if name not in first:
+            continue
+        row = first[name]
+        best = _best(row["black_boxes"])
+        ahead += best is not None and best < row["amended"]
+        beside += best is not None
+        named = ", ".join(row["causes"]).replace("_", " ") if row["verdict"] == "named" else row["verdict"]
+        cells.append(
+            [
+                f"{system.recording}, `{name}`",
+                system.lacks,
+                system.documented,
+                named,
+                system.loop,
+                f"{row['base'] / system.scale:.3g} to {row['amended'] / system.scale:.3g} {system.unit}",
+                UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",
+            ]
+        )
+    head = [
+        "recording, scenario",
+        "plant lacks",
+        "documented",
+        "named",
+        "loop",
+        "held-out error, before and after",
+        "black box",
+    ]
+    return [
+        *markdown_table(head, cells),
+        "",
+        "The black box is the NARX model with the least error over the same held-out record, chosen on it in its "
+        f"favour; it is ahead on {ahead} of {beside}. In a closed loop the recording's controller runs with the model "
+        "and corrects its errors: such an error must not be compared with an open-loop one, as most published errors "
+        "of EMPS are, which are millimetres.",
+    ]
+
+
+def _best(errors: Mapping[str, float | None]) -> float | None:
+    """Least error of a NARX model; a free run that left was written as null."""
+    return min((e for method, e in errors.items() if method != LINEAR and e is not None), default=None)
+
+
+def _measures(rows: Iterable[Mapping[str, Any]]) -> list[str]:
+    return markdown_table(
+        ["scenario", "measure", "demanded", "reached", "met"],
+        [[f"`{row['story']}`", *_words(row), "yes" if row["passed"] else "no"] for row in rows],
+    )
+
+
+def _words(row: Mapping[str, Any]) -> list[str]:
+    """In a table's cell a vertical bar would end it: the sign of divisibility looks the same."""
+    return [row[key].replace("|", "∣") for key in ("measure", "demanded", "reached")]
+
+
+def _share(rows: Rows, name: str) -> str:
+    own = [row["passed"] for row in rows if row["story"] == name]
+    return f"{sum(own)} of {len(own)}"
+
+
+def _run(story: Mapping[str, Any]) -> str:
+    known = [] if story["seed"] is None else [f"seed {story['seed']}, deatwin {story['version']}"]
+    return "; ".join([*known, *([story["remark"]] if story["remark"] else [])]) or UNKNOWN

@@ -1,0 +1,348 @@
+"""The documents' tables of studies: made from the committed data, and from a folder of trials."""
+
+import json
+import shutil
+from pathlib import Path
+
+import evidence
+import pytest
+from measured import measured_blocks, measured_data
+
+from deatwin.app.stories import stories
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.control_check.trials import Outcome, Trials
+from deatwin.studies.public.black_boxes import LINEAR
+from deatwin.studies.sweep.casefile import write_case
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+def outcome(number: int, verdict: str, inside: float | None, sound: bool | None, concealed: str = "") -> Outcome:
+    return Outcome(
+        number=number,
+        concealed=concealed,
+        design="LQG",
+        closed_loop_time=0.2,
+        band_Hz=2.0,
+        verdict=verdict,
+        reason="a reason | with a bar",
+        inside=inside,
+        sound=sound,
+        truth="overshoots by 2 µm",
+    )
+
+
+# Two passes of which one keeps its word, a broken limit that was caught, caution once of two, and no controller once.
+TRIALS = [
+    outcome(0, "pass", 1.0, True),
+    outcome(1, "pass", 0.98, True, "creep"),
+    outcome(2, "fail", None, False),
+    outcome(3, "marginal", 1.0, True),
+    outcome(4, "fail", None, None),
+]
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """A folder as the scenario leaves it."""
+    folder = tmp_path / "results"
+    (folder / "trials").mkdir(parents=True)
+    for one in reversed(TRIALS):
+        put(folder, one)
+    return folder
+
+
+def put(folder: Path, one: Outcome, **changed: object) -> None:
+    content = {"schema": "deatwin/control-trial/1", "seed": 9, "code": "c" * 64, **one.to_dict(), **changed}
+    write_case(folder / "trials" / f"{one.number:03d}.nc", content)
+
+
+@pytest.fixture
+def docs(tmp_path: Path) -> Path:
+    """A copy of the pages and their data."""
+    shutil.copytree(DOCS / "data", tmp_path / "docs" / "data")
+    for name in ("control-check.md", "validation.md", "concealed-physics.md", "concealed-physics-long.md"):
+        shutil.copy(DOCS / name, tmp_path / "docs" / name)
+    return tmp_path / "docs"
+
+
+def test_the_committed_pages_are_what_their_data_give() -> None:
+    for name, text in evidence.pages(DOCS).items():
+        assert (DOCS / name).read_text(encoding="utf-8") == text, (
+            f"docs/{name} is not what docs/data gives: python tests/tools/evidence.py docs"
+        )
+
+
+def test_every_block_that_is_made_is_shown_on_a_page() -> None:
+    data = {name: json.loads((DOCS / "data" / f"{name}.json").read_text(encoding="utf-8")) for name in evidence.DATA}
+    shown = {
+        found[2]
+        for name in ("control-check.md", "validation.md")
+        for found in evidence.BLOCK.finditer((DOCS / name).read_text(encoding="utf-8"))
+    }
+    assert shown == set(evidence.blocks(data))
+
+
+def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) -> None:
+    assert evidence.main([str(docs), "--control-check", str(results), "--remark", "Run on a Sunday."]) == 0
+    data = json.loads((docs / "data" / "control-check.json").read_text(encoding="utf-8"))
+    assert (data["seed"], data["code"], data["remark"]) == (9, "c" * 64, "Run on a Sunday.")
+    assert [Outcome.from_dict(row) for row in data["trials"]] == TRIALS
+    page = (docs / "control-check.md").read_text(encoding="utf-8")
+    assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
+    assert "1 of the trials had no controller" in page
+    assert "at least 90 % | 1 of 2, 50 % (bound 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
+    assert "were not passed: at least 90 % | 1 of 1, 100 % (bound 5 %) |" in page
+    assert "(the price of caution) | 1 of 3, 33 % |" in page
+    assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
+    summary = (docs / "validation.md").read_text(encoding="utf-8")
+    assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
+    assert evidence.main([str(docs)]) == 0
+    assert (docs / "control-check.md").read_text(encoding="utf-8") == page
+
+
+def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatch) -> None:
+    usual = (docs / "data" / "concealed-physics.json").read_bytes()
+    study = {**json.loads(usual), "size": "long", "seed": 5, "planned": 102, "done": 33}
+    monkeypatch.setattr(evidence, "opened_study", lambda folder: (folder, None))
+    monkeypatch.setattr(evidence, "score", lambda folder: [])
+    monkeypatch.setattr(evidence, "page_data", lambda *_: study)
+    monkeypatch.setattr(evidence, "summary", lambda folder: f"<svg>{folder}</svg>")
+    assert evidence.main([str(docs), "--concealed-physics", "anywhere", "--remark", "Run on a Tuesday."]) == 0
+    page = (docs / "concealed-physics-long.md").read_text(encoding="utf-8")
+    assert page.startswith("# Concealed physics in long recordings: what the study reached\n")
+    assert "33 of 102 cases have run" in page and "Run on a Tuesday." in page
+    assert (docs / "concealed-physics-long.svg").read_text(encoding="utf-8") == "<svg>anywhere</svg>"
+    assert (docs / "data" / "concealed-physics.json").read_bytes() == usual
+    summary = (docs / "validation.md").read_text(encoding="utf-8")
+    assert "| [the same in long recordings](concealed-physics-long.md) | 33 of 102 |" in summary
+
+
+TRACKED = {"gain_margin": 4.0, "phase_margin_deg": 61.0, "status": "done"}
+STORY = {
+    "measures": [
+        {"measure": "tones", "demanded": "at least 5 times", "reached": "3.0 times", "passed": False},
+        {"measure": "random rigs and designs that pass", "demanded": "90 %", "reached": "1 of 1", "passed": True},
+    ],
+    "tracking": {
+        "nominal rig": {
+            "PI": {"rms_error": 2.4e-5, **TRACKED},
+            "inverse": {"rms_error": 8e-6, **TRACKED, "gain_margin": None},
+            "oracle: inverse": {"rms_error": None, **TRACKED, "status": "diverged"},
+        }
+    },
+    "fleet": [{"actuator": "DEA 1", "stable": False, "overshoot": 0.25, "ripple": 0.2, "tones_rms_error": 4.9e-5}],
+    "models": [
+        {
+            "model": "linear ARX",
+            "quantity": "bandwidth_Hz",
+            "predicted": 0.8,
+            "low": 0.7,
+            "high": 0.9,
+            "achieved": 0.5,
+            "inside": False,
+        },
+        {
+            "model": "linear ARX",
+            "quantity": "gain_margin",
+            "predicted": 3.0,
+            "low": 2.0,
+            "high": None,
+            "achieved": 2.5,
+            "inside": True,
+        },
+    ],
+    "concealed": [
+        {
+            "effect": "creep",
+            "diagnosis": "unknown",
+            "causes": [],
+            "designs": [
+                {
+                    "source": "base",
+                    "closed_loop_time": 0.4,
+                    "controller": "I",
+                    "verdict": "fail",
+                    "reason": "one; two; three",
+                    "truth": "pass",
+                    "true_text": "steps overshoot by 2 % on the physics plant",
+                }
+            ],
+        }
+    ],
+}
+
+
+@pytest.fixture
+def story(tmp_path: Path) -> Path:
+    """A folder as the scenario leaves it, without its trials."""
+    folder = tmp_path / "story"
+    folder.mkdir()
+    (folder / "control-check.json").write_text(json.dumps(STORY), encoding="utf-8")
+    (folder / "run.json").write_text(json.dumps({"seed": 9, "versions": {"deatwin": "7.8"}}), encoding="utf-8")
+    return folder
+
+
+def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(story: Path, docs: Path) -> None:
+    trials = (docs / "data" / "control-check.json").read_bytes()
+    assert evidence.main([str(docs), "--control-story", str(story), "--remark", "Run on a Monday."]) == 0
+    assert (docs / "data" / "control-check.json").read_bytes() == trials
+    page = (docs / "control-check.md").read_text(encoding="utf-8")
+    assert page.count("Story with seed 9, deatwin 7.8. Run on a Monday. ") == 3
+    assert "| tones | at least 5 times | 3.0 times | no |" in page
+    assert "random rigs and designs that pass" not in page  # one of many trials, which have their own tables
+    assert "| nominal rig | PI | 24 | 1.00 | 4 | 61 |\n| nominal rig | inverse | 8 | 3.00 | – | 61 |" in page
+    assert "| nominal rig | oracle: inverse | – | – | 4 | 61 |" in page
+    assert "| DEA 1 | 25 | 20 | 49 | no |" in page
+    assert "| linear ARX | 0.8 (0.7 to 0.9); 0.5 ✗ | – | –; 2.5 ✓ | – |" in page
+    assert "| creep | unknown: – | 0.4 | base model | fail | one (and 2 more) | pass: steps overshoot by 2 % |" in page
+    assert evidence.main([str(docs)]) == 0
+    assert (docs / "control-check.md").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("run.json", "{", "run.json: not a readable JSON file"),
+        ("control-check.json", "[]", "control-check.json: it must hold an object"),
+        ("control-check.json", json.dumps({**STORY, "tracking": []}), "control-check.json or run.json is no story's"),
+        ("control-check.json", json.dumps({**STORY, "fleet": None}), "control-check.json or run.json is no story's"),
+    ],
+)
+def test_a_folder_without_a_story_changes_nothing(story, docs, name, content, message, capsys) -> None:
+    (story / name).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    assert evidence.main([str(docs), "--control-story", str(story)]) == 1
+    assert message in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+
+
+MISSED = {"measure": "smooth |H(f)|", "demanded": "below 1", "reached": "2", "passed": False}
+SILVERBOX = {
+    "verdict": "named",
+    "causes": ["cubic_stiffness"],
+    "measures": [{**MISSED, "passed": True}, MISSED],
+    "held_out": {
+        "The arrow-head": {
+            "base": 0.25,
+            "amended": 0.003,
+            "black_boxes": {LINEAR: 0.0001, "FRO, refined": 0.002, "grown by the free-run error": None},
+        },
+        "Another": {"base": 9.0, "amended": 9.0, "black_boxes": {}},
+    },
+}
+
+
+@pytest.fixture
+def scenarios(tmp_path: Path) -> Path:
+    """A folder of folders as scenarios leave them, one of which is unknown and one of which has data of its own."""
+    for name, result in (("silverbox", SILVERBOX), ("semp-fleet", {"measures": [MISSED]})):
+        folder = tmp_path / "scenarios" / name
+        folder.mkdir(parents=True)
+        (folder / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+        (folder / "run.json").write_text(json.dumps({"seed": 9, "versions": {"deatwin": "7.8"}}), encoding="utf-8")
+    for name in ("notes", "control-check"):
+        (tmp_path / "scenarios" / name).mkdir()
+    return tmp_path / "scenarios"
+
+
+def kept(docs: Path, key: str) -> list[dict[str, object]]:
+    """Rows of the data of scenarios."""
+    return json.loads((docs / "data" / "scenarios.json").read_text(encoding="utf-8"))[key]
+
+
+def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_others(scenarios: Path, docs: Path) -> None:
+    others = [row for row in kept(docs, "measures") if row["story"] not in ("silverbox", "semp-fleet")]
+    assert others
+    assert evidence.main([str(docs), "--scenarios", str(scenarios), "--remark", "commit 0123abc"]) == 0
+    rows = kept(docs, "measures")
+    assert [row for row in rows if row["story"] not in ("silverbox", "semp-fleet")] == others
+    assert [row["passed"] for row in rows if row["story"] == "silverbox"] == [True, False]
+    names = [row["story"] for row in kept(docs, "stories")]
+    assert names == sorted(names, key=list(stories()).index) and len(set(names)) == len(names)
+    page = (docs / "validation.md").read_text(encoding="utf-8")
+    # The linear model is none of the black boxes, and the one whose run left counts for nothing.
+    assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
+    assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
+    assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
+    assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 2  # and among the NARX models
+    assert evidence.main([str(docs)]) == 0
+    assert (docs / "validation.md").read_text(encoding="utf-8") == page
+
+
+@pytest.mark.parametrize(
+    ("amended", "verdict", "shown", "ahead"), [(0.001, "named", "cubic stiffness", 0), (0.003, "unknown", "unknown", 1)]
+)
+def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, shown: str, ahead: int) -> None:
+    errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
+    row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
+    made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
+    assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"it is ahead on {ahead} of 1." in made[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("semp-fleet/run.json", None, "run.json"),
+        ("semp-fleet/semp-fleet.json", "[]", "semp-fleet.json: it must hold"),
+        ("semp-fleet/semp-fleet.json", '{"measures": [{}]}', "is not that scenario's: KeyError('measure')"),
+        ("silverbox/silverbox.json", '{"measures": []}', "is not that scenario's: KeyError('held_out')"),
+    ],
+)
+def test_a_folder_without_what_its_scenario_reached_changes_nothing(scenarios, docs, name, content, message, capsys):
+    if content is None:
+        (scenarios / name).unlink()
+    else:
+        (scenarios / name).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    assert evidence.main([str(docs), "--scenarios", str(scenarios)]) == 1
+    assert message in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+
+
+def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="holds no scenario's results in a folder of its name"):
+        measured_data(tmp_path)
+
+
+def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
+    put(results, outcome(5, "pass", 1.0, True), seed=10)
+    with pytest.raises(DataError, match="its trials are of 2 seeds or codes"):
+        evidence.trials_data(results)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda folder: write_case(folder / "trials/002.nc", {}), r"002\.nc: it is no trial"),
+        (lambda folder: (folder / "trials/002.nc").write_text("[1]"), r"002\.nc: no file of a case"),
+        (lambda folder: shutil.rmtree(folder / "trials"), "it holds no trials"),
+    ],
+)
+def test_a_folder_without_sound_trials_changes_nothing(results, docs, spoil, message, capsys) -> None:
+    spoil(results)
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    assert evidence.main([str(docs), "--control-check", str(results)]) == 1
+    assert message.replace("\\", "") in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+
+
+def test_data_of_another_schema_and_unknown_blocks_are_refused(docs: Path) -> None:
+    with pytest.raises(DataError, match="there is no block 'margins'; known: trials"):
+        evidence.with_blocks("<!-- made by evidence: margins -->\n<!-- end -->\n", {"trials": []})
+    (docs / "data" / "control-check.json").write_text('{"schema": "deatwin/control-trials/9"}', encoding="utf-8")
+    with pytest.raises(DataError, match="must be a deatwin/control-trials/1 file"):
+        evidence.pages(docs)
+
+
+def test_trials_are_read_as_the_scenario_writes_them(tmp_path: Path) -> None:
+    stored = Trials(tmp_path, seed=9)
+    for one in TRIALS:
+        stored.put(f"{one.number:03d}", one.to_dict())
+    data = evidence.trials_data(tmp_path)
+    assert [Outcome.from_dict(row) for row in data["trials"]] == TRIALS and data["seed"] == 9
+    path = stored.path("002")
+    path.write_bytes(path.read_bytes()[:-4])
+    with pytest.raises(DataError, match=r"002\.nc: damaged or altered"):
+        evidence.trials_data(tmp_path)
