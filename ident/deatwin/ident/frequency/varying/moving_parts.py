@@ -47,11 +47,11 @@ class MovingParts:
 
     @property
     def order(self) -> Sequence[int]:
-        """As of the parts."""
+        """Orders of the parts."""
         return self.parts.order
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """As of the parts."""
+        """Splits of a part in two."""
         return self.parts.splits(part)
 
     def input(self, part: int, lag: int) -> Array | None:
