@@ -130,9 +130,9 @@ def lambda_tuning_pid(
     r"""Tune a sampled PID controller for a wanted closed-loop time constant.
 
     For a gain K, two lags :math:`T_1 \geq T_2` and a delay theta (`reduce_to_second_order`) the controller is
-    :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and :math:`T_I = \min(T_1,
-    4(\lambda + \theta))`, so that a disturbance at the input of a slow plant decays fast. The derivative acts on the
-    reading alone, and its filter counts as delay. K is chosen as in `lambda_tuning`.
+    :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and
+    :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at the input of a slow plant decays fast. The
+    derivative acts on the reading alone, and its filter counts as delay. K is chosen as in `lambda_tuning`.
 
     Parameters
     ----------
