@@ -136,8 +136,8 @@ def with_inverse(
     curve : StaticCurve
         Static curve of the actuator around the operating point.
     design : callable
-        Function that designs the feedback, with all settings but the limits fixed, such as ``partial(lambda_tuning,
-        closed_loop_time=0.5)``.
+        Function that designs the feedback, with all settings but the limits fixed, such as
+        ``partial(lambda_tuning, closed_loop_time=0.5)``.
     command_limits : (float, float)
         Least and largest command, in its unit; narrowed to the range of the curve.
 

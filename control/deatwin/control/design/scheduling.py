@@ -27,8 +27,9 @@ def scheduled(
     models : sequence of LinearModel
         Two or more models at different operating inputs, as the controller sees them (`LinearModel.in_loop`).
     design : callable
-        Function that designs a controller, with all settings but the limits fixed, such as ``partial(lambda_tuning,
-        closed_loop_time=0.5)``. Its laws must share their structure and state of rest: PI or PID.
+        Function that designs a controller, with all settings but the limits fixed, such as
+        ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must share their structure and state of rest: PI or
+        PID.
     command_limits : (float, float)
         Least and largest command, in its unit; an operating input may lie on one of them.
     operating_input : float, optional

@@ -221,8 +221,8 @@ def _partly_limited(slope: Array) -> Complex:
 class BoucWen(DescribingFunction):
     r"""Bouc-Wen hysteretic force with n = A = beta = 1 and gamma = 0: `deatwin.plant.Hysteresis` with a beta of 1.
 
-    The memory follows :math:`x_h\,d\zeta = dx - |dx|\,\zeta` at any speed. On a rising sine it is :math:`1 - (1 +
-    \zeta_m) e^{-(x + A)/x_h}` with the turning value :math:`\zeta_m = \tanh(A/x_h)`.
+    The memory follows :math:`x_h\,d\zeta = dx - |dx|\,\zeta` at any speed. On a rising sine it is
+    :math:`1 - (1 + \zeta_m) e^{-(x + A)/x_h}` with the turning value :math:`\zeta_m = \tanh(A/x_h)`.
 
     Parameters
     ----------
@@ -255,8 +255,8 @@ def describing_function(map: Callable[[Array], Array], amplitude: ArrayLike) -> 
     Parameters
     ----------
     map : callable
-        Function from an array of inputs to an array of as many outputs. For a table use ``lambda x: numpy.interp(x,
-        inputs, outputs)``; for a map about an operating point, ``lambda x: f(x0 + x)``.
+        Function from an array of inputs to an array of as many outputs. For a table use
+        ``lambda x: numpy.interp(x, inputs, outputs)``; for a map about an operating point, ``lambda x: f(x0 + x)``.
     amplitude : array_like
         Amplitude of the sine, positive, in the input's unit.
 

@@ -250,8 +250,8 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
     model : NarxModel or LinearModel
         Model with the covariance ``theta_cov`` of its parameters.
     quantity : callable
-        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``, ``lambda m:
-        output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` for a linear model.
+        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
+        ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` for a linear model.
     level : float
         Default probability of regions and bands.
 
