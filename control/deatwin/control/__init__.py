@@ -1,9 +1,8 @@
 """Identified models to controllers, and controllers to a verdict on the physics plant."""
 
 from deatwin.control.checking.check import check
-from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
-from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Limit, Specification, Verdict
 from deatwin.control.checking.verdict import Finding
 from deatwin.control.controllers.base import Controller

@@ -1,4 +1,4 @@
-"""Whether what a function or a class is given is of its kind; what is not is one clear error that names it."""
+"""Check the types and values of arguments; a wrong one raises a clear error that names it."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def _or_none(value: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    """What a value is, in a word or two: its own text may be of any length."""
+    """Describe a value in a word or two, since its own text may be long."""
     if value is None:
         return "None"
     if isinstance(value, str):

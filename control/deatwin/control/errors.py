@@ -6,8 +6,8 @@ from deatwin.plant.errors import DeatwinError
 
 
 class ControlError(DeatwinError, ValueError):
-    """A controller or a specification for one is at fault."""
+    """Error in a controller or in a specification for one."""
 
 
 class MissingPackageError(DeatwinError, ImportError):
-    """A design needs a package that is not installed: nothing is known of the controller."""
+    """A design needs a package that is not installed; nothing follows about the controller."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
-"""By unit: the largest number that is written as it is."""
+"""Largest number that is written out, by unit."""
 
 
 def amount(value: float, form: str, unit: str) -> str:

@@ -9,8 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, function, generator, instance, numbers, pair, positive, taking, whole
-from deatwin.control.checking.designed import SAME, Design, UndesignedError, designed
 from deatwin.control.checking.given import (
+    SAME,
+    Design,
+    UndesignedError,
+    designed,
     integral_only,
     known_caveats,
     known_excitation,
@@ -23,8 +26,8 @@ from deatwin.control.checking.given import (
     require_pair,
     trained_range,
 )
-from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
+from deatwin.control.checking.rows import OperatingPoint
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.subject import Subject
 from deatwin.control.checking.trial import STEP_SHARE, require_short_runs
@@ -82,58 +85,59 @@ def check(
     samples: int = 200,
     progress: Progress | None = None,
 ) -> Check:
-    """Design a controller on an identified model and judge it, on the model's posterior and on physics plants.
+    """Design a controller on an identified model and judge it on the model's posterior and on physics plants.
 
     Parameters
     ----------
     model : NarxModel
-        Identified from recordings of the actuator.
+        Model identified from recordings of the actuator.
     plant : Plant or CalibratedPlant
-        The physics that stands for the actuator; of a calibrated one, draws of its parameters count as well.
+        Physics model that stands for the actuator. For a calibrated plant, draws of its parameters are judged too.
     rng : numpy.random.Generator
         Source of draws and sensor noise.
     design : callable, optional
-        Makes the controller from the model as it sees it and ``command_limits``; `lambda_tuning` by default.
+        Function that designs a controller from the model, as the controller sees it, and ``command_limits``;
+        `lambda_tuning` by default.
     controller : Controller, optional
-        To be judged instead of a designed one; its operating input counts.
+        Existing controller to judge instead of designing one; the loop is then closed at its operating input.
     operating_input : float, optional
-        At which the loop is closed, in the input's unit; the centre of the training data by default.
+        Constant input about which the loop is closed, in its unit; the centre of the training data by default.
     operating_inputs : array_like, shape (n,), optional
-        Operating points at which margins are judged, in the input's unit, beside the controller's own; by default
-        five over the range in which the references of the check move.
+        Further operating points at which margins are judged, in the input's unit; by default five over the range in
+        which the references of the check move. The controller's own operating point is always included.
     closed_loop_time : float, optional
-        Lambda of the default design, s; see `lambda_tuning`.
+        Wanted time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
-        From which the model was identified: tells the excited band, and how large the residual of the model's
-        free run is. Without it the model's provenance may tell them; what is not known is not judged.
+        Recording from which the model was identified. It gives the excited band and the size of the free-run residual.
+        Without it, both come from the model's provenance if recorded there; what is unknown is not judged.
     specification : Specification, optional
-        What is asked; the textbooks' margins by default.
+        Requirements on the closed loop; the margins recommended by textbooks by default.
     others : mapping of str to Plant or CalibratedPlant, optional
-        Further plants that the actuator may be: with effects that a diagnosis could not tell apart, or other
+        Further plants that the actuator may be, by name: alternatives that a diagnosis could not distinguish, or other
         actuators of a fleet. They are judged like the plant.
     trajectory : ThetaTrajectory, optional
-        Of the model's parameters, where they vary in time: margins are judged along it.
+        Trajectory of the parameters of a time-varying model; margins are then judged along it as well.
     samples : int
         Number of draws from the model's posterior.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
     Check
-        Where no controller can be designed, or the model's free run diverges on the recording, it fails with the
-        reason.
+        Result of the check. It fails, with the reason, if no controller can be designed or if the model's free run
+        diverges on the recording.
 
     Raises
     ------
     ModelError
         If model and plants do not belong together, or the operating input lies outside the training data.
     ControlError
-        If an argument is of another kind, the limits of the command make no sense, the controller is none, has another
-        sample time or so long a closed-loop time that its runs have no end, or the design or the controller's `local`
-        raises what is no error of deatwin's (chained) or returns something else.
+        If an argument has the wrong type, the command limits make no sense, the controller is invalid, has another
+        sampling time or such a long closed-loop time that its runs never end, or the design or the controller's `local`
+        raises an exception that is not deatwin's (chained) or returns something else.
     """
     if controller is not None:
         require_controller(controller, model)

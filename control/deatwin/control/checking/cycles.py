@@ -1,4 +1,4 @@
-"""Whether the loop may oscillate by itself: describing functions of plant, limits, and codes."""
+"""Judge whether the loop can oscillate by itself, from describing functions of plant, command limits and quantisers."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def judge_cycles(
 
 
 _Found = tuple[str, LimitCycle, float]
-"""What makes the cycle, the cycle, and its amplitude at the output, in its unit."""
+"""Cause of a limit cycle, the cycle, and its amplitude at the output, in its unit."""
 
 
 def _judged(what: str, cycle: LimitCycle, share: float, specification: Specification) -> Finding:
@@ -89,7 +89,7 @@ def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
 
 
 def _sizes_measured(response: SineResponse) -> str:
-    """What is to be said where the plant did not live through the sines of all sizes."""
+    """A remark if the plant did not survive sines of all amplitudes."""
     lived = [f"{100 * size:g}" for size in SIZES[: response.amplitudes.size]]
     if len(lived) == len(SIZES):
         return ""
@@ -133,12 +133,13 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
 
 
 def _room(controller: Controller) -> float:
-    """From the operating input to the nearer limit of the command, in its unit."""
+    """Distance from the operating input to the nearer limit of the command, in its unit."""
     return min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
-    """Of the linear loop, rad/s; what was asked for where its gain is never one."""
+    """Crossover of the linear loop, rad/s; the requested bandwidth if its gain is never one."""
+    # A controller that hardly acts has its crossover at periods of days, which no run lasts.
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)

@@ -1,8 +1,9 @@
-"""What a check is given: whether it belongs together, and what it tells of the recording."""
+"""Check that the inputs of a check fit together, and collect what is known about the recording."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from deatwin.control.arguments import instance
@@ -22,6 +23,45 @@ from deatwin.plant.recording import Recording
 _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
 """Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
+
+Design = Callable[..., Controller]
+"""Takes the model as the controller sees it, and ``command_limits``."""
+
+SAME = 1e-9
+"""Operating inputs that differ by less, as a share of the range of the command, are one."""
+
+
+class UndesignedError(ControlError):
+    """A design finds no controller for the model: an answer to the check, not a mistake of the caller."""
+
+
+def designed(design: Design, linear: LinearModel, command_limits: tuple[float, float]) -> Controller:
+    """Design a controller on a model, and turn foreign exceptions into a ControlError."""
+    try:
+        controller = design(linear, command_limits=command_limits)
+    except (ControlError, ModelError) as error:
+        raise UndesignedError(f"no controller could be designed: {error}") from error
+    except DeatwinError:
+        raise
+    except Exception as error:
+        raise ControlError(f"the design {_name(design)} raised {type(error).__name__}: {error}") from error
+    if not isinstance(controller, Controller):
+        raise ControlError(
+            f"the design {_name(design)} returned {type(controller).__name__}; it must return a Controller"
+        )
+    low, high = command_limits
+    if abs(controller.operating_input - linear.operating_input) > SAME * (high - low):
+        raise ControlError(
+            f"the design is for the operating input {controller.operating_input:g}, not for {linear.operating_input:g}"
+        )
+    return controller
+
+
+def _name(design: Design) -> str:
+    """Name of a design for messages: that of the function, or of a callable object's class."""
+    while isinstance(design, partial):
+        design = design.func
+    return str(getattr(design, "__name__", type(design).__name__))
 
 
 def require_others(value: Any, name: str) -> None:
@@ -116,7 +156,7 @@ def trained_range(model: NarxModel) -> tuple[float, float]:
 
 
 def known_caveats(model: NarxModel) -> tuple[str, ...]:
-    """What the model's file says against relying on it."""
+    """Caveats in the model's file."""
     reliance = Reliance.of_provenance(model.provenance)
     return () if reliance is None else reliance.caveats
 
@@ -133,12 +173,12 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
 
 
 def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:
-    """What the recording excited; None where nobody knows it."""
+    """Band that the recording excited; None if it is not known."""
     return Excitation.of_provenance(model.provenance) if recording is None else excitation(recording)
 
 
 def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    """Residual of the model's free run; None where nobody knows it."""
+    """Residual of the model's free run; None if it is not known."""
     carried = Residual.of_provenance(model.provenance)
     if recording is None:
         return carried

@@ -1,4 +1,4 @@
-"""What a check found: a verdict with everything that it rests on."""
+"""Result of a check: the verdict with all its evidence."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from deatwin.control.checking.operating import OperatingPoint
-from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
@@ -120,33 +119,33 @@ def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Check(Described):
-    """What the check found.
+    """Result of checking a controller before it is used on the actuator.
 
     Parameters
     ----------
     findings : tuple of Finding
-        All that was judged; the most severe one decides.
+        All judgements; the most severe one decides the verdict.
     operating : OperatingPoint
-        Where the model was linearised.
+        Operating point at which the model was linearised.
     controller : Controller or None
-        None where none could be designed; so for all that follows.
+        Controller that was judged; None if none could be designed. In that case the fields below are empty too.
     margins : MarginRow or None
-        What the model promises at the operating point of the controller.
+        Margins on the model at the controller's operating point.
     table : tuple of MarginRow
-        Margins of model, plant and other plants over operating points, and over time where the model varies.
+        Margins of the model, the plant and the other plants over operating points, and over time if the model varies.
     excited_band_Hz : float or None
-        Band that the recording excited, Hz; None where it is not known.
+        Upper end of the band that the recording excited, Hz; None if it is not known.
     steps, sine : ClosedLoop or None
-        Runs on the physics plant.
+        Closed-loop runs on the physics plant, with a step and a sine reference.
     others : mapping of str to ClosedLoop
-        Runs of the steps on the other plants, by their names.
+        Runs of the step reference on the other plants, by the plants' names.
     predicted : PredictedLoop or None
-        The steps as the model predicts them; not in the file but for its band.
+        The model's prediction of the step run. Only its band is saved in the file.
     sine_predicted : float or None
-        Rms error on the sine that the model predicts, in the output's unit.
+        Rms error on the sine reference that the model predicts, in the output's unit.
     caveats : tuple of str
-        What a reader has to know beside the findings: residual tests that the model failed, a bias, a controller that
-        has not all the parts that were asked for. They do not decide on the verdict.
+        Remarks beside the findings: residual tests that the model failed, a bias, or a controller that lacks a part
+        that was asked for. They do not affect the verdict.
     """
 
     findings: tuple[Finding, ...]
@@ -183,12 +182,12 @@ class Check(Described):
 
     @property
     def worst_case(self) -> Finding:
-        """The finding that decides; where all pass, the one that is nearest its limit."""
+        """The finding that decides the verdict; if all pass, the one nearest its limit."""
         return worst(self.findings)
 
     @property
     def reason(self) -> str:
-        """The texts of all findings that are as severe as the verdict, if it is not `pass`."""
+        """Texts of all findings as severe as the verdict; empty if the verdict is `pass`."""
         if self.verdict is Verdict.PASS:
             return f"every limit is kept{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
@@ -204,7 +203,7 @@ class Check(Described):
 
     @property
     def least_margins(self) -> dict[str, float]:
-        """The least gain margin and phase margin (degrees) of the whole table, over draws where there are any."""
+        """The least gain margin and phase margin (degrees) of the whole table, including draws."""
         rows = self.table
         return {
             "gain": min((row.gain_low for row in rows), default=inf),
@@ -233,7 +232,7 @@ class Check(Described):
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
 
     def save(self, path: str | Path) -> None:
-        """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.
+        """Write the check as JSON ("deatwin/check/1"): to a temporary file first, which is then renamed.
 
         Parameters
         ----------
@@ -254,7 +253,7 @@ class Check(Described):
         Returns
         -------
         Check
-            Without the draws of `predicted`.
+            The check, without the draws of `predicted`.
 
         Raises
         ------
@@ -264,16 +263,12 @@ class Check(Described):
         return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the step reference, what the model promised, and what the physics plant made of it.
+        """Plot the step reference, the output that the model predicted, and the output of the physics plant.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         if self.predicted is not None:

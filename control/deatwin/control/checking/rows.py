@@ -1,40 +1,91 @@
-"""The table of margins: one row for each linear model that the loop may meet."""
+"""Tables of a check: its operating point, and margins with a row for each linear model that the loop may meet."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import LinearFamily
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.stability.bands import MarginBand
 from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
 QUANTILE = 0.025
-"""Of the draws, at which margins are judged."""
+"""Quantile of the draws at which margins are judged."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OperatingPoint:
+    """Operating point at which the model was linearised.
+
+    Parameters
+    ----------
+    input : float
+        Constant input, in its unit.
+    output : float or None
+        Output at rest, in its unit; None if the model does not settle.
+    static_gain : float or None
+        Static gain, output unit by input unit; None if the model does not settle.
+    status : LinearStatus
+        Status of the linear model; it says whether a controller could be designed there.
+    sample_time : float
+        Sampling time, s.
+    input_unit, output_unit : str
+        Units of input and output.
+    """
+
+    input: float
+    output: float | None
+    static_gain: float | None
+    status: LinearStatus
+    sample_time: float
+    input_unit: str
+    output_unit: str
+
+    @classmethod
+    def of(cls, linear: LinearModel) -> Self:
+        """Describe the operating point of a linear model.
+
+        Parameters
+        ----------
+        linear : LinearModel
+            Linear model, of any status.
+        """
+        settles = linear.operating_output is not None
+        return cls(
+            input=linear.operating_input,
+            output=linear.operating_output,
+            static_gain=linear.static_gain if settles else None,
+            status=linear.status,
+            sample_time=linear.sample_time,
+            input_unit=linear.input_unit,
+            output_unit=linear.output_unit,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MarginRow:
-    """Margins at one operating point; infinite where nothing bounds them, zero where the loop is unstable.
+    """Margins at one operating point; infinite if nothing bounds them, zero if the loop is unstable.
 
     Parameters
     ----------
     source : str
-        Whose linear model: ``model``, ``plant``, or the name of another plant.
+        System whose linear model is judged: ``model``, ``plant``, or the name of another plant.
     operating_input : float
-        In the input's unit.
+        Constant input at the operating point, in the input's unit.
     time : float or None
-        Of a model that varies in time, s.
+        Time on the experiment's clock, s; None unless the model varies in time.
     gain, phase_deg, delay, disk, crossover_Hz : float
-        Of the source itself: factor, degrees, s, disk margin, Hz.
+        Gain margin (factor), phase margin (degrees), delay margin (s), disk margin and crossover frequency (Hz) of the
+        source itself.
     gain_low, phase_low_deg, delay_low, disk_low : float
-        The 2.5 % quantile over the draws.
+        2.5 % quantiles of these margins over the draws, in the same units.
     stable_share : float
         Share of the draws with a stable closed loop.
     samples : int

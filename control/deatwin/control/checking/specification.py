@@ -1,4 +1,4 @@
-"""What a closed loop must keep to: limits with their sources."""
+"""Requirements on a closed loop: limits with their sources."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deatwin.control.errors import ControlError
 
 
 class Verdict(Enum):
-    """Whether a controller would survive the actuator; the value is its name in files."""
+    """Verdict on a controller before it is used on the actuator; the value is its name in files."""
 
     PASS = "pass"
     MARGINAL = "marginal"
@@ -20,26 +20,25 @@ class Verdict(Enum):
 
     @property
     def severity(self) -> int:
-        """0 for pass, 2 for fail."""
+        """Severity: 0 for pass, 1 for marginal, 2 for fail."""
         return list(Verdict).index(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Where a number stops to be good, and where it becomes bad.
+    """Limits of a number: one up to which it passes, and one beyond which it fails.
 
     Parameters
     ----------
     good, poor : float
-        Limits of `pass` and of `marginal`, in the number's own unit; a good one above the poor one means that
-        more is better.
+        Limits of `pass` and of `marginal`, in the unit of the number. If ``good`` is above ``poor``, more is better.
     unit : str
-        In which a person writes them; ``%`` for a share.
+        Unit shown to the user; ``%`` for a share.
 
     Raises
     ------
     ControlError
-        If they are no numbers, equal or not finite.
+        If they are not numbers, not finite or equal.
     """
 
     good: float
@@ -55,16 +54,12 @@ class Limit:
             )
 
     def judge(self, value: float) -> Verdict:
-        """Verdict on a number.
+        """Judge a number.
 
         Parameters
         ----------
         value : float
-            In the number's own unit; one that is not a number fails.
-
-        Returns
-        -------
-        Verdict
+            Number, in the unit of the limit; NaN fails.
         """
         sign = 1.0 if self.more_is_better else -1.0
         if sign * value >= sign * self.good:
@@ -72,18 +67,18 @@ class Limit:
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     def room(self, value: float) -> float:
-        """How far a number is from the limit of `pass`.
+        """Return the distance of a number from the limit of `pass`.
 
         Parameters
         ----------
         value : float
-            In the number's own unit.
+            Number, in the unit of the limit.
 
         Returns
         -------
         float
-            As a share of the way from the limit to the best that there is, which is 1 for a share of which more is
-            better, infinity for another number of which more is better, and 0 for the others; negative beyond.
+            Share of the way from the limit to the best possible value: 1 for a share of which more is better, infinity
+            for any other number of which more is better, otherwise 0. Negative if the number does not pass.
 
         Examples
         --------
@@ -101,23 +96,23 @@ class Limit:
 
     @property
     def more_is_better(self) -> bool:
-        """Whether the good value lies above the poor one."""
+        """True if the good value lies above the poor one."""
         return self.good > self.poor
 
     @property
     def wanted(self) -> str:
-        """The good value in words."""
+        """The good value as text."""
         value, unit = (100.0 * self.good, " %") if self.unit == "%" else (self.good, self.unit)
         return f"at {'least' if self.more_is_better else 'most'} {value:.4g}{unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Specification:
-    """What is asked of a closed loop.
+    """Requirements on a closed loop.
 
-    The defaults of the margins are those of the textbooks: Åström & Murray, Feedback Systems (2008), section 9.3
-    (gain margin 2 to 5, phase margin 30 to 60 degrees); Skogestad & Postlethwaite, Multivariable Feedback Control
-    (2005), section 2.4.3 (gain margin above 2, phase margin above 30 degrees). The other defaults are our choice.
+    The default margins follow textbooks: Åström & Murray, Feedback Systems (2008), section 9.3 (gain margin 2 to 5,
+    phase margin 30 to 60 degrees); Skogestad & Postlethwaite, Multivariable Feedback Control (2005), section 2.4.3
+    (gain margin above 2, phase margin above 30 degrees). The other defaults are our choice.
 
     Parameters
     ----------
@@ -133,35 +128,35 @@ class Specification:
     stable_share : Limit
         Share of the posterior's draws with a stable closed loop.
     overshoot : Limit
-        Of a step, as a share of it: about what phase margins of 45 and 30 degrees give in a second-order loop
-        (Åström & Murray, sections 6.3 and 9.3).
+        Overshoot of a step, as a share of the step. The defaults are about what phase margins of 45 and 30 degrees give
+        in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
     steady_error : Limit
-        Mean error late after a step, as a share of the step; with integral action it goes to zero.
+        Mean error at the end of a step, as a share of the step; integral action brings it to zero.
     ripple : Limit
-        Rms motion late after a step, as a share of the step: more is ringing or a limit cycle.
+        Rms motion at the end of a step, as a share of the step; a larger one is ringing or a limit cycle.
     saturated : Limit
-        Share of samples with the command at a limit.
+        Share of samples whose command is at a limit.
     tracking : Limit
-        Error on a slow sine, achieved against predicted.
+        Ratio of achieved to predicted error on a slow sine.
     diverged : Limit
-        Share of the draws of the model whose own closed loop diverges.
+        Share of the model's draws whose own closed loop diverges.
     width : Limit
-        Half width of the predicted band over the step: a band wider than the step says too little to pass on.
+        Half width of the predicted band relative to the step; a band wider than the step says too little to pass.
     inside : Limit
-        Share of a run inside the simultaneous band that the model predicted.
+        Share of a run that lies inside the simultaneous band predicted by the model.
     limit_cycle : Limit
         Amplitude of a predicted limit cycle that the loop sustains, as a share of a step.
     safe_region : Limit
-        Amplitude of a predicted limit cycle that is unstable, as a share of a step: steps have to stay inside.
+        Amplitude of a predicted unstable limit cycle, as a share of a step; steps have to stay inside it.
     reserve : float
-        Share of overshoot, steady error, ripple and saturation that a check keeps in reserve, since the plant on
-        which it tries the controller is not the actuator (our choice).
+        Part of the limits of overshoot, steady error, ripple and saturation that a check holds back, because the plant
+        on which it tries the controller is not the actuator itself (our choice).
 
     Raises
     ------
     ControlError
-        If a limit is none, or has its good and poor values the wrong way round; if a gain margin is below 1, or the
-        reserve is no share.
+        If a limit is not a `Limit` or has its good and poor values swapped, if a gain margin is below 1, or if the
+        reserve is not a share.
     """
 
     gain: Limit = Limit(good=2.0, poor=1.5)
@@ -199,7 +194,7 @@ class Specification:
 
     @property
     def on_a_stand_in(self) -> Specification:
-        """What is asked of runs on a plant that stands for the actuator: each of their limits less the reserve."""
+        """The requirements for runs on a plant that stands in for the actuator: tightened by the reserve."""
         names = ("overshoot", "steady_error", "ripple", "saturated")
         limits: dict[str, Any] = {name: getattr(self, name) for name in names}
         kept = {n: replace(v, good=(1.0 - self.reserve) * v.good) for n, v in limits.items()}

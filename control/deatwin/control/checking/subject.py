@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.checking.cycles import judge_cycles
-from deatwin.control.checking.film import judge_film
-from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.result import Check
-from deatwin.control.checking.rows import MarginRow, row_of_band, rows_of_family
-from deatwin.control.checking.scope import judge_band, judge_rests, judge_training, judge_unknown_band
+from deatwin.control.checking.rows import MarginRow, OperatingPoint, row_of_band, rows_of_family
+from deatwin.control.checking.scope import judge_band, judge_film, judge_rests, judge_training, judge_unknown_band
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import (
@@ -52,7 +50,7 @@ both."""
 PLANTS = 20
 """Plants drawn from a calibration."""
 FILMS = 8
-"""Of them, those on which the film's limits are tried."""
+"""Number of these plants on which the film's limits are tested."""
 TIME_SAMPLES = 50
 """Draws at each time of a model that varies."""
 
@@ -197,7 +195,7 @@ class Subject:
     def _on_plant(
         self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None
     ) -> list[Finding]:
-        """What more is judged where the plant lived through the steps."""
+        """Further findings if the plant survived the steps."""
         spec, plant = self.specification, self.plant.plant
         factors = (spec.gain.poor, spec.gain.good)
         raised = [

@@ -35,7 +35,7 @@ LONGEST = 200_000
 class Trial:
     """A controller, and the references to try it with."""
 
-    controller: Controller  # To be tried
+    controller: Controller
     linear: LinearModel
     rng: np.random.Generator  # Source of the sensor's noise
 
@@ -47,14 +47,14 @@ class Trial:
 
     @property
     def amplitude(self) -> float:
-        """Of the references, in the output's unit."""
+        """Amplitude of the references, in the output's unit."""
         c = self.controller
         room = min(c.operating_input - c.command_min, c.command_max - c.operating_input)
         return STEP_SHARE * abs(self.linear.static_gain) * room
 
     @property
     def frequency_Hz(self) -> float:
-        """Of the sine reference, Hz."""
+        """Frequency of the sine reference, Hz."""
         return SINE_SHARE / (2 * np.pi * self.controller.closed_loop_time)
 
     @property
@@ -104,6 +104,6 @@ def require_short_runs(controller: Controller) -> None:
 
 
 def _rounded_down(value: float) -> float:
-    """To three digits, so that what a person reads is allowed."""
+    """Round down to three digits, so that the printed value is allowed."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 2)
     return float(np.floor(value / unit) * unit)

@@ -1,4 +1,4 @@
-"""From numbers to findings: each number beside its limit."""
+"""Judge numbers against their limits."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from deatwin.plant.amplitudes import written_amplitude
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One number that was judged.
+    """One judgement of a check.
 
     Parameters
     ----------
     subject : str
-        What was judged.
+        Name of the quantity that was judged.
     value : float or None
-        The number in the unit that the text names; None where there is none.
+        Value in the unit that the text names; None if there is none.
     verdict : Verdict
-        On it alone.
+        Verdict on this quantity alone.
     text : str
-        One plain sentence.
+        Finding as one plain sentence.
     room : float or None
-        How far the number is from its limit, `Limit.room`; None where it was not judged by one.
+        Distance of the value from its limit, as `Limit.room` returns it; None if it was not judged by a limit.
     """
 
     subject: str
@@ -46,7 +46,7 @@ class Runs:
     """Runs of one controller on one physics plant."""
 
     source: str
-    steps: ClosedLoop  # With a step reference and with a slow sine
+    steps: ClosedLoop  # Run of a step reference; `sine` is that of a slow sine
     sine: ClosedLoop
 
     @property
@@ -55,7 +55,7 @@ class Runs:
         return "on the physics plant" if self.source == "plant" else f"on {self.source}"
 
     def subject(self, name: str) -> str:
-        """What a finding on these runs is about."""
+        """Subject of a finding on these runs."""
         return name if self.source == "plant" else f"{name} ({self.source})"
 
 
@@ -157,7 +157,7 @@ def late_rms_error(run: ClosedLoop) -> float:
 
 
 def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
-    """How far a run went beyond the outputs of the training data, in words; empty where it did not."""
+    """Sentence on how far a run left the output range of the training data; empty if it did not."""
     low, high = float(achieved.output.min()), float(achieved.output.max())
     if trained is None or trained[0] <= low <= high <= trained[1]:
         return ""
@@ -180,7 +180,7 @@ def _subject(name: str, row: MarginRow) -> str:
 
 
 def _at(row: MarginRow) -> str:
-    """Where a row of margins is worst, in words."""
+    """Operating point of a row of margins, in words."""
     whose = _whose(row)
     low = f" at the 2.5 % quantile over draws of {whose}" if row.samples > 1 else f" on {whose}"
     return f"{low}, at the input {row.operating_input:.3g}{_when(row)}"

@@ -1,4 +1,4 @@
-"""What every sampled controller is: a law with limits, one command a sample, for one loop or for many at once."""
+"""Base class of sampled controllers: a law with command limits, evaluated for one loop or many at once."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controller(ABC):
-    """A sampled controller with the limits of its command.
+    """A sampled controller with limits of its command.
 
     Parameters
     ----------
     name : str
-        As a person calls it, such as ``PI``.
+        Name for users, such as ``PI``.
     sample_time : float
-        s; that of the model on which it was designed.
+        Sampling time, s; that of the model on which the controller was designed.
     operating_input : float
-        Command at which the loop is closed, in its unit.
+        Command about which the loop is closed, in its unit.
     operating_output : float
-        Output at rest there, in its unit.
+        Output at rest under that command, in its unit.
     command_min, command_max : float
-        Limits of the command, in its unit.
+        Least and largest command, in its unit.
     closed_loop_time : float
-        Time constant that was asked of the closed loop, s.
+        Wanted time constant of the closed loop, s.
 
     Raises
     ------
@@ -80,53 +80,45 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> Array:
-        """State when the loop is closed, shape (states,)."""
+        """State at the moment when the loop is closed, shape (states,)."""
 
     @abstractmethod
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """One sample of one loop, or of many at once.
+        """Compute the command of one sample, for one loop or for many at once.
 
         Parameters
         ----------
         reference, reading : array_like, shape batch
-            In the output's unit; batch is () for one loop.
+            Reference and reading, in the output's unit; batch is () for one loop.
         state : ndarray, shape (states, *batch)
-            Before the sample.
+            State of the controller before the sample.
 
         Returns
         -------
         command : ndarray, shape batch
-            Inside the limits, in the input's unit.
+            Command within its limits, in the input's unit.
         state : ndarray, shape (states, *batch)
-            After it.
+            State of the controller after the sample.
         """
 
     @abstractmethod
     def local(self, operating_input: float) -> Law:
-        """The linear law for small deviations about an operating point, away from the limits.
+        """Linearise the controller about an operating point, away from the limits.
 
         Parameters
         ----------
         operating_input : float
-            In the input's unit.
-
-        Returns
-        -------
-        Law
+            Constant input at the operating point, in the input's unit.
         """
 
     @abstractmethod
     def scaled(self, factor: float) -> Self:
-        """The same controller with another loop gain.
+        """Return the same controller with another loop gain.
 
         Parameters
         ----------
         factor : float
-            Of its feedback.
-
-        Returns
-        -------
-        Controller
+            Multiplier of the loop gain.
 
         Raises
         ------
@@ -136,33 +128,29 @@ class Controller(ABC):
 
     @abstractmethod
     def details(self) -> dict[str, Any]:
-        """Plain data of what the kind has beyond the common fields."""
+        """Plain data of the fields that only this kind of controller has."""
 
     @classmethod
     @abstractmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """The controller that the common fields and `details` described.
+        """Rebuild a controller from the common fields and its `details`.
 
         Parameters
         ----------
         common : mapping
-            The fields that all kinds have.
+            Fields that every kind of controller has.
         details : mapping
-            Plain data.
-
-        Returns
-        -------
-        Controller
+            Plain data that `details` returned.
         """
 
     def to_control(self) -> NonlinearIOSystem:
-        """The controller with its limits as a discrete system of python-control.
+        """Return the controller with its limits as a discrete system of python-control.
 
         Returns
         -------
         control.NonlinearIOSystem
-            From ``reference`` and ``reading`` to ``command``; ``dt`` is the sample time. Its initial state is
-            `start`. For the linear law alone see `local` and `Law.to_control`.
+            System from ``reference`` and ``reading`` to ``command``, with ``dt`` equal to the sampling time and `start`
+            as its initial state. For the linear law alone see `local` and `Law.to_control`.
         """
         import control
 

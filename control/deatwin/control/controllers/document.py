@@ -26,16 +26,17 @@ _COMMON = (
 
 @taking(controller=instance(Controller))
 def controller_to_dict(controller: Controller) -> dict[str, Any]:
-    """A controller as JSON can hold it.
+    """Return a controller as plain data for JSON.
 
     Parameters
     ----------
     controller : Controller
-        Of any kind.
+        Controller of any kind.
 
     Returns
     -------
     dict
+        Data from which `controller_from_dict` rebuilds the controller.
     """
     common = {name: getattr(controller, name) for name in _COMMON}
     return {"kind": controller.kind, **common, **controller.details()}
@@ -43,12 +44,12 @@ def controller_to_dict(controller: Controller) -> dict[str, Any]:
 
 @taking(data=instance(Mapping))
 def controller_from_dict(data: Mapping[str, Any]) -> Controller:
-    """The controller that `controller_to_dict` described.
+    """Rebuild a controller from plain data.
 
     Parameters
     ----------
     data : mapping
-        Plain data.
+        Plain data that `controller_to_dict` returned.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
     Raises
     ------
     ControlError
-        If a key is missing, or the kind is not known.
+        If a key is missing or the kind is not known.
     """
     if absent := [name for name in ("kind", *_COMMON) if name not in data]:
         raise ControlError(f"the description of a controller lacks {', '.join(absent)}")

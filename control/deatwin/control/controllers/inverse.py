@@ -33,18 +33,18 @@ _STEPS = 60  # halve a bracket down to rounding; Newton's method needs two or th
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StaticCurve(Described):
-    """Output at rest over a constant input, strictly monotone, and its inverse.
+    """Strictly monotone curve of the output at rest over a constant input, with its inverse.
 
-    Between the points goes a monotone cubic (Fritsch and Carlson); beyond them the ends are held.
+    A monotone cubic interpolates the points (Fritsch and Carlson); beyond them the end values are held.
 
     Parameters
     ----------
     inputs : ndarray, shape (n,)
-        Increasing, in the input's unit.
+        Constant inputs, increasing, in the input's unit.
     outputs : ndarray, shape (n,)
-        Strictly increasing or strictly decreasing, in the output's unit.
+        Outputs at rest, strictly increasing or strictly decreasing, in the output's unit.
     input_unit, output_unit : str
-        Units.
+        Units of input and output.
 
     Raises
     ------
@@ -112,22 +112,22 @@ class StaticCurve(Described):
         return inputs, np.maximum.accumulate(self._forward(inputs)), pieces
 
     def output(self, value: ArrayLike) -> Array:
-        """Output at rest.
+        """Return the output at rest for a constant input.
 
         Parameters
         ----------
         value : array_like
-            Constant input, in its unit; beyond the ends the end's output is returned.
+            Constant input, in its unit; beyond the ends of the curve the end's output is returned.
 
         Returns
         -------
         ndarray
-            In the output's unit.
+            Output at rest, in its unit.
         """
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1])), dtype=np.float64)
 
     def slope(self, value: ArrayLike) -> Array:
-        """Static gain.
+        """Return the static gain at a constant input.
 
         Parameters
         ----------
@@ -137,22 +137,22 @@ class StaticCurve(Described):
         Returns
         -------
         ndarray
-            Output unit by input unit.
+            Static gain, output unit by input unit.
         """
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1]), 1), dtype=np.float64)
 
     def input(self, value: ArrayLike) -> Array:
-        """The constant input that holds an output.
+        """Return the constant input that holds a given output.
 
         Parameters
         ----------
         value : array_like
-            In the output's unit.
+            Output at rest, in its unit.
 
         Returns
         -------
         ndarray
-            In the input's unit.
+            Constant input, in its unit.
         """
         inputs, outputs, pieces = self._table
         wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
@@ -175,20 +175,16 @@ class StaticCurve(Described):
 
     @cached_property
     def _resolution(self) -> float:
-        """What rounding leaves of an input, in its unit."""
+        """Rounding error of an input, in its unit."""
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the curve.
+        """Plot the output at rest over the constant input.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         inputs, outputs, _ = self._table
@@ -199,26 +195,26 @@ class StaticCurve(Described):
 
 
 _INNER = ("name", "operating_input", "command_min", "command_max")
-"""In which the feedback differs from the whole: its command is a wanted output."""
+"""Fields in which the inner feedback differs, because its command is a wanted output."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseController(Controller):
-    """A controller whose command is the output that it wants, behind the inverse of the static curve.
+    """A controller that computes the wanted output and passes it through the inverse of the static curve.
 
-    The reference goes forward through the inverse, so that feedback has only to mend what the curve does not
-    know: dynamics, drift and hysteresis. Since the inverse cancels the slope of the curve, the loop gain is the
-    same at all operating points.
+    The reference is fed forward through the inverse, so feedback only has to correct what the curve does not describe:
+    dynamics, drift and hysteresis. Because the inverse cancels the slope of the curve, the loop gain is the same at all
+    operating points.
 
     Parameters
     ----------
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
-        As in `Controller`.
+        See `Controller`.
     feedback : LinearController
-        From reference and reading to the wanted output; its command has the output's unit, and the reference goes
-        into it with a gain of one (`Law.feedforward`).
+        Controller from reference and reading to the wanted output. Its command has the output's unit, and it passes the
+        reference on with a gain of one (`Law.feedforward`).
     curve : StaticCurve
-        Of the actuator.
+        Static curve of the actuator.
     """
 
     feedback: LinearController
@@ -236,65 +232,22 @@ class InverseController(Controller):
         return self.feedback.states
 
     def start(self) -> Array:
-        """Zeros, shape (states,)."""
+        """State at the moment when the loop is closed: zeros, shape (states,)."""
         return self.feedback.start()
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """One sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            In the output's unit.
-        state : ndarray, shape (states, *batch)
-            Before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Inside the limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            After it.
-        """
         wanted, after = self.feedback.command(reference, reading, state)
         return np.clip(self.curve.input(wanted), self.command_min, self.command_max), after
 
     def local(self, operating_input: float) -> Law:
-        """The law of small deviations: the feedback's, by the slope of the inverse.
-
-        Parameters
-        ----------
-        operating_input : float
-            In the input's unit.
-
-        Returns
-        -------
-        Law
-        """
+        """Linearise about `operating_input`: the law of the feedback times the slope of the inverse."""
         return self.feedback.law.scaled(1.0 / float(self.curve.slope(operating_input)))
 
     def scaled(self, factor: float) -> Self:
-        """The same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Of its feedback.
-
-        Returns
-        -------
-        InverseController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         return replace(self, feedback=replace(self.feedback, law=self.feedback.law.with_feedback(factor)))
 
     def details(self) -> dict[str, Any]:
-        """Plain data of feedback and curve."""
         feedback, curve = self.feedback, self.curve
         return {
             "feedback": {**feedback.details(), **{name: getattr(feedback, name) for name in _INNER}},
@@ -308,19 +261,6 @@ class InverseController(Controller):
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """The controller that the common fields and `details` described.
-
-        Parameters
-        ----------
-        common : mapping
-            The fields that all kinds have.
-        details : mapping
-            Plain data.
-
-        Returns
-        -------
-        InverseController
-        """
         inner = details["feedback"]
         wanted = {**common, **{name: inner[name] for name in _INNER}}
         feedback = LinearController.from_details(wanted, inner)

@@ -25,23 +25,23 @@ REFERENCE, READING = 0, 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Law:
-    """``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading), all as deviations.
+    """Linear control law ``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading).
 
     Parameters
     ----------
     a : ndarray, shape (n, n)
-        A.
+        State matrix A.
     b : ndarray, shape (n, 2)
-        B, by the output's unit.
+        Input matrix B, per output unit.
     c : ndarray, shape (n,)
-        C, in the input's unit.
+        Output vector C, in the input's unit.
     d : ndarray, shape (2,)
-        D, input unit by output unit.
+        Direct term D, input unit by output unit.
 
     Raises
     ------
     ControlError
-        If shapes do not fit or a value is not finite.
+        If the shapes do not fit or a value is not finite.
     """
 
     a: Array
@@ -66,22 +66,18 @@ class Law:
 
     @classmethod
     def of_error(cls, a: ArrayLike, b: ArrayLike, c: ArrayLike, d: float) -> Self:
-        """The law that knows only the error, reference minus reading.
+        """Make a law that uses only the error, reference minus reading.
 
         Parameters
         ----------
         a : array_like, shape (n, n)
-            A.
+            State matrix A.
         b : array_like, shape (n,)
-            From the error, by the output's unit.
+            Input vector from the error, per output unit.
         c : array_like, shape (n,)
-            C, in the input's unit.
+            Output vector C, in the input's unit.
         d : float
-            From the error, input unit by output unit.
-
-        Returns
-        -------
-        Law
+            Direct term from the error, input unit by output unit.
         """
         column = np.asarray(b, dtype=np.float64)
         return cls(
@@ -92,31 +88,27 @@ class Law:
         )
 
     def scaled(self, factor: float) -> Law:
-        """The law with a command that is a multiple of this one's.
+        """Return the law with its command multiplied by a factor.
 
         Parameters
         ----------
         factor : float
-            May have a unit.
-
-        Returns
-        -------
-        Law
+            Multiplier of the command; it may have a unit.
         """
         return Law(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def with_feedback(self, factor: float) -> Law:
-        """The law of the error with another gain, and the same answer to reference and reading that move together.
+        """Return the law with another gain on the error; its response to the reference fed forward is unchanged.
 
         Parameters
         ----------
         factor : float
-            Of the feedback; dimensionless.
+            Multiplier of the feedback, dimensionless.
 
         Returns
         -------
         Law
-            What goes forward, with or without dynamics of its own, stays; so do A and C.
+            Law with the same A and C. The feedforward part, static or dynamic, is unchanged.
         """
         b, d = np.array(self.b), np.array(self.d)
         for column in (b.T, d):
@@ -125,22 +117,18 @@ class Law:
         return Law(a=self.a, b=b, c=self.c, d=d)
 
     def feedforward(self, gain: float) -> Law:
-        """The law with a multiple of the reference added to its command.
+        """Return the law with a multiple of the reference added to its command.
 
         Parameters
         ----------
         gain : float
-            Input unit by output unit.
-
-        Returns
-        -------
-        Law
+            Multiplier of the reference, input unit by output unit.
         """
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
     @property
     def feedback(self) -> Polynomials:
-        """From minus the reading to the command: with the model's transfer function it makes the loop."""
+        """Transfer function from minus the reading to the command; times the model's it is the loop gain."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
@@ -151,12 +139,12 @@ class Law:
         omega : array_like, shape (n,)
             Angular frequencies above 0, rad/s.
         sample_time : float
-            s.
+            Sampling time, s.
 
         Returns
         -------
         ndarray of complex, shape (n,)
-            Input unit by output unit.
+            Frequency response, input unit by output unit.
         """
         numerator, denominator = self.feedback
         shift = np.exp(-1j * np.asarray(omega, dtype=np.float64) * sample_time)
@@ -164,19 +152,19 @@ class Law:
         return np.asarray(values, dtype=np.complex128)
 
     def lost_digits(self, sample_time: float) -> float:
-        """Largest relative difference between the response of `feedback` and that of the states themselves.
+        """Return the largest relative difference between the response of `feedback` and that of the state equations.
 
-        Polynomials whose roots lie close together hold them by the last digits of their coefficients.
+        Roots of a polynomial that lie close together depend on the last digits of its coefficients.
 
         Parameters
         ----------
         sample_time : float
-            s.
+            Sampling time, s.
 
         Returns
         -------
         float
-            From a ten-thousandth of half the sampling rate to half the sampling rate.
+            Largest relative difference from a ten-thousandth of half the sampling rate up to half the sampling rate.
         """
         angles = np.geomspace(1e-4, 1.0, 25) * np.pi
         z = np.exp(1j * angles)[:, None, None]
@@ -188,7 +176,7 @@ class Law:
 
     @property
     def prefilter(self) -> Polynomials:
-        """From the reference to the command."""
+        """Transfer function from the reference to the command."""
         return self._transfer(self.b[:, REFERENCE], self.d[REFERENCE])
 
     @property
@@ -197,17 +185,17 @@ class Law:
         return np.asarray(np.linalg.eigvals(self.a), dtype=np.complex128)
 
     def to_control(self, sample_time: float) -> StateSpace:
-        """The law as a discrete system of python-control.
+        """Return the law as a discrete system of python-control.
 
         Parameters
         ----------
         sample_time : float
-            s.
+            Sampling time, s.
 
         Returns
         -------
         control.StateSpace
-            From ``reference`` and ``reading`` to ``command``.
+            System from ``reference`` and ``reading`` to ``command``.
         """
         import control
 
@@ -222,21 +210,17 @@ class Law:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data from which `from_dict` makes the same law."""
+        """Return plain data from which `from_dict` rebuilds the law."""
         return {name: getattr(self, name).tolist() for name in ("a", "b", "c", "d")}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The law that `to_dict` described.
+        """Rebuild a law from plain data.
 
         Parameters
         ----------
         data : mapping
-            Plain data.
-
-        Returns
-        -------
-        Law
+            Plain data that `to_dict` returned.
         """
         n = len(data["c"])
         return cls(

@@ -19,24 +19,24 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearController(Controller):
-    """``v = u_0 + C x + D w``, ``u = v`` inside the limits, ``x(k+1) = A x + B w + L (u - v)``.
+    """Linear controller ``v = u_0 + C x + D w``, ``u = v`` within the limits, ``x(k+1) = A x + B w + L (u - v)``.
 
-    w holds the deviations of reference and reading from the operating output. At a limit the states follow
-    what was applied instead of what was wanted (back-calculation).
+    w holds the deviations of reference and reading from the operating output. At a limit the states follow the applied
+    command instead of the wanted one (back-calculation).
 
     Parameters
     ----------
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
-        As in `Controller`.
+        See `Controller`.
     law : Law
-        A, B, C, D.
+        Linear law with matrices A, B, C and D.
     windup : ndarray, shape (n,)
-        L; A - L C has its eigenvalues inside the unit circle.
+        Anti-windup gain L; A - L C has its eigenvalues inside the unit circle.
 
     Raises
     ------
     ControlError
-        If the shapes do not fit, or the states would drift away at a limit.
+        If the shapes do not fit, or the states would drift away while the command is at a limit.
 
     References
     ----------
@@ -67,26 +67,10 @@ class LinearController(Controller):
         return int(self.law.c.size)
 
     def start(self) -> Array:
-        """Zeros, shape (states,)."""
+        """State at the moment when the loop is closed: zeros, shape (states,)."""
         return np.zeros(self.states)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """One sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            In the output's unit.
-        state : ndarray, shape (states, *batch)
-            Before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Inside the limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            After it.
-        """
         law, x = self.law, np.asarray(state)
         asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
         wanted = self.operating_input + np.tensordot(law.c, x, 1) + law.d[REFERENCE] * asked + law.d[READING] * seen
@@ -99,57 +83,17 @@ class LinearController(Controller):
         return applied, after
 
     def local(self, operating_input: float) -> Law:
-        """The law; it is the same everywhere.
-
-        Parameters
-        ----------
-        operating_input : float
-            In the input's unit.
-
-        Returns
-        -------
-        Law
-        """
+        """Return the linear law, which is the same at every `operating_input`."""
         return self.law
 
     def scaled(self, factor: float) -> Self:
-        """The same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Of what its command deviates from the operating input.
-
-        Returns
-        -------
-        LinearController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         return replace(self, law=self.law.scaled(factor), windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:
-        """Plain data of law and anti-windup."""
         return {"law": self.law.to_dict(), "windup": self.windup.tolist()}
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """The controller that the common fields and `details` described.
-
-        Parameters
-        ----------
-        common : mapping
-            The fields that all kinds have.
-        details : mapping
-            Plain data.
-
-        Returns
-        -------
-        LinearController
-        """
         law = Law.from_dict(details["law"])
         return cls(**common, law=law, windup=np.array(details["windup"], dtype=float))

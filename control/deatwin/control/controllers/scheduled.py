@@ -22,31 +22,31 @@ _ROUNDING = 1e-9  # of equations in units of the states' steps
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScheduledController(Controller):
-    """Control laws of one structure at several operating inputs, interpolated at the command, made smooth.
+    """Gain-scheduled controller: laws at several operating inputs, interpolated at the smoothed command.
 
-    The smoothed command follows the command in a closed-loop time, ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. With
-    the command of the sample before, a schedule whose gains differ much can throw itself from limit to limit.
+    The smoothed command follows the command with the closed-loop time T, ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. If
+    the previous command were used unsmoothed, a schedule with very different gains could jump from limit to limit.
 
-    All laws rest alike: with reading and reference equal and constant, the same states hold the same command in
-    each. So a change of the law moves the command only by what it does with the present error, and near rest the
+    All laws share their state of rest: if reading and reference are equal and constant, the same states give the same
+    command in each law. So switching the law changes the command only through the present error, and near rest the
     schedule adds no feedback of its own.
 
     Parameters
     ----------
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
-        As in `Controller`.
+        See `Controller`.
     points : ndarray, shape (m,)
         Operating inputs of the laws, increasing, in the input's unit.
     laws : tuple of Law
-        One a point; those of PI and PID controllers (`PidGains.law`) rest alike.
+        One law for each operating input; those of PI and PID controllers (`PidGains.law`) share their state of rest.
     windup : ndarray, shape (m, n) or (n,)
-        As in `LinearController`, one a law or one for all.
+        Anti-windup gain as in `LinearController`, one for each law or one for all.
 
     Raises
     ------
     ControlError
-        If there are fewer than two points, they do not increase, the laws differ in structure or do not rest
-        alike, or the states would drift away at a limit.
+        If there are fewer than two points, they do not increase, the laws differ in structure or in their state of
+        rest, or the states would drift away while the command is at a limit.
 
     References
     ----------
@@ -91,30 +91,14 @@ class ScheduledController(Controller):
 
     @property
     def states(self) -> int:
-        """Number of states: the law's, and the smoothed command."""
+        """Number of states: those of the law, and the smoothed command."""
         return int(self.laws[0].c.size) + 1
 
     def start(self) -> Array:
-        """Zeros and the operating input, shape (states,)."""
+        """State at the moment when the loop is closed: zeros and the operating input, shape (states,)."""
         return np.append(np.zeros(self.states - 1), self.operating_input)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
-        """One sample; see `Controller.command`.
-
-        Parameters
-        ----------
-        reference, reading : array_like, shape batch
-            In the output's unit.
-        state : ndarray, shape (states, *batch)
-            Before the sample.
-
-        Returns
-        -------
-        command : ndarray, shape batch
-            Inside the limits, in the input's unit.
-        state : ndarray, shape (states, *batch)
-            After it.
-        """
         x, smooth = state[:-1], state[-1]
         asked, seen = np.asarray(reference) - self.operating_output, np.asarray(reading) - self.operating_output
         a, b, c, d, windup = self._at(smooth)
@@ -126,43 +110,16 @@ class ScheduledController(Controller):
         return applied, np.concatenate([after, smooth[None]])
 
     def local(self, operating_input: float) -> Law:
-        """The law at an operating point.
-
-        Parameters
-        ----------
-        operating_input : float
-            In the input's unit; beyond the ends the end's law holds.
-
-        Returns
-        -------
-        Law
-        """
+        """Return the linear law at an `operating_input`; beyond the ends, that of the first or last point."""
         a, b, c, d, _ = self._at(np.asarray(operating_input, dtype=np.float64))
         return Law(a=a, b=b, c=c, d=d)
 
     def scaled(self, factor: float) -> Self:
-        """The same controller with another loop gain.
-
-        Parameters
-        ----------
-        factor : float
-            Of what its command deviates from the operating input.
-
-        Returns
-        -------
-        ScheduledController
-
-        Raises
-        ------
-        ControlError
-            If the factor is zero or not finite.
-        """
         require_factor(factor)
         laws = tuple(law.scaled(factor) for law in self.laws)
         return replace(self, laws=laws, windup=self.windup / factor)
 
     def details(self) -> dict[str, Any]:
-        """Plain data of points and laws."""
         return {
             "points": self.points.tolist(),
             "laws": [law.to_dict() for law in self.laws],
@@ -171,19 +128,6 @@ class ScheduledController(Controller):
 
     @classmethod
     def from_details(cls, common: Mapping[str, Any], details: Mapping[str, Any]) -> Self:
-        """The controller that the common fields and `details` described.
-
-        Parameters
-        ----------
-        common : mapping
-            The fields that all kinds have.
-        details : mapping
-            Plain data.
-
-        Returns
-        -------
-        ScheduledController
-        """
         laws = tuple(Law.from_dict(law) for law in details["laws"])
         points, windup = (np.array(details[name], dtype=float) for name in ("points", "windup"))
         return cls(**common, points=points, laws=laws, windup=windup)
@@ -203,7 +147,7 @@ class ScheduledController(Controller):
 
 
 def _rest_alike(first: Law, other: Law) -> bool:
-    """Whether the states of rest of two laws, with reading equal to reference, are the same and hold one command."""
+    """True if two laws, with reading equal to reference, share their states of rest and the command there."""
     units = np.maximum(np.abs(first.b).max(axis=1), np.abs(other.b).max(axis=1))
     units[units == 0.0] = 1.0  # states differ by many orders of magnitude
     manifolds = []

@@ -25,7 +25,7 @@ _RIDGE = 1e-3  # of each column's size: keeps the filter's coefficients from can
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseFilter:
-    """``F(z)`` with F(1) = 1, near G(1)/G(z) on a band: what makes an output follow its reference there.
+    """Stable filter ``F(z)`` with F(1) = 1 that approximates the inverse dynamics G(1)/G(z) on a band.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ class InverseFilter:
     b, c : ndarray, shape (n,)
         Input and output vectors, dimensionless.
     d : float
-        Direct part, dimensionless.
+        Direct term, dimensionless.
     band_Hz : float
         Upper end of the band, Hz.
     error : float
-        Largest |F G/G(1) - 1| on the band: the share of a tone that feedforward alone leaves.
+        Largest |F G/G(1) - 1| on the band: the relative error of a tone if feedforward acts alone.
     """
 
     a: Array
@@ -49,36 +49,36 @@ class InverseFilter:
     error: float
 
     def response(self, omega: Array, sample_time: float) -> Complex:
-        """Frequency response.
+        """Return the frequency response of the filter.
 
         Parameters
         ----------
         omega : ndarray, shape (n,)
-            rad/s.
+            Angular frequencies, rad/s.
         sample_time : float
-            s.
+            Sampling time, s.
 
         Returns
         -------
         ndarray of complex, shape (n,)
-            Dimensionless.
+            Frequency response, dimensionless.
         """
         z = np.exp(1j * np.asarray(omega) * sample_time)
         states = np.linalg.solve(z[:, None, None] * np.eye(self.c.size) - self.a, self.b[None, :, None])
         return np.asarray(states[:, :, 0] @ self.c + self.d, dtype=np.complex128)
 
     def before(self, law: Law) -> Law:
-        """A law with the filtered reference added to its command.
+        """Return a law with the filtered reference added to its command.
 
         Parameters
         ----------
         law : Law
-            Whose command has the output's unit.
+            Law whose command has the output's unit.
 
         Returns
         -------
         Law
-            Its further states are those of the filter.
+            Law with the filter's states appended to its own.
         """
         n, m = law.c.size, self.c.size
         b = np.vstack([law.b, np.stack([self.b, np.zeros(m)], axis=1)])
@@ -88,17 +88,17 @@ class InverseFilter:
 
 @taking(linear=linear_model, band_Hz=number)
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
-    """Fit the inverse of a model's dynamics on a band, by a filter that does not look ahead.
+    """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter has the present reference, the one before, and three lags; their weights are found by least
-    squares of ``F G/G(1) - 1`` from a hundredth of the band to its end. It is stable whatever zeros the model has.
+    The filter combines the present reference, the previous one and three lags; least squares of ``F G/G(1) - 1`` from a
+    hundredth of the band to its end give the weights. The filter is stable for all zeros of the model.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it.
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     band_Hz : float
-        Upper end of the band in which references move, below half the sampling rate, Hz.
+        Upper end of the band in which references move, Hz; below half the sampling rate.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the band is not as described.
+        If the band is not a frequency below half the sampling rate.
     """
     h = linear.require().sample_time
     highest = 0.5 / h
@@ -136,19 +136,19 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
 
 @taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
-    """The controller with the filtered reference fed forward instead of the bare one.
+    """Feed the filtered reference forward instead of the bare one.
 
     Parameters
     ----------
     controller : InverseController
-        That feeds the bare reference forward.
+        Controller that feeds the bare reference forward.
     filter : InverseFilter
-        Of the model on which it was designed.
+        Inverse filter of the model on which the controller was designed.
 
     Returns
     -------
     InverseController
-        Its loop, and so its margins, are the same.
+        Controller with the same feedback loop, hence the same margins.
     """
     inner = controller.feedback
     law = filter.before(inner.law.feedforward(-1.0))

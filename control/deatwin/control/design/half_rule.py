@@ -89,7 +89,7 @@ def _smaller_lag(lead: float, lag: float, delay: float) -> tuple[float, float]:
 
 
 def _larger_lag(lead: float, lag: float, delay: float) -> tuple[float, float]:
-    """The same with the lag above the lead, as a gain and a lag (rules T2 and T3)."""
+    """Approximate a lead and a larger lag by a gain and a lag (rules T2 and T3)."""
     if lead >= 5.0 * delay:
         return lead / lag, 0.0
     bounded = min(lag, 5.0 * delay)

@@ -35,6 +35,9 @@ _HALVINGS = 12
 class MixedSensitivity:
     """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one."""
 
+    # |S| <= |(w + b l)/(w/M + b)| and |C S G(1)| <= effort / |1 + w/(2 b)|, with b the bandwidth, |w| = tan(omega h /
+    # 2) and l = 1e-4 in place of the integrator.
+
     bandwidth_Hz: float  # Up to where the sensitivity is below one, Hz
     max_sensitivity: float  # Largest sensitivity, M
     effort: float  # Largest command that a reference asks, against the command that holds it at rest
@@ -82,30 +85,31 @@ def hinf(
     max_sensitivity: float = 1.5,
     effort: float = 2.0,
 ) -> LinearController:
-    """Design a sampled H-infinity controller of mixed sensitivity with integral action.
+    """Design a sampled H-infinity mixed-sensitivity controller with integral action.
 
-    The bilinear transform to the w plane and back keeps norms, so that the bounds hold for the sampled loop.
-    The controller's slowest pole, at 1e-4 of the bandwidth, is then moved to z = 1.
+    The bilinear transform to the w plane and back preserves norms, so the bounds hold for the sampled loop. The
+    controller's slowest pole, at 1e-4 of the bandwidth, is then moved to z = 1.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     bandwidth_Hz : float
-        Up to where the sensitivity shall be below one, Hz. A model says nothing beyond the band that its recording
-        excited: choose it well inside.
+        Frequency up to which the sensitivity stays below one, Hz. The model is not reliable beyond the band that its
+        recording excited: choose the bandwidth well inside.
     max_sensitivity : float
-        Largest sensitivity.
+        Upper bound on the sensitivity.
     effort : float
-        Largest command that a reference asks, against the command that holds it at rest; beyond twice the bandwidth
-        it has to fall.
+        Upper bound on the command that a reference asks for, relative to the command that holds it at rest; beyond
+        twice the bandwidth the command has to fall.
 
     Returns
     -------
     LinearController
-        At the sample time of the model; it knows the error only. Its closed-loop time is one by the bandwidth in rad/s.
+        Controller with the sampling time of the model; it uses only the error. Its closed-loop time is the inverse of
+        the bandwidth in rad/s.
 
     Raises
     ------
@@ -114,8 +118,7 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound makes no sense, or the bounds cannot be met (the text says up to which bandwidth
-        they can).
+        If a bound makes no sense, or the bounds cannot be met (the text gives the largest bandwidth at which they can).
 
     References
     ----------
@@ -187,7 +190,7 @@ def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None
 
 
 def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
-    """From reference and command to the weighted error, the weighted command and the error, in the w plane."""
+    """Generalised plant in the w plane, from reference and command to weighted error, weighted command and error."""
     import control
 
     first, second = (control.ss(weight) for weight in bounds.weights())

@@ -37,12 +37,12 @@ class Design(Protocol):
 
 @singledispatch
 def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> StaticCurve:
-    """Output at rest over the command, of an identified model or of a plant.
+    """Compute the output at rest over the command, for an identified model or a plant.
 
     Parameters
     ----------
     system : NarxModel or Plant
-        Of one input and one output.
+        Model or plant with one input and one output.
     command_range : (float, float)
         Least and largest command, in its unit.
     count : int
@@ -55,8 +55,8 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
     Raises
     ------
     ControlError
-        If the range is empty, the system is none or does not come to rest at one of the commands, or the curve cannot
-        be inverted; the text says where.
+        If the range is empty, the system is neither a model nor a plant or does not come to rest at one of the
+        commands, or the curve cannot be inverted; the text says where.
     """
     raise ControlError(f"a static curve is that of a NarxModel or a Plant, not of a {type(system).__name__}")
 
@@ -125,32 +125,34 @@ def _curve(
 def with_inverse(
     linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
 ) -> InverseController:
-    """Design feedback on the model behind the inverse of a static curve, with the reference fed forward.
+    """Design feedback behind the inverse of a static curve, with the reference fed forward.
 
-    The feedback answers to the error alone: how the reference moves the command is the curve's business.
+    The feedback uses only the error; the curve alone turns the reference into a command.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`), at the operating point.
+        Model of the actuator at the operating point, as the controller sees it (`LinearModel.in_loop`).
     curve : StaticCurve
-        Of the actuator, about the operating point.
+        Static curve of the actuator around the operating point.
     design : callable
-        Of the feedback, with all settings but the limits; such as ``partial(lambda_tuning, closed_loop_time=0.5)``.
+        Function that designs the feedback, with all settings but the limits fixed, such as
+        ``partial(lambda_tuning, closed_loop_time=0.5)``.
     command_limits : (float, float)
-        Least and largest command, in its unit; where the curve ends before, its end is the limit.
+        Least and largest command, in its unit; narrowed to the range of the curve.
 
     Returns
     -------
     InverseController
-        At the sample time of the model.
+        Controller with the sampling time of the model.
 
     Raises
     ------
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the operating point lies outside the curve, slope and static gain have opposite signs, or the design fails.
+        If the operating point lies outside the curve, its slope and the static gain have opposite signs, or the design
+        fails.
     """
     low, high = max(command_limits[0], curve.inputs[0]), min(command_limits[1], curve.inputs[-1])
     point = linear.require().operating_input

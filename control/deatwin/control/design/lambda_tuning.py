@@ -68,35 +68,34 @@ def lambda_tuning(
     closed_loop_time: float | None = None,
     band_Hz: float | None = None,
 ) -> LinearController:
-    r"""Tune a sampled PI controller for a wanted time constant of the closed loop.
+    r"""Tune a sampled PI controller for a wanted closed-loop time constant.
 
-    For a gain K, a lag T and a delay theta, internal model control gives with the first-order expansion of
-    the delay :math:`K_i = 1/(K(\lambda + \theta))` and :math:`K_p = T K_i`.
+    For a gain K, a lag T and a delay theta, internal model control with a first-order expansion of the delay gives
+    :math:`K_i = 1/(K(\lambda + \theta))` and :math:`K_p = T K_i`.
 
     - theta includes half a sample for the hold.
-    - K is the largest gain from 0 Hz to the crossover, so that a model that answers more at once than at rest
-      is not given too much.
+    - K is the largest gain from 0 Hz to the crossover, because a model may respond more strongly at once than at rest.
     - A lag shorter than lambda is not cancelled but counted with the delay: :math:`K_p = 0`,
-      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed and lift the loop gain
-      at all frequencies above, where a DEA has its ball's lightly damped mode, which a recording up to 1 Hz
-      does not show. So a nearly static actuator gets an integral controller.
+      :math:`K_i = 1/(K(\lambda + \theta + T))`. Cancelling it would gain little speed and raise the loop gain at all
+      higher frequencies, where a DEA has its ball's lightly damped mode, which a recording up to 1 Hz does not show. So
+      a nearly static actuator gets an integral controller.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        Lambda, s. By default the largest of the lag, three times the delay, ten samples, and what puts the
-        crossover at half of `band_Hz`.
+        Closed-loop time constant lambda, s. By default the largest of the lag, three times the delay, ten samples, and
+        the value that puts the crossover at half of `band_Hz`.
     band_Hz : float, optional
-        Band that the recording excited, Hz.
+        Upper end of the band that the recording excited, Hz.
 
     Returns
     -------
     LinearController
-        At the sample time of the model.
+        Controller with the sampling time of the model.
 
     Raises
     ------
@@ -128,29 +127,29 @@ def lambda_tuning_pid(
     closed_loop_time: float | None = None,
     band_Hz: float | None = None,
 ) -> LinearController:
-    r"""Tune a sampled PID controller for a wanted time constant of the closed loop.
+    r"""Tune a sampled PID controller for a wanted closed-loop time constant.
 
     For a gain K, two lags :math:`T_1 \geq T_2` and a delay theta (`reduce_to_second_order`) the controller is
     :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and
-    :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at the input of a slow plant does not linger.
-    The derivative is of the reading alone, and its filter counts with the delay. K as in `lambda_tuning`.
+    :math:`T_I = \min(T_1, 4(\lambda + \theta))`, so that a disturbance at the input of a slow plant decays fast. The
+    derivative acts on the reading alone, and its filter counts as delay. K is chosen as in `lambda_tuning`.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`), with two lags that the samples show.
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`), with two lags visible in its samples.
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        Lambda, s. By default the largest of the second lag, three times the delay, ten samples, and what puts the
-        crossover at half of `band_Hz`.
+        Closed-loop time constant lambda, s. By default the largest of the second lag, three times the delay, ten
+        samples, and the value that puts the crossover at half of `band_Hz`.
     band_Hz : float, optional
-        Band that the recording excited, Hz.
+        Upper end of the band that the recording excited, Hz.
 
     Returns
     -------
     LinearController
-        At the sample time of the model.
+        Controller with the sampling time of the model.
 
     Raises
     ------

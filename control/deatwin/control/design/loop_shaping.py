@@ -48,6 +48,8 @@ class Robustness:
         """Up to which factor loops may be raised from nothing before a bound is reached. Shapes: `loops` (n,
         n_frequencies); returns (n,).
         """
+        # The lower root k of |1 + k L|² = 1/M², or |k L| = 1 where the phase of L is within the margin of -180°. Below
+        # the least over all frequencies the locus never touches the circle about -1.
         real, square = loops.real, np.abs(loops) ** 2
         outside = 1.0 - 1.0 / self.max_sensitivity**2
         under = real**2 - square * outside
@@ -68,36 +70,37 @@ def loop_shaping(
     phase_margin_deg: float = 60.0,
     max_sensitivity: float = 1.4,
 ) -> LinearController:
-    """Design a sampled PI controller with the most integral gain that bounds on the loop allow.
+    """Design a sampled PI controller with the largest integral gain that bounds on the loop allow.
 
-    The integral gain is what a slow disturbance is rejected with. The bounds hold for the sampled loop, and for all
-    lower loop gains as well. With a crossover the loop gain is one there, and nowhere above.
+    The integral gain rejects slow disturbances. The bounds hold for the sampled loop and for all lower loop gains. If a
+    crossover is given, the loop gain is one there and below one at all higher frequencies.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     crossover_Hz : float, optional
-        Where the loop gain shall be one, Hz; without it wherever the bounds allow. A model says nothing beyond the
-        band that its recording excited: choose it well inside.
+        Frequency at which the loop gain is one, Hz; by default chosen within the bounds. The model is not reliable
+        beyond the band that its recording excited: choose the crossover well inside.
     phase_margin_deg : float
         Least phase margin, degrees.
     max_sensitivity : float
-        Largest peak of the sensitivity |1/(1 + L)|.
+        Upper bound on the sensitivity |1/(1 + L)|.
 
     Returns
     -------
     LinearController
-        At the sample time of the model; its closed-loop time is one by the crossover in rad/s.
+        Controller with the sampling time of the model. Its closed-loop time is the inverse of the crossover in rad/s.
 
     Raises
     ------
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If a bound makes no sense, or the bounds cannot be kept at the crossover; the text says what can.
+        If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
+        which they can.
 
     References
     ----------
@@ -121,35 +124,37 @@ def loop_shaping_pid(
     phase_margin_deg: float = 60.0,
     max_sensitivity: float = 1.4,
 ) -> LinearController:
-    """Design a sampled PID controller with the most integral gain that bounds on the loop allow.
+    """Design a sampled PID controller with the largest integral gain that bounds on the loop allow.
 
-    As `loop_shaping`, with two equal zeros: the derivative time is a quarter of the integral time. With both free
-    the most integral gain lies at complex zeros, where the loop is very sensitive to the gains.
+    The method is that of `loop_shaping`, with two equal zeros: the derivative time is a quarter of the integral time.
+    If both were free, the integral gain would be largest at complex zeros, where the loop is very sensitive to the
+    gains.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     crossover_Hz : float, optional
-        Where the loop gain shall be one, Hz; without it wherever the bounds allow.
+        Frequency at which the loop gain is one, Hz; by default chosen within the bounds.
     phase_margin_deg : float
         Least phase margin, degrees.
     max_sensitivity : float
-        Largest peak of the sensitivity |1/(1 + L)|.
+        Upper bound on the sensitivity |1/(1 + L)|.
 
     Returns
     -------
     LinearController
-        At the sample time of the model; its closed-loop time is one by the crossover in rad/s.
+        Controller with the sampling time of the model. Its closed-loop time is the inverse of the crossover in rad/s.
 
     Raises
     ------
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If a bound makes no sense, or the bounds cannot be kept at the crossover; the text says what can.
+        If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
+        which they can.
 
     References
     ----------
@@ -260,7 +265,7 @@ class _Loops:
         return np.asarray((needed[:, None] * np.abs(self.table[:, above]) > 1.0).any(axis=1))
 
     def _why_not(self, crossover: float) -> str:
-        """What the loop would have at the crossover, and up to which one the bounds can be kept."""
+        """Explain what the loop reaches at this crossover, and up to which crossover the bounds can be kept."""
         phase = np.unwrap(np.angle(self.table), axis=1)[:, np.searchsorted(self.omega, crossover)]
         margin = 180.0 + float(np.degrees(phase).max())
         low, high = self.omega[0], crossover

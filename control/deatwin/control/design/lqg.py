@@ -37,13 +37,13 @@ class LqgGains:
 
     @property
     def regulator_poles(self) -> NDArray[np.complex128]:
-        """Of the model with the true states fed back, shape (n + 1,), in the z plane."""
+        """Poles of the model with the true states fed back, shape (n + 1,), in the z plane."""
         a, b = _in_steps(self.states)
         return np.asarray(np.linalg.eigvals(a - np.outer(b, self.regulator)), dtype=np.complex128)
 
     @property
     def observer_poles(self) -> NDArray[np.complex128]:
-        """Of the observer's error, shape (n + 1,), in the z plane."""
+        """Poles of the observer's error, shape (n + 1,), in the z plane."""
         a, c = _with_drift(self.states)
         return np.asarray(np.linalg.eigvals(a - np.outer(a @ self.observer, c)), dtype=np.complex128)
 
@@ -78,39 +78,41 @@ def lqg(
 ) -> LinearController:
     r"""Design a sampled LQG controller with integral action.
 
-    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2`, with the :math:`\rho` for which the
-    reading has answered 63 % of a step of the reference a closed-loop time after the delay. The observer is the
-    stationary Kalman filter of the model with an output that wanders (and commands that are off by as much as would
-    move the output likewise) and a reading with white noise; since it knows the drift, the loop has no error at rest.
+    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2`, with :math:`\rho` chosen so that, one
+    closed-loop time after the delay, the reading has completed 63 % of a reference step. The observer is the stationary
+    Kalman filter of the model with white noise on the reading, a random walk of the output, and a command disturbance
+    of equal effect. Because the observer estimates the drift, the loop has no error at rest.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`).
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional
-        s; by default as `lambda_tuning`.
+        Closed-loop time constant, s; the default is that of `lambda_tuning`.
     noise : float
         Standard deviation of the reading's noise, in the output's unit.
     drift : float, optional
-        Standard deviation by which the output wanders in a second, in the output's unit; by a random walk, so that it
-        grows with the root of time. By default what makes the observer average over half the closed-loop time.
+        Standard deviation of the change of the output in one second, in the output's unit. The drift is a random walk,
+        so it grows with the square root of time. By default the value that makes the observer average over half the
+        closed-loop time.
     band_Hz : float, optional
-        Band that the recording excited, Hz.
+        Upper end of the band that the recording excited, Hz.
 
     Returns
     -------
     LinearController
-        At the sample time of the model, with two degrees of freedom; at a limit its observer knows what was applied.
+        Controller with the sampling time of the model and two degrees of freedom. At a limit its observer uses the
+        applied command.
 
     Raises
     ------
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the closed-loop time cannot be reached (the text says what can), a level is not positive, or the limits do
-        not enclose the operating input.
+        If the closed-loop time cannot be reached (the text says which can), a noise or drift level is not positive, or
+        the limits do not enclose the operating input.
 
     References
     ----------

@@ -31,7 +31,7 @@ from deatwin.plant.rigs.base import ReadingTime
 
 SCHEDULE_POINTS = 5
 SCHEDULE_SHARE = 0.6
-"""Of the room from the operating input to the nearer end of what is known: there the laws of a schedule lie."""
+"""Share of the room from the operating input to the nearer end of the known range in which a schedule's laws lie."""
 
 
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
@@ -40,10 +40,10 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """What a design is asked for, beyond the linear model and the limits that `deatwin.control.check` gives it."""
+    """Requirements of a design beyond the linear model and the limits that `deatwin.control.check` gives it."""
 
     model: NarxModel  # Identified
-    reading: ReadingTime  # When in its row a reading is taken
+    reading: ReadingTime  # Instant within a row at which its reading is taken
     closed_loop_time: float | None  # s; by default as lambda tuning chooses it
     band_Hz: float | None  # Band that the recording excited, Hz
     operating_range: tuple[float, float] | None

@@ -24,13 +24,13 @@ class PidGains:
     Parameters
     ----------
     proportional : float
-        K_p, input unit by output unit.
+        Proportional gain K_p, input unit by output unit.
     integral : float
-        K_i, input unit by output unit and second.
+        Integral gain K_i, input unit by output unit and second.
     derivative : float
-        K_d, input unit by output unit, times second.
+        Derivative gain K_d, input unit by output unit, times second.
     filter_time : float
-        T_f of the derivative's filter, s.
+        Time constant T_f of the derivative's filter, s.
 
     Raises
     ------
@@ -57,19 +57,19 @@ class PidGains:
 
     @classmethod
     def of_law(cls, law: Law, sample_time: float) -> PidGains | None:
-        """The gains of a law that `law` made, perhaps scaled.
+        """Recover the gains from a law that `law` made, possibly scaled.
 
         Parameters
         ----------
         law : Law
-            Of any controller.
+            Law of any controller.
         sample_time : float
-            h, s.
+            Sampling time h, s.
 
         Returns
         -------
         PidGains or None
-            None where the law is of another form.
+            Gains, or None if the law is not of this form.
         """
         if law.c.size not in (1, 2) or law.a[0, 0] != 1.0 or not law.c[0]:
             return None
@@ -97,18 +97,19 @@ class PidGains:
         return found if same else None
 
     def law(self, sample_time: float) -> Law:
-        """The sampled law: integral and derivative by backward differences.
+        """Return the sampled law, with integral and derivative by backward differences.
 
         Parameters
         ----------
         sample_time : float
-            h, s.
+            Sampling time h, s.
 
         Returns
         -------
         Law
-            The first state is the integral in the input's unit, the second of a PID the filtered reading in the
-            output's: with them laws of other gains rest alike (`ScheduledController`).
+            Law whose first state is the integral, in the input's unit. For a PID the second state is the filtered
+            reading, in the output's unit. With these states, laws with other gains share their state of rest
+            (`ScheduledController`).
         """
         step = self.integral * sample_time
         pi = Law.of_error([[1.0]], [step], [1.0], self.proportional + step)
@@ -122,17 +123,17 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Back-calculation that unloads the integral in the integral time, at once where there is none.
+        """Return the back-calculation gain: it unloads the integral in the integral time, at once for I controllers.
 
         Parameters
         ----------
         sample_time : float
-            s.
+            Sampling time, s.
 
         Returns
         -------
         ndarray, shape (n,)
-            For `LinearController`.
+            Anti-windup gain for `LinearController`.
         """
         share = self.integral * sample_time / self.proportional if self.proportional else 1.0
         tracking = min(abs(share), 1.0)
@@ -141,28 +142,28 @@ class PidGains:
 
 @taking(linear=linear_model, gains=instance(PidGains), command_limits=pair, closed_loop_time=number)
 def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loop_time: float) -> LinearController:
-    """A PI or PID controller about the operating point of a model.
+    """Make a PI or PID controller about the operating point of a model.
 
     Parameters
     ----------
     linear : LinearModel
-        On which it was designed.
+        Model on which the controller was designed.
     gains : PidGains
-        Of the controller.
+        Gains of the controller.
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float
-        What was asked for, s.
+        Wanted closed-loop time constant, s.
 
     Returns
     -------
     LinearController
-        At the sample time of the model.
+        Controller with the sampling time of the model.
 
     Raises
     ------
     ControlError
-        If the loop would be unstable on the model itself.
+        If the loop is unstable on the model itself.
     """
     h = linear.sample_time
     law = gains.law(h)

@@ -20,30 +20,32 @@ from deatwin.plant.errors import ModelError
 def scheduled(
     models: Sequence[LinearModel], design: Design, *, command_limits: Limits, operating_input: float | None = None
 ) -> ScheduledController:
-    """Design at each of several operating points and interpolate between them.
+    """Design a controller at each of several operating points and interpolate between them.
 
     Parameters
     ----------
     models : sequence of LinearModel
-        As the controller sees them (`LinearModel.in_loop`), two or more, at different operating inputs.
+        Two or more models at different operating inputs, as the controller sees them (`LinearModel.in_loop`).
     design : callable
-        With all settings but the limits, such as ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must be of
-        one structure that rests alike: PI or PID.
+        Function that designs a controller, with all settings but the limits fixed, such as
+        ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must share their structure and state of rest: PI or
+        PID.
     command_limits : (float, float)
-        Least and largest command, in its unit; a point may lie on one of them.
+        Least and largest command, in its unit; an operating input may lie on one of them.
     operating_input : float, optional
-        Where the loop is closed, between the limits: that of one of the models; by default the one in the middle.
+        Operating input about which the loop is closed, strictly between the limits: that of one of the models; by
+        default the middle one.
 
     Returns
     -------
     ScheduledController
-        At the sample time of the models; its closed-loop time is the longest of them.
+        Controller with the sampling time of the models. Its closed-loop time is the longest of the individual designs.
 
     Raises
     ------
     ControlError
-        If a point has no design (the text says which, and why), the points do not fit together, or the laws differ in
-        structure.
+        If the design fails at a point (the text says which, and why), the points do not fit together, or the laws
+        differ in structure.
     """
     if not command_limits[0] < command_limits[1]:
         raise ControlError(f"the limits of the command, {command_limits[0]:g} and {command_limits[1]:g}, must rise")

@@ -52,7 +52,7 @@ class States:
         return np.asarray(np.linalg.solve(np.eye(self.b.size) - self.a, self.b))
 
     def balanced(self) -> States:
-        """The same model in states that are excited and seen alike, without those that hardly are.
+        """Balanced realisation, without states that are hardly controllable or observable.
 
         Source: A. J. Laub, M. T. Heath, C. C. Paige and R. C. Ward, "Computation of system balancing
         transformations", IEEE Trans. Automat. Control 32 (1987) 115-122.

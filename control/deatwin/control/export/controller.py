@@ -25,12 +25,12 @@ _COMMON = ("operating_input", "operating_output", "command_min", "command_max", 
 def controller_source(
     controller: Controller, *, name: str = "controller", input_unit: str = "", output_unit: str = ""
 ) -> SampledSource:
-    """The C source of a controller: one call a sample, reference and reading to command.
+    """Generate the C source of a controller, with one call per sample from reference and reading to command.
 
     Parameters
     ----------
     controller : Controller
-        Linear, behind an inverse, or scheduled.
+        Linear, inverse or scheduled controller.
     name : str
         Prefix of all names in the source.
     input_unit, output_unit : str
@@ -39,14 +39,14 @@ def controller_source(
     Returns
     -------
     SampledSource
-        ``u`` is (reference, reading), ``y`` the command.
+        C source; ``u`` holds reference and reading, ``y`` the command.
 
     Raises
     ------
     ModelError
-        If the name is no C identifier.
+        If the name is not a C identifier.
     ControlError
-        If the controller is of a kind of its own.
+        If the controller is of a user-defined kind.
     """
     require_identifier(name)
     fields: dict[str, object] = {key: float(getattr(controller, key)) for key in _COMMON}
@@ -90,7 +90,7 @@ def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str
 
 
 def _inner(controller: LinearController) -> dict[str, object]:
-    """Where the law's own command is centred and limited; behind an inverse that is an output."""
+    """Centre and limits of the law's own command, which is an output if an inverse follows."""
     return {
         "centre": float(controller.operating_input),
         "low": float(controller.command_min),

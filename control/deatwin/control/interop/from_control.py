@@ -28,28 +28,28 @@ def from_control(
     input_unit: str = "",
     output_unit: str = "",
 ) -> LinearModel:
-    """A discrete linear system of one input and one output as a linear model, its coefficients taken as certain.
+    """Convert a discrete single-input, single-output system of python-control to a linear model without uncertainty.
 
     Parameters
     ----------
     system : control.TransferFunction or control.StateSpace
-        With its sample time in s; the result of ``control.zpk`` is a transfer function.
+        Discrete system with its sampling time in s; the result of ``control.zpk`` is a transfer function.
     operating_input, operating_output : float
-        Where the system's zero is, in the signals' units.
+        Input and output at the zero of the system, in their units.
     input_unit, output_unit : str
         Units of the signals.
 
     Returns
     -------
     LinearModel
-        With the system's signal names, and a covariance of zero. Its status says whether it is stable and has a static
-        gain; a state-space's modes that the input does not excite count too.
+        Linear model with the system's signal names and zero covariance. Its status says whether it is stable and has a
+        static gain; modes of a state-space system that the input does not excite are considered too.
 
     Raises
     ------
     ControlError
-        If the system is not linear, has several inputs or outputs, is continuous or without a sample time, is improper
-        or has a coefficient that is no finite real number.
+        If the system is not linear, has several inputs or outputs, is continuous or lacks a sampling time, is improper
+        or has a coefficient that is not a finite real number.
     """
     import control
 
@@ -116,13 +116,13 @@ def _of_states(system: StateSpace) -> tuple[Array, Array]:
 
 
 def _leading(coefficients: Any) -> Array:
-    """Without the zeros before the first coefficient."""
+    """Strip leading zeros."""
     values = _finite(coefficients)
     return np.asarray(values[np.argmax(values != 0.0) :] if values.any() else values[-1:], dtype=np.float64)
 
 
 def _trimmed(coefficients: Array) -> Array:
-    """Without the zeros after the last coefficient, which are poles and zeros at z = 0 that cancel or do not matter."""
+    """Strip trailing zeros: poles and zeros at z = 0 that cancel or do not matter."""
     return coefficients[: max(np.flatnonzero(coefficients), default=0) + 1]
 
 

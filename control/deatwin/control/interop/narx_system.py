@@ -33,7 +33,7 @@ class NarxSystem:
 
     @cached_property
     def states(self) -> tuple[Lagged, ...]:
-        """What each state is: all lags from 1 to the largest of each channel, outputs first."""
+        """States: all lags from 1 to the largest of each channel, outputs first."""
         depth: dict[tuple[str, int], int] = {}
         for v in self.model.table.variables:
             depth[v.kind, v.index] = max(depth.get((v.kind, v.index), 0), v.lag)
@@ -48,20 +48,20 @@ class NarxSystem:
 
     @cached_property
     def _places(self) -> dict[Lagged, int]:
-        """Where each lagged signal is in (x, u, y)."""
+        """Index of each lagged signal in (x, u, y)."""
         counts = {"u": len(self.model.input_names), "y": self.model.n_outputs}
         present = [(kind, row, 0) for kind, count in counts.items() for row in range(count)]
         return {lagged: place for place, lagged in enumerate([*self.states, *present])}
 
     @cached_property
     def _factors(self) -> NDArray[np.intp]:
-        """Where the variables of the terms are in (x, u)."""
+        """Indices of the terms' variables in (x, u)."""
         found = [self._places[v.kind, v.index, v.lag] for v in self.model.table.variables]
         return np.array(found, dtype=np.intp)
 
     @cached_property
     def _shift(self) -> NDArray[np.intp]:
-        """Where each next state is in (x, u, y)."""
+        """Index of each next state in (x, u, y)."""
         return np.array([self._places[kind, row, lag - 1] for kind, row, lag in self.states], dtype=np.intp)
 
     @cached_property
@@ -83,7 +83,7 @@ class NarxSystem:
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
         """Outputs of a sample. Shapes: `x` (n_states,); `u` (n_inputs,); returns (n_outputs,)."""
-        # What has no memory python-control may call with one state and a bare number.
+        # For a system without memory python-control may pass one state and a bare number.
         known = np.concatenate([x[: len(self.states)], np.ravel(u)])
         if not np.isfinite(known).all():
             raise SimulationError(f"at {t:g} s an input or state of the model is not a finite number: {known.tolist()}")
@@ -127,26 +127,26 @@ class NarxSystem:
 
 @taking(model=instance(NarxModel), inputs=numbers, outputs=numbers)
 def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
-    """The state of a model's ``control.nlsys`` after some rows of a recording.
+    """Return the state of a model's ``control.nlsys`` after some rows of a recording.
 
     Parameters
     ----------
     model : NarxModel
-        Its noise terms, if any, count for nothing.
+        Identified model; its noise terms, if any, are ignored.
     inputs : array_like, shape (n_inputs, n), or (n,) for one input
-        In their units.
+        Recorded inputs, in their units.
     outputs : array_like, shape (n_outputs, n), or (n,) for one output
-        In their units; n is at least the model's largest lag.
+        Recorded outputs, in their units; n is at least the model's largest lag.
 
     Returns
     -------
     ndarray, shape (n_states,)
-        In the order of the system's states, each in its signal's unit.
+        State, in the order of the system's states, each in its signal's unit.
 
     Raises
     ------
     ModelError
-        If there are fewer rows, or other signals than the model has.
+        If there are too few rows, or the number of signals is not that of the model.
     """
     system = NarxSystem(model=model.deterministic)
     given = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (inputs, outputs)]

@@ -30,6 +30,9 @@ After = tuple[Array, float]
 class PlantSystem:
     """A plant sample by sample, from any state."""
 
+    # States are deviations from the rig's rest in typical sizes: python-control starts at zeros, and the fixed steps of
+    # `control.linearize` suit all of them.
+
     def __init__(self, plant: Plant) -> None:
         self._plant, self._equations, self._values = plant, plant.equations, plant.free_values
         self._rest_command = plant.rig.start.rest_command
@@ -100,7 +103,7 @@ class PlantSystem:
         )
 
     def _after(self, t: float, x: Array, u: Array) -> After:
-        """What a sample leads to; output and update of one sample solve it once."""
+        """State after a sample and its reading, cached so that output and update solve the sample once."""
         self._require_finite(t, x, u)
         command = float(np.ravel(u)[0])  # of a plant without memory python-control may give a bare number
         key = (float(t), np.asarray(x, dtype=np.float64).tobytes(), command)
@@ -146,5 +149,5 @@ class PlantSystem:
         return f"{where}: {RunStatus.NOT_SOLVED.value}, or the state that it started from is none of the plant's"
 
     def _bears(self, command: float) -> bool:
-        """Whether there is an equilibrium under a command, with the film in tension."""
+        """True if there is an equilibrium under a command with the film in tension."""
         return has_equilibrium(self._equations, self._rest, self._rest_command, command, self._values)

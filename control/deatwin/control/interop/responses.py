@@ -31,17 +31,17 @@ _TWO_SIDED = 1.959964
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frd(Described):
-    """A frequency response of python-control and its covariance.
+    """Frequency response of python-control, with its covariance.
 
     Parameters
     ----------
     system : control.FrequencyResponseData
-        One input, one output; for ``control.bode_plot`` and its like. It has no timebase (``dt`` is None), since a
-        response over frequency needs none: with one ``control.nyquist_plot`` looks for it in the z plane and fails.
+        Response of one input and one output, for ``control.bode_plot`` and similar functions. It has no timebase
+        (``dt`` is None): with one, ``control.nyquist_plot`` would evaluate it in the z plane and fail.
     covariance : ndarray, shape (n, 2, 2)
-        Of real and imaginary part at each frequency, square of the response's unit; to first order.
+        First-order covariance of real and imaginary part at each frequency, in the square of the response's unit.
     unit : str
-        Of the response; empty where it is not known.
+        Unit of the response; empty if it is not known.
     """
 
     system: FrequencyResponseData
@@ -78,24 +78,19 @@ class Frd(Described):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,), in the response's unit; where the gain is 0 that of the real
-        part."""
+        """Standard deviation of the gain, shape (n,), in the response's unit; where the gain is 0, of the real part."""
         gain = np.abs(self.values)
         direction = np.where(gain == 0.0, 1.0, self.values / np.where(gain == 0.0, 1.0, gain))
         parts = np.stack([direction.real, direction.imag], axis=-1)
         return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", parts, self.covariance, parts).clip(min=0.0)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain with its pointwise 95 % band over frequency.
+        """Plot the gain with its pointwise 95 % band over frequency.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         shown = self.omega > 0.0  # a logarithmic axis has no zero
@@ -114,21 +109,21 @@ class Frd(Described):
 def to_frd(
     response: FrequencyResponse, *, input_name: str = "input", output_name: str = "output", name: str = "response"
 ) -> Frd:
-    """A linear frequency response of an identified model as that of python-control.
+    """Convert a linear frequency response of an identified model to one of python-control.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Of first order: from `frf`, or `gfrf` of order 1.
+        First-order response, from `frf` or `gfrf` of order 1.
     input_name, output_name : str
-        Names of the signals.
+        Names of input and output.
     name : str
-        Of the system, as legends show it.
+        Name of the system, shown in legends.
 
     Returns
     -------
     Frd
-        With the response's covariance, in increasing frequency.
+        Frequency response in order of increasing frequency, with its covariance.
 
     Raises
     ------
@@ -143,26 +138,26 @@ def to_frd(
 
 @taking(linear=linear_model, omega=numbers, name=instance(str))
 def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response") -> Frd:
-    """The frequency response of a linear model as that of python-control.
+    """Convert the frequency response of a linear model to one of python-control.
 
     Parameters
     ----------
     linear : LinearModel
-        About an operating point, with the covariance of its coefficients.
+        Linear model, with the covariance of its coefficients.
     omega : array_like, shape (n,)
         Angular frequencies from 0 to half the sampling rate, rad/s.
     name : str
-        Of the system, as legends show it.
+        Name of the system, shown in legends.
 
     Returns
     -------
     Frd
-        With the covariance that the coefficients give it, in increasing frequency.
+        Frequency response in order of increasing frequency, with the covariance that follows from the coefficients.
 
     Raises
     ------
     ModelError
-        If there is no equilibrium, or the frequencies are not such numbers.
+        If there is no equilibrium, or the frequencies are not numbers in that range.
     """
     linear.rest_output  # noqa: B018  (raises without an equilibrium)
     given = np.atleast_1d(np.asarray(omega, dtype=np.float64))

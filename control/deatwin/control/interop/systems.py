@@ -25,35 +25,36 @@ Array = NDArray[np.float64]
 
 @singledispatch
 def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
-    """A model or a plant as a discrete nonlinear system of python-control, ``dt`` its sample time.
+    """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
-    Of a `NarxModel` the states are the past outputs and inputs that its terms hold, in their units; an input of lag 0
-    feeds through, and noise terms are at zero noise. Of a `Plant` a sample is one implicit step, ``t`` is the
-    experiment's clock, and the states are departures from the rest at which experiments start, in typical sizes
-    (``plant.equations.scale``), with the past commands where the plant remembers any. The rows are those of a
-    recording: where the rig reads at the end of a row's hold, the row's command feeds through to its reading, and a
-    controller answers to `in_loop` of the system.
+    The states of a `NarxModel` are the past outputs and inputs in its terms, in their units; an input of lag 0 feeds
+    through, and the noise is zero. For a `Plant` a sample is one implicit step, ``t`` is the experiment's clock, and
+    the states are deviations from the rest at which experiments start, divided by their typical sizes
+    (``plant.equations.scale``), followed by the past commands that the plant remembers, if any. The rows are those of a
+    recording: if the rig reads at the end of a row's hold, the row's command feeds through to its reading, and a
+    controller is connected to `in_loop` of the system.
 
     Parameters
     ----------
     source : NarxModel or Plant
-        Channels besides a plant's command keep the value that they have where nobody measures them.
+        Model or plant. Channels other than a plant's command keep the values that the rig assumes when they are not
+        measured.
     name : str, optional
-        Of the system; python-control's choice by default.
+        Name of the system; chosen by python-control by default.
 
     Returns
     -------
     control.NonlinearIOSystem
-        Inputs, outputs and states carry the source's names; inputs and outputs are in its units (a plant's reading is
-        in SI), of which python-control keeps no record. While it runs, a model that diverges and a plant that pulls
-        in raise `SimulationError`.
+        System whose inputs, outputs and states carry the source's names. Inputs and outputs are in the source's units
+        (a plant's reading is in SI), which python-control does not record. While it runs, a model that diverges and a
+        plant that pulls in raise `SimulationError`.
 
     Raises
     ------
     ControlError
-        If the source is neither.
+        If the source is neither a model nor a plant.
     ModelError
-        If a model has terms of noise only.
+        If the model has only noise terms.
     SimulationError
         If a plant has no state of rest.
     """
@@ -74,31 +75,31 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 
 @singledispatch
 def rest_state_of(source: object, operating_input: ArrayLike) -> Array:
-    """The state of rest of the system that `to_nlsys` makes, under a constant input.
+    """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
-    A plant is brought from its start to the command and rests there; what is held since the start is held. The rest at
-    which experiments start is zero.
+    A plant is moved from its start to the command and comes to rest there; quantities held since the start keep their
+    values. The rest at which experiments start is the zero state.
 
     Parameters
     ----------
     source : NarxModel or Plant
-        A model has one output.
+        Model with one output, or a plant.
     operating_input : array_like, shape () or (n_inputs,)
-        In the inputs' units.
+        Constant inputs, in their units.
 
     Returns
     -------
     ndarray, shape (n_states,)
-        To start a simulation from, or to linearise about.
+        State for starting a simulation or for linearising.
 
     Raises
     ------
     ControlError
-        If the source is neither, or a plant's command is not one finite number.
+        If the source is neither a model nor a plant, or a plant's command is not one finite number.
     ModelError
-        If a model has several outputs or no equilibrium there, or the inputs are not as many finite numbers as it has.
+        If a model has several outputs or no equilibrium there, or the number of finite inputs is not the model's.
     SimulationError
-        If a plant has no rest in reach there, as beyond pull-in.
+        If a plant has no reachable rest there, for example beyond pull-in.
     """
     raise _unknown(source)
 
@@ -119,23 +120,23 @@ def _(source: Plant, operating_input: ArrayLike) -> Array:
 
 @taking(name=instance(str))
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
-    """A system with its outputs one sample later: the readings to which the commands of a loop can answer.
+    """Delay the outputs of a system by one sample, as a controller sees them.
 
-    Where a row is read at the end of its hold, the next row's command is the first that can answer to it. See
-    `LinearModel.in_loop`, which does the same to a linear model.
+    If a reading is taken at the end of its row's hold, the next row's command is the first that can react to it.
+    `LinearModel.in_loop` does the same for a linear model.
 
     Parameters
     ----------
     system : control.NonlinearIOSystem
-        Discrete, as of `to_nlsys`.
+        Discrete system, such as `to_nlsys` makes.
     name : str, optional
-        Of the new system; python-control's choice by default.
+        Name of the new system; chosen by python-control by default.
 
     Returns
     -------
     control.NonlinearIOSystem
-        Its states are those of `system` and then the last outputs, ``last_...``: from a rest ``x0`` at the input
-        ``u0`` it starts at ``numpy.append(x0, system.output(0.0, x0, u0))``.
+        System whose states are those of `system` followed by the last outputs, ``last_...``. To start at rest ``x0``
+        under the input ``u0``, use ``numpy.append(x0, system.output(0.0, x0, u0))``.
 
     Raises
     ------

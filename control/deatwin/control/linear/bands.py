@@ -1,4 +1,4 @@
-"""What a family of linear models says of gain and modes, with bands over its samples."""
+"""Gain and modes of a family of linear models, with bands over its samples."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from deatwin.control.linear.family import LinearFamily
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
-from deatwin.plant.drawing import written_unit
+from deatwin.plant.drawing import axes_or_new, written_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,7 +88,7 @@ class FamilyBands(Described):
 
     @property
     def operating_inputs(self) -> Array:
-        """Shape (n_points,), in the input's unit."""
+        """Constant inputs, in the input's unit, shape (n_points,)."""
         return self.family.operating_inputs
 
     @cached_property
@@ -108,7 +108,7 @@ class FamilyBands(Described):
 
     @property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether the model itself has a stable equilibrium, shape (n_points,)."""
+        """True where the model itself has a stable equilibrium, shape (n_points,)."""
         return np.asarray(self.family.stable[:, 0])
 
     @cached_property
@@ -141,11 +141,24 @@ class FamilyBands(Described):
     def _samples(self, values: NDArray[Any]) -> NDArray[Any]:
         return values[:, 1:] if self.family.n_samples > 1 else values
 
-    def _draw_gain(self, ax: Axes, along: Array) -> None:
-        """Static gain with its band over operating inputs or times."""
+    @property
+    def _along(self) -> tuple[Array, str]:
+        """Operating inputs or times, shape (n_points,), and the label of their axis."""
+        unit = self.family.input_unit
+        return self.operating_inputs, f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Plot the static gain over operating input or time, with its band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+        """
+        axes, (along, label) = axes_or_new(ax), self._along
         factor, unit = _gain_unit(self.family)
         gain = self.static_gain
-        ax.fill_between(
+        axes.fill_between(
             along,
             factor * gain.low,
             factor * gain.high,
@@ -154,15 +167,24 @@ class FamilyBands(Described):
             linewidth=0,
             label="95 % of the samples" if self.family.n_samples > 1 else None,
         )
-        ax.plot(along, factor * gain.value, "o-", color="C0", markersize=3, linewidth=1.2, label="model")
+        axes.plot(along, factor * gain.value, "o-", color="C0", markersize=3, linewidth=1.2, label="model")
         lost = ~self.stable & self.family.exists[:, 0]
         if lost.any():
-            ax.plot(along[lost], factor * gain.value[lost], "x", color="C3", label="unstable")
-        ax.set_ylabel(f"static gain ({unit})" if unit else "static gain")
-        _legend_above(ax)
+            axes.plot(along[lost], factor * gain.value[lost], "x", color="C3", label="unstable")
+        axes.set_ylabel(f"static gain ({unit})" if unit else "static gain")
+        axes.set_xlabel(label)
+        _legend_above(axes)
+        return axes
 
-    def _draw_time_constants(self, ax: Axes, along: Array) -> None:
-        """Time constant of each mode with its band over operating inputs or times."""
+    def plot_time_constants(self, ax: Axes | None = None) -> Axes:
+        """Plot the time constant of each mode over operating input or time, with its band.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+        """
+        axes, (along, label) = axes_or_new(ax), self._along
         time_constant = self.modes.time_constant
         for number, k in enumerate(_drawn(self.modes.poles)):
             colour = f"C{number}"
@@ -170,32 +192,42 @@ class FamilyBands(Described):
                 np.where(values[:, k] > 0.0, values[:, k], np.nan)
                 for values in (time_constant.low, time_constant.value, time_constant.high)
             )
-            ax.fill_between(along, low, high, color=colour, alpha=0.25, linewidth=0)
-            ax.plot(along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k))
-        ax.set_yscale("log")
-        ax.axhline(self.family.sample_time, color="0.6", linestyle=":", linewidth=1.0, label="sampling interval")
-        ax.set_ylabel("time constant (s)")
-        _legend_above(ax)
+            axes.fill_between(along, low, high, color=colour, alpha=0.25, linewidth=0)
+            axes.plot(along, middle, "o-", color=colour, markersize=3, linewidth=1.2, label=_mode_name(self.modes, k))
+        axes.set_yscale("log")
+        axes.axhline(self.family.sample_time, color="0.6", linestyle=":", linewidth=1.0, label="sampling interval")
+        axes.set_ylabel("time constant (s)")
+        axes.set_xlabel(label)
+        _legend_above(axes)
+        return axes
 
-    def _draw_poles(self, ax: Axes, along: Array, along_label: str) -> None:
-        """Poles in the z plane by colour of the operating point or time."""
+    def plot_poles(self, ax: Axes | None = None) -> Axes:
+        """Plot the poles in the z plane, coloured by operating input or time, with those of the samples as a cloud.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; new ones by default.
+        """
         from matplotlib.patches import Circle
 
+        axes, (along, label) = axes_or_new(ax), self._along
         poles, samples = self.family.poles, self.family.n_samples
-        ax.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color="0.6", linewidth=1.0))
+        axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color="0.6", linewidth=1.0))
         colours = np.repeat(along, poles.shape[2])
         limits: dict[str, Any] = {"vmin": float(along.min()), "vmax": float(along.max()), "cmap": "viridis"}
         for sample in range(1, min(samples, 1 + _CLOUD)):
             cloud = poles[:, sample].ravel()
-            ax.scatter(cloud.real, cloud.imag, c=colours, s=3, alpha=0.15, linewidths=0, **limits)
+            axes.scatter(cloud.real, cloud.imag, c=colours, s=3, alpha=0.15, linewidths=0, **limits)
         own = poles[:, 0].ravel()
-        drawn = ax.scatter(own.real, own.imag, c=colours, s=28, marker="x", linewidths=1.2, **limits)
-        ax.figure.colorbar(drawn, ax=ax, label=along_label)
-        ax.set_aspect("equal")
-        ax.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
-        ax.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
-        ax.set_xlabel("Re z")
-        ax.set_ylabel("Im z")
+        drawn = axes.scatter(own.real, own.imag, c=colours, s=28, marker="x", linewidths=1.2, **limits)
+        axes.figure.colorbar(drawn, ax=axes, label=label)
+        axes.set_aspect("equal")
+        axes.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
+        axes.set_yticks([-1.0, -0.5, 0.0, 0.5, 1.0], labels=["-1", "-0.5", "0", "0.5", "1"])
+        axes.set_xlabel("Re z")
+        axes.set_ylabel("Im z")
+        return axes
 
 
 def _drawn(poles: Complex) -> list[int]:

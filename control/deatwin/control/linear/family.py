@@ -31,31 +31,31 @@ _LOST = "this sample has no equilibrium at this input on the branch of the model
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearFamily:
-    """Linear models at operating points, of samples of what is uncertain.
+    """Linear models at several operating points, for samples of the uncertain parameters.
 
     Parameters
     ----------
     operating_inputs : ndarray, shape (n_points,)
-        In the input's unit.
+        Constant inputs, in the input's unit.
     operating_outputs : ndarray, shape (n_points, n_samples)
-        Output at rest in its unit; NaN without an equilibrium.
+        Outputs at rest, in their unit; NaN if there is no equilibrium.
     numerators : ndarray, shape (n_points, n_samples, n_b)
-        b_0, b_1, ..., output unit by input unit; zero without an equilibrium.
+        Coefficients b_0, b_1, ..., output unit by input unit; zero if there is no equilibrium.
     denominators : ndarray, shape (n_points, n_samples, n_a + 1)
-        1, a_1, a_2, ...; 1, 0, 0, ... without an equilibrium.
+        Coefficients 1, a_1, a_2, ...; 1, 0, 0, ... if there is no equilibrium.
     exists : ndarray of bool, shape (n_points, n_samples)
-        Whether there is an equilibrium.
+        True if there is an equilibrium.
     stable : ndarray of bool, shape (n_points, n_samples)
-        Whether there is one and it is stable.
+        True if there is a stable equilibrium.
     has_gain : ndarray of bool, shape (n_points, n_samples)
-        Whether there is one and its static gain is more than rounding, and known.
+        True if there is an equilibrium with a static gain that is known and more than rounding.
     sample_time : float
-        s.
+        Sampling time, s.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisations : tuple of tuple of (Realisation or None)
-        For each operating point those of its samples, from which gain, poles and margins are computed; None without an
-        equilibrium. Empty for models that are given by coefficients alone.
+        Matrices of each sample at each operating point, from which gain, poles and margins are computed; None if there
+        is no equilibrium. Empty for models given by coefficients alone.
 
     Raises
     ------
@@ -103,22 +103,22 @@ class LinearFamily:
 
     @classmethod
     def of(cls, models: Sequence[Sequence[LinearModel]]) -> LinearFamily:
-        """Gather linear models.
+        """Gather linear models into a family.
 
         Parameters
         ----------
         models : sequence of sequence of LinearModel, lengths n_points and n_samples
-            Those of one operating point beside each other; all of the same signals.
+            Samples at each operating point; all models share their signals.
 
         Returns
         -------
         LinearFamily
-            Coefficients filled up with zeros to one length.
+            Family whose coefficients are padded with zeros to a common length.
 
         Raises
         ------
         ModelError
-            If there are none, or not as many at each operating point.
+            If there are no models, or their number differs between operating points.
         """
         if not models or not models[0] or any(len(row) != len(models[0]) for row in models):
             raise ModelError("give at least one linear model for each operating point, and as many at each")
@@ -184,22 +184,22 @@ class LinearFamily:
         return _read_only(poles, np.complex128)
 
     def in_loop(self, reading: ReadingTime) -> LinearFamily:
-        """The models from a command to the readings that later commands can answer to.
+        """Return the models from the command to the readings, as a controller sees them.
 
         Parameters
         ----------
         reading : ReadingTime
-            When in its row a reading is taken.
+            Instant within a row at which its reading is taken.
 
         Returns
         -------
         LinearFamily
-            As `LinearModel.in_loop` of each: the first coefficients b_0 are zero.
+            Family with `LinearModel.in_loop` applied to each model: the first coefficients b_0 are zero.
 
         Raises
         ------
         ModelError
-            If a reading at the start of the hold answers to the command that follows it.
+            If a reading at the start of the hold depends on the command that follows it.
         """
         if reading is ReadingTime.START_OF_HOLD:
             answering = np.argwhere(self.numerators[:, :, 0] != 0.0)
@@ -210,19 +210,19 @@ class LinearFamily:
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
-        """One of the models.
+        """Return one of the models.
 
         Parameters
         ----------
         point : int
-            Position of the operating point.
+            Index of the operating point.
         sample : int
-            Position of the sample.
+            Index of the sample.
 
         Returns
         -------
         LinearModel
-            Without covariance: the spread is in the samples.
+            Model without covariance, because the samples carry the spread.
         """
         signals = self._signals | {"operating_input": float(self.operating_inputs[point])}
         if not self.exists[point, sample]:
@@ -253,7 +253,7 @@ def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
     Parameters
     ----------
     model : NarxModel
-        With the covariance of its parameters (normal, or Student-t where ``theta_dof`` is finite).
+        Model with the covariance of its parameters (normal, or Student-t if ``theta_dof`` is finite).
     rng : numpy.random.Generator
         Source of the draws.
     count : int
@@ -262,26 +262,26 @@ def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
     Returns
     -------
     ndarray, shape (count, n_terms)
-        In SI units, for `linearise_many`.
+        Parameters in SI units, for `linearise_many`.
     """
     return draw_theta(model, rng, count)
 
 
 @taking(model=instance(NarxModel))
 def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayLike | None = None) -> LinearFamily:
-    """Linearise a model of one input and one output over operating points, at many parameters at once.
+    """Linearise a single-input, single-output model at many operating points and for many parameter samples at once.
 
-    The equilibrium of each sample is that on the branch of the model's own, to which it is followed in small steps of
-    the parameters; where the branch ends, there is none.
+    The equilibrium of each sample is found by following the model's own equilibrium in small steps of the parameters;
+    if that branch ends, the sample has none.
 
     Parameters
     ----------
     model : NarxModel
-        In the rows of its recording, as for `linearise`.
+        Identified model, in the rows of its recording as for `linearise`.
     operating_inputs : array_like, shape (n_points,)
-        Constant inputs in their unit.
+        Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional
-        Parameters, as `draw` gives them; the model's own alone by default.
+        Parameter samples, such as `draw` returns; the model's own parameters alone by default.
 
     Returns
     -------
@@ -290,8 +290,8 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     Raises
     ------
     ModelError
-        If the model has several inputs, an operating input is not finite, there are none, or the parameters are not
-        as many finite numbers as it has terms.
+        If the model has several inputs, there are no operating inputs or one is not finite, or the parameters are not
+        as many finite numbers as the model has terms.
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")
@@ -350,7 +350,7 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
 
 
 def _realisations(models: Sequence[Sequence[LinearModel]]) -> tuple[tuple[Realisation | None, ...], ...]:
-    """Those of models that all have one, but for those without an equilibrium."""
+    """Realisations of the models, if all models with an equilibrium have one."""
     if any(m.realisation is None and m.operating_output is not None for row in models for m in row):
         return ()
     return tuple(tuple(m.realisation for m in row) for row in models)

@@ -29,7 +29,7 @@ SIGN_LEVEL = 1.96
 
 
 class LinearStatus(Enum):
-    """Whether a controller can be designed on a linear model; the value is the advice."""
+    """Status of a linear model as a basis for controller design; the value is the advice."""
 
     OK = "the operating point is stable and the static gain has a certain sign"
     NO_EQUILIBRIUM = "the model does not settle at this input: choose another operating input or identify again"
@@ -45,7 +45,7 @@ class LinearStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether a controller can be designed on it."""
+        """True if a controller can be designed on the model."""
         return self is LinearStatus.OK
 
 
@@ -66,39 +66,39 @@ def _coefficients(model: LinearModel) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearModel(Described):
-    """Deviations about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
+    """Linear model about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
 
     Parameters
     ----------
     numerator : ndarray, shape (n_b,)
-        b_0, b_1, ..., output unit by input unit.
+        Coefficients b_0, b_1, ..., output unit by input unit.
     denominator : ndarray, shape (n_a + 1,)
-        1, a_1, a_2, ...
+        Coefficients 1, a_1, a_2, ...
     covariance : ndarray, shape (n_b + n_a, n_b + n_a)
-        Of b_0, b_1, ..., a_1, a_2, ..., to first order; the equilibrium moves with the model's parameters.
-        Symmetric positive semidefinite, but for rounding; without an equilibrium it is not read.
+        First-order covariance of b_0, b_1, ..., a_1, a_2, ..., including the shift of the equilibrium with the model's
+        parameters. Symmetric positive semidefinite up to rounding; ignored if there is no equilibrium.
     sample_time : float
-        s.
+        Sampling time, s.
     operating_input : float
-        In the input's unit.
+        Constant input, in its unit.
     operating_output : float or None
-        Output at rest there, in its unit; None without an equilibrium.
+        Output at rest, in its unit; None if there is no equilibrium.
     status : LinearStatus
-        Whether a controller can be designed on it.
+        Status that says whether a controller can be designed on the model.
     detail : str
-        What was found where the status is not sound or digits were lost, else empty.
+        Explanation if the status is not OK or digits were lost, otherwise empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisation : Realisation, optional
-        The system by its matrices, of which the coefficients are the rounded transfer function: poles, gain and
-        responses are then computed from the matrices. It has no covariance.
+        State-space matrices. If given, the coefficients are its rounded transfer function, and poles, gain and
+        responses are computed from the matrices. It has no covariance.
 
     Raises
     ------
     ControlError
-        If a field is of another kind, or the operating point of a sound model is not finite.
+        If a field has the wrong type, or the operating point of a model with status OK is not finite.
     ModelError
-        If the coefficients are not finite or of another shape, or the covariance is none.
+        If the coefficients are not finite or have the wrong shape, or the covariance is invalid.
     """
 
     numerator: Array = field(
@@ -164,19 +164,19 @@ class LinearModel(Described):
 
     @classmethod
     def without_equilibrium(cls, detail: str, **signals: Any) -> Self:
-        """What stands for a model where there is no equilibrium.
+        """Return a placeholder for an operating point without equilibrium.
 
         Parameters
         ----------
         detail : str
-            What was found.
+            Explanation of the failure.
         **signals
-            Sample time, operating input, names and units.
+            Sampling time, operating input, names and units, by field name.
 
         Returns
         -------
         LinearModel
-            Of no dynamics and no gain, without an operating output.
+            Model without dynamics, gain or operating output.
         """
         return cls(
             numerator=np.zeros(1),
@@ -189,18 +189,14 @@ class LinearModel(Described):
         )
 
     def judged(self, is_stable: bool, least_gain: float = 0.0) -> Self:
-        """This model with the status that its stability and its static gain give it.
+        """Return this model with the status that its stability and its static gain imply.
 
         Parameters
         ----------
         is_stable : bool
-            Whether the equilibrium is, its modes that the input does not excite included.
+            True if the equilibrium is stable, including modes that the input does not excite.
         least_gain : float
-            Up to which a static gain is rounding, output unit by input unit.
-
-        Returns
-        -------
-        LinearModel
+            Largest static gain that may be rounding, output unit by input unit.
         """
         if not is_stable:
             detail = f"largest pole {abs(self.poles).max(initial=0.0):.4g}"
@@ -212,16 +208,12 @@ class LinearModel(Described):
         return self
 
     def require(self) -> Self:
-        """This model, if a controller can be designed on it.
-
-        Returns
-        -------
-        LinearModel
+        """Return this model if a controller can be designed on it.
 
         Raises
         ------
         ModelError
-            With the advice, if not.
+            If no controller can be designed on it; the text is the advice.
         """
         if self.status.ok:
             return self
@@ -229,7 +221,7 @@ class LinearModel(Described):
 
     @property
     def rest_output(self) -> float:
-        """Output at rest at the operating point, in its unit.
+        """Return the output at rest at the operating point, in its unit.
 
         Raises
         ------
@@ -256,7 +248,7 @@ class LinearModel(Described):
 
     @property
     def mean_delay(self) -> float:
-        """Mean of the impulse response over time, s: of lags and delays their sum, leads counted negative."""
+        """Mean delay of the impulse response, s: the sum of its lags and delays minus its leads."""
         if self.realisation is not None:
             return self.realisation.mean_delay * self.sample_time
         top, bottom = self.numerator, self.denominator
@@ -280,7 +272,7 @@ class LinearModel(Described):
         return float(np.sqrt(max(slopes @ self.covariance @ slopes, 0.0)))
 
     def response(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """Frequency response.
+        """Return the frequency response.
 
         Parameters
         ----------
@@ -290,7 +282,7 @@ class LinearModel(Described):
         Returns
         -------
         ndarray of complex, shape (n,)
-            Output unit by input unit.
+            Frequency response, output unit by input unit.
         """
         delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
         if self.realisation is not None:
@@ -299,7 +291,7 @@ class LinearModel(Described):
         return np.asarray(values, dtype=np.complex128)
 
     def step_response(self, count: int) -> Array:
-        """Response to a unit step of the input.
+        """Return the response to a unit step of the input.
 
         Parameters
         ----------
@@ -309,7 +301,7 @@ class LinearModel(Described):
         Returns
         -------
         ndarray, shape (count,)
-            Output unit by input unit; the first sample is that in which the input steps.
+            Response, output unit by input unit; the input steps at the first sample.
         """
         from scipy.signal import lfilter
 
@@ -318,25 +310,25 @@ class LinearModel(Described):
         return np.asarray(lfilter(self.numerator, self.denominator, np.ones(count)), dtype=np.float64)
 
     def in_loop(self, reading: ReadingTime) -> LinearModel:
-        """The model from a command to the readings that later commands can answer to.
+        """Return the model from the command to the readings, as a controller sees it.
 
-        Where a row's reading is taken at the end of the row's hold, it can be answered by the next row's
-        command only, so that the loop holds one sample of delay more than the rows of the recording show.
+        If a reading is taken at the end of its row's hold, only the next row's command can react to it. The loop then
+        has one sample of delay more than the rows of the recording show.
 
         Parameters
         ----------
         reading : ReadingTime
-            When in its row a reading is taken.
+            Instant within a row at which its reading is taken.
 
         Returns
         -------
         LinearModel
-            Whose first coefficient b_0 is zero.
+            Model whose first coefficient b_0 is zero.
 
         Raises
         ------
         ModelError
-            If a reading at the start of the hold answers to the command that follows it.
+            If a reading at the start of the hold depends on the command that follows it.
         """
         if reading is ReadingTime.START_OF_HOLD:
             if self.numerator[0] != 0.0:
@@ -350,14 +342,14 @@ class LinearModel(Described):
         return replace(self, numerator=np.concatenate([[0.0], self.numerator]), covariance=covariance, realisation=late)
 
     def system(self) -> TransferFunction:
-        """The transfer function as a discrete system of python-control.
+        """Return the transfer function as a discrete system of python-control.
 
-        Its coefficients hold many slow modes badly, of which `detail` then speaks; `state_space` holds them.
+        Its coefficients represent several slow modes inaccurately (`detail` says so); `state_space` is accurate.
 
         Returns
         -------
         control.TransferFunction
-            With ``dt`` equal to the sample time.
+            Transfer function with ``dt`` equal to the sampling time.
 
         Raises
         ------
@@ -373,12 +365,12 @@ class LinearModel(Described):
         return control.tf(num, den, self.sample_time, inputs=[self.input_name], outputs=[self.output_name])
 
     def state_space(self) -> StateSpace:
-        """A state-space realisation as a discrete system of python-control.
+        """Return a state-space realisation as a discrete system of python-control.
 
         Returns
         -------
         control.StateSpace
-            With ``dt`` equal to the sample time.
+            State-space system with ``dt`` equal to the sampling time.
 
         Raises
         ------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from deatwin.control.arguments import instance, taking
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.model import LinearModel
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium, linear_part
 from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
@@ -18,25 +18,24 @@ from deatwin.ident.narx.covariance import transformed
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 
 @taking(model=instance(NarxModel))
 def linearise(model: NarxModel, operating_input: float | None = None) -> LinearModel:
-    """Linearise a model of one input and one output about its equilibrium at a constant input.
+    """Linearise a single-input, single-output model about its equilibrium under a constant input.
 
     Parameters
     ----------
     model : NarxModel
-        In the rows of its recording: where a row's reading is taken is not its business (see
-        `LinearModel.in_loop`).
+        Identified model, in the rows of its recording. The instant at which a reading is taken is not considered here;
+        see `LinearModel.in_loop`.
     operating_input : float, optional
-        Constant input in its unit; the centre of the training data by default.
+        Constant input, in its unit; the centre of the training data by default.
 
     Returns
     -------
     LinearModel
-        Its status says whether there is an equilibrium, and whether it is sound.
+        Linear model. Its status says whether there is an equilibrium and a controller can be designed there.
 
     Raises
     ------
@@ -62,25 +61,26 @@ def linearise_posterior(
     count: int,
     progress: Progress | None = None,
 ) -> tuple[LinearModel, ...]:
-    """Linearise samples of a model's posterior, each about its own equilibrium on the branch of the model's own.
+    """Linearise samples of a model's posterior, each about its own equilibrium, followed from the model's.
 
     Parameters
     ----------
     model : NarxModel
-        With the covariance of its parameters (normal, or Student-t where ``theta_dof`` is finite).
+        Model with the covariance of its parameters (normal, or Student-t if ``theta_dof`` is finite).
     operating_input : float or None
-        As for `linearise`.
+        Constant input, in its unit; the centre of the training data if None.
     rng : numpy.random.Generator
         Source of the samples.
     count : int
         Number of samples.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
     tuple of LinearModel, length count
-        Some may lack an equilibrium; their status says so. All at once they are a `LinearFamily`: `linearise_many`.
+        Linear models; a sample without equilibrium says so in its status. `linearise_many` returns all samples as a
+        `LinearFamily`.
     """
     family = linearise_many(model, operating_input_of(model, operating_input), draw(model, rng, count))
     if progress is not None:

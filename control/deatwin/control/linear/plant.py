@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +12,7 @@ from deatwin.control.arguments import each, generator, instance, number, numbers
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
+from deatwin.control.progress import Progress
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.plant.calibrated import CalibratedPlant
@@ -22,15 +22,14 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.small_signal import SmallSignal, small_signals
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 _PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
 _GROWS = 1e-9
-"""By so much more than 1 a mode that the command does not excite grows for certain: a memory at rest stays as it is."""
+"""A mode that the command does not excite grows if its modulus exceeds 1 by more than this; memories at rest have 1."""
 _NO_GAIN = 1e-12
 """Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
 _LOWEST, _POINTS = 1e-3, 50
-"""From this frequency, Hz, to half the sampling rate the coefficients are compared with the matrices."""
+"""Lowest frequency at which coefficients are compared with the matrices, Hz."""
 _GAIN_ERROR = 1e-3
 """Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
 far below what a gain margin leaves, far above rounding."""
@@ -42,30 +41,31 @@ _LOSS = 1e-6
 def linearise_plant(
     plant: Plant, operating_input: float, *, values: Array | None = None, time: float = 0.0
 ) -> LinearModel:
-    """Linearise a plant about its state of rest at a constant command, exactly.
+    """Linearise a plant exactly about its state of rest under a constant command.
 
-    From the rig's rest, as an experiment starts, the plant is brought to the command and comes to rest there; the
-    model is of the step over one sample, from commands held to the noise-free readings of the rig's rows. What drifts
-    by the clock stands still. It holds for motions that are small against everything in the plant: hysteresis is then
-    a spring, of its force by its distance; for motions far beyond that distance `Plant.without_effects` is nearer.
+    The plant is moved from the rig's rest to the command and comes to rest there. The model describes one sample, from
+    the held command to the noise-free readings of the rig's rows; quantities that drift by the clock are frozen. It
+    holds for motions that are small against every characteristic distance of the plant: hysteresis then acts as a
+    spring whose stiffness is its force divided by its distance. For much larger motions `Plant.without_effects` is more
+    accurate.
 
     Parameters
     ----------
     plant : Plant
-        Of any rig.
+        Plant of any rig.
     operating_input : float
-        Constant command in its unit.
+        Constant command, in its unit.
     values : ndarray, shape (n_p,), optional
-        Free parameters, SI; the plant's own by default.
+        Values of the free parameters, SI; the plant's own by default.
     time : float
-        Clock time of what drifts by the clock, s.
+        Clock time at which slowly drifting quantities are evaluated, s.
 
     Returns
     -------
     LinearModel
-        SI by unit of the command, without covariance. In rows that are read at the end of the hold its numerator
-        begins with lag 0; in rows that are read at the start, b_0 = 0. Its status says whether there is an
-        equilibrium, and whether it is sound.
+        Linear model, SI by unit of the command, without covariance. If rows are read at the end of the hold its
+        numerator begins with lag 0; if at the start, b_0 = 0. Its status says whether there is an equilibrium and a
+        controller can be designed there.
 
     Raises
     ------
@@ -74,22 +74,22 @@ def linearise_plant(
 
     Notes
     -----
-    Poles, gain and responses are computed from the matrices of the step. The coefficients beside them hold slow modes
-    by the sums of their last digits: with one or two slow effects ten digits of the response from 1 mHz on, with three
-    about three, with more none; `LinearModel.detail` says so where they hold fewer than six. The static gain is
-    compared with the slope of the equations of rest; where they differ by more than 0.1 %, the status is not OK.
+    Poles, gain and responses are computed from the matrices of the step. The polynomial coefficients lose digits with
+    slow modes: above 1 mHz the response keeps ten digits with one or two slow effects, about three digits with three,
+    and none with more. `LinearModel.detail` says so if fewer than six remain. The static gain is compared with the
+    slope of the equations of rest; if they differ by more than 0.1 %, the status is not OK.
     """
     return _models(plant, [operating_input], values, time)[0]
 
 
 @taking(calibrated=instance(CalibratedPlant), rng=generator, count=whole(0))
 def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: int) -> tuple[Plant, ...]:
-    """Draw plants as a calibration leaves them possible.
+    """Draw plants from the distribution that a calibration gives.
 
     Parameters
     ----------
     calibrated : CalibratedPlant
-        With the covariance of its parameters' coordinates, each in its `Scale`.
+        Calibrated plant with the covariance of its parameters' coordinates, each in its `Scale`.
     rng : numpy.random.Generator
         Source of the draws.
     count : int
@@ -98,7 +98,8 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     Returns
     -------
     tuple of Plant, length count
-        Their parameters drawn by the normal law and kept in their physical range; all the same without a covariance.
+        Plants whose parameters are drawn from the normal law and kept in their physical ranges; all identical if there
+        is no covariance.
     """
     plant = calibrated.plant
     problem = Problem(plant=plant, parts=(), names=calibrated.names)
@@ -119,25 +120,25 @@ def linearise_calibrated(
     Parameters
     ----------
     calibrated : CalibratedPlant
-        With the covariance of its parameters.
+        Calibrated plant with the covariance of its parameters.
     operating_input : float
-        Constant command in its unit.
+        Constant command, in its unit.
     rng : numpy.random.Generator
         Source of the samples.
     count : int
         Number of samples.
     time : float
-        As for `linearise_plant`.
+        Clock time at which slowly drifting quantities are evaluated, s.
 
     Returns
     -------
     tuple of LinearModel, length count
-        Some may lack an equilibrium; their status says so.
+        Linear models; a sample without equilibrium says so in its status.
 
     Raises
     ------
     ModelError
-        As `linearise_plant`.
+        If the operating input or the time is not finite.
     """
     return tuple(_models(plant, [operating_input], None, time)[0] for plant in draw_plants(calibrated, rng, count))
 
@@ -151,23 +152,23 @@ def linearise_plants(
     Parameters
     ----------
     plants : tuple of Plant, length n_samples
-        On one rig, as `draw_plants` gives them.
+        Plants of one rig, such as `draw_plants` returns.
     operating_inputs : array_like, shape (n_points,)
-        Constant commands in their unit.
+        Constant commands, in their unit.
     time : float
-        As for `linearise_plant`.
+        Clock time at which slowly drifting quantities are evaluated, s.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
     LinearFamily
-        Its coefficients filled up with zeros to one length.
+        Family whose coefficients are padded with zeros to a common length.
 
     Raises
     ------
     ModelError
-        As `linearise_plant`, or if there are no plants or no operating inputs.
+        If there are no plants or no operating inputs, or an operating input or the time is not finite.
     """
     columns = []
     for place, plant in enumerate(plants):
@@ -219,7 +220,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
 
 
 def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
-    """What is to be said of the digits that the coefficients have lost."""
+    """A remark on the digits that the coefficients have lost."""
     interval = plant.rig.sample_time
     omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
     delay = np.exp(-1j * omega * interval)

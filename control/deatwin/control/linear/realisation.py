@@ -84,11 +84,11 @@ class Realisation:
         return a, b, np.concatenate([self.c, self.d[1:]]), float(self.d[0])
 
     def delayed(self) -> Realisation:
-        """The same system with its input one sample later."""
+        """Delay the input by one sample."""
         return Realisation(a=self.a, b=np.pad(self.b, ((0, 0), (1, 0))), c=self.c, d=np.concatenate([[0.0], self.d]))
 
     def scaled(self, factor: float) -> Realisation:
-        """The same system with its output times a factor, which may have a unit."""
+        """Multiply the output by a factor, which may have a unit."""
         return Realisation(a=self.a, b=self.b, c=factor * self.c, d=factor * self.d)
 
     def step_response(self, count: int) -> Array:
@@ -127,7 +127,7 @@ class Realisation:
         return np.asarray(c @ states + found, dtype=np.complex128)
 
     def minimal(self) -> Realisation:
-        """The same system without modes that the input does not excite or the output does not show."""
+        """Minimal realisation: without modes that are not controllable or not observable."""
         found = self
         while found.a.size:
             hidden = _hidden(found.a, found.b)

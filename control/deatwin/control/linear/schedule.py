@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import singledispatch
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,22 +17,20 @@ from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Metadata, coordinate
-from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):
-    """Static gain, modes and stability over operating points, each with its 95 % band over samples.
+    """Static gain, modes and stability over operating points, each with a 95 % band over samples.
+
+    `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 
     Parameters
     ----------
     family : LinearFamily
-        Over the operating points; its first sample is the model itself.
+        Linear models over the operating points; the first sample is the model itself.
     """
 
     ALONG: ClassVar[str] = "operating_input"
@@ -42,79 +40,23 @@ class GainSchedule(FamilyBands):
         ),
     }
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the static gain over the operating input, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_gain(axes, self.operating_inputs)
-        axes.set_xlabel(self._input_label)
-        return axes
-
-    def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Draw the time constant of each mode over the operating input, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_time_constants(axes, self.operating_inputs)
-        axes.set_xlabel(self._input_label)
-        return axes
-
-    def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Draw the poles in the z plane, coloured by the operating input; those of samples as a cloud.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_poles(axes, self.operating_inputs, self._input_label)
-        return axes
-
-    @property
-    def _input_label(self) -> str:
-        unit = self.family.input_unit
-        return f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
-
 
 @singledispatch
 def gain_schedule(
     source: Any, operating_inputs: ArrayLike, rng: np.random.Generator, samples: int = 200
 ) -> GainSchedule:
-    """Linearise a model over operating points, with samples of what is uncertain in it.
+    """Linearise a model over operating points, with samples of its uncertain parameters.
 
     Parameters
     ----------
     source : NarxModel, CalibratedPlant or Plant
-        A model with the covariance of its parameters, or a calibrated plant with that of its own; a plant alone is
-        taken as exact.
+        Model or calibrated plant with the covariance of its parameters, or a plant, which is taken as exact.
     operating_inputs : array_like, shape (n_points,)
-        Constant inputs in their unit.
+        Constant inputs, in their unit.
     rng : numpy.random.Generator
         Source of the samples.
     samples : int
-        How many.
+        Number of samples.
 
     Returns
     -------
@@ -123,7 +65,7 @@ def gain_schedule(
     Raises
     ------
     ModelError
-        If the source is something else, an operating input is not finite, or there are none.
+        If the source is of another type, or there are no operating inputs or one is not finite.
     """
     raise ModelError(f"a {type(source).__name__} has no gain schedule; give a NarxModel, a CalibratedPlant or a Plant")
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,30 +13,27 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.datasets import Metadata, coordinate
-from deatwin.plant.drawing import axes_or_new
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingLinear(FamilyBands):
-    """Static gain, modes and stability over time, each with its 95 % band over samples.
+    """Static gain, modes and stability over time, each with a 95 % band over samples.
+
+    `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 
     Parameters
     ----------
     family : LinearFamily
-        Its points are the times; its first sample is the model itself; those after it are drawn from the covariance of
-        each time, with the same standard draws at all times.
+        Linear models whose points are the times. The first sample is the model itself; the others are drawn from the
+        covariance at each time, with the same standard draws at all times.
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     """
@@ -48,55 +45,9 @@ class VaryingLinear(FamilyBands):
         "operating_input": coordinate("time", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit")),
     }
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the static gain over time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_gain(axes, self.timepts)
-        axes.set_xlabel("time (s)")
-        return axes
-
-    def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Draw the time constant of each mode over time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_time_constants(axes, self.timepts)
-        axes.set_xlabel("time (s)")
-        return axes
-
-    def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Draw the poles in the z plane, coloured by time; those of samples as a cloud.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        axes = axes_or_new(ax)
-        self._draw_poles(axes, self.timepts, "time (s)")
-        return axes
+    @property
+    def _along(self) -> tuple[Array, str]:
+        return self.timepts, "time (s)"
 
 
 @taking(trajectory=instance(ThetaTrajectory), rng=generator, samples=whole(0))
@@ -109,26 +60,26 @@ def linearise_along(
     samples: int = 200,
     progress: Progress | None = None,
 ) -> VaryingLinear:
-    """Linearise a model whose parameters change with time.
+    """Linearise a model whose parameters change with time, along its trajectory.
 
-    At each time it is the linear model of the parameters of this time (frozen), about the equilibrium of this time,
-    which is followed from one time to the next. With `deatwin.ident.frequency.hold_equilibrium` the equilibrium
-    stays, so that what is left is the change of the dynamics.
+    At each time the parameters are frozen, and the model is linearised about the equilibrium of that time, which is
+    followed from one time to the next. `deatwin.ident.frequency.hold_equilibrium` fixes the equilibrium, so that only
+    the change of the dynamics remains.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output, with its covariance.
+        Parameters theta(t), with their covariance, of a model of one input and one output.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or that of each time, in its unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the centre of the training data by default.
     times : array_like, shape (n_times,), optional
-        Increasing times, s; by default all of the trajectory's, at most 200 of them evenly spread.
+        Increasing times, s; by default those of the trajectory, thinned evenly to at most 200.
     rng : numpy.random.Generator
         Source of the samples.
     samples : int
-        Samples at each time.
+        Number of samples at each time.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
@@ -145,7 +96,7 @@ def linearise_along(
     families: list[LinearFamily] = []
     models = followed(trajectory, timepts, inputs)
     for model, time, level in zip(models, timepts.tolist(), inputs.tolist(), strict=True):
-        # The same standard draws at each time: a sample lies as far from the model at all times, and bands are smooth.
+        # Equal standard draws at each time keep a sample equally far from the model, so bands are smooth.
         same = np.random.default_rng(seed)
         family = _of_one_time(trajectory.at(time) if model is None else model, level, same, samples)
         families.append(family if model is not None else _emptied(family))
@@ -159,7 +110,7 @@ def _of_one_time(model: NarxModel, level: float, rng: np.random.Generator, sampl
 
 
 def _emptied(family: LinearFamily) -> LinearFamily:
-    """The same without any equilibrium: the one that was followed has ended."""
+    """The family marked as without equilibrium, because the branch that was followed has ended."""
     nowhere = np.zeros_like(family.exists)
     denominators = np.zeros_like(family.denominators)
     denominators[:, :, 0] = 1.0

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import function, generator, instance, not_negative, row, taking
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
+from deatwin.control.progress import Progress
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 _LEVEL = 5  # samples at one value at least, for a level of a step reference
 _NEWS = 100  # samples between two calls of progress
@@ -39,34 +39,34 @@ _SERIES = ("timepts", "reference", "output", "measured", "command")
 class Level:
     """A level of a step reference, as samples of a run."""
 
-    first: int  # Where the reference leaves the level before, where it is at the new one, and where it leaves that
+    first: int  # Samples at which the reference leaves the level before, reaches the new one, and leaves that
     settled: int
     stop: int
-    step: float  # From the level before to this one, in the output's unit
+    step: float  # Difference from the level before, in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedLoop(Described):
-    """A run of the closed loop on the physics plant.
+    """A closed-loop run on the physics plant.
 
     Parameters
     ----------
     status : RunStatus
-        How it ended; its text is the advice. After a failure only the valid samples are here.
+        Outcome of the run; its text is the advice. After a failure only the valid samples are kept.
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
-        In the output's unit.
+        Wanted output, in its unit.
     output : ndarray, shape (n,)
-        Reading without the sensor's noise, at the instant at which the command is chosen, in its unit.
+        Noise-free reading at the instant at which the command is chosen, in its unit.
     measured : ndarray, shape (n,)
-        Reading with noise, which the controller saw, in the output's unit.
+        Noisy reading that the controller received, in the output's unit.
     command : ndarray, shape (n,)
-        Chosen at that instant and held until the next, in the input's unit.
+        Command chosen at that instant and held until the next, in the input's unit.
     command_limits : (float, float)
-        Of the controller, in the input's unit.
+        Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str
-        Units.
+        Units of input and output.
     """
 
     status: RunStatus = field(metadata=status_of())
@@ -125,7 +125,7 @@ class ClosedLoop(Described):
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """The levels of a step reference that the run lived through, without the first and without a return to one."""
+        """Levels of a step reference that the run reached, without the first one and without repeats."""
         still = np.flatnonzero(np.diff(self.reference) != 0.0)
         edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
         flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
@@ -160,16 +160,12 @@ class ClosedLoop(Described):
         return max(measure(error) for error in late) / smallest
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw reference and output over time.
+        """Plot reference and output over time.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
@@ -182,18 +178,19 @@ class ClosedLoop(Described):
         return axes
 
     def variables(self, dimension: str, before: str = "") -> Variables:
-        """The run as `deatwin.plant.datasets.dataset` takes it.
+        """Return the run as variables for `deatwin.plant.datasets.dataset`.
 
         Parameters
         ----------
         dimension : str
-            Of the time.
+            Name of the time dimension.
         before : str
-            What the names of the variables begin with.
+            Prefix of the variables' names.
 
         Returns
         -------
         mapping of str to tuple
+            Variables by name.
         """
         units = {"command": self.input_unit}
         return {
@@ -201,7 +198,7 @@ class ClosedLoop(Described):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data from which `from_dict` makes the same run."""
+        """Return plain data from which `from_dict` rebuilds the run."""
         return {
             "status": self.status.name.lower(),
             "command_limits": list(self.command_limits),
@@ -212,21 +209,17 @@ class ClosedLoop(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The run that `to_dict` described.
+        """Rebuild a run from plain data.
 
         Parameters
         ----------
         data : mapping
-            Plain data.
-
-        Returns
-        -------
-        ClosedLoop
+            Plain data that `to_dict` returned.
 
         Raises
         ------
         ControlError
-            If a value is of no size that anything has: squares of it would be infinite.
+            If a value is so large that its square overflows.
         """
         low, high = data["command_limits"]
         series = {name: np.array(data[name], dtype=np.float64) for name in _SERIES}
@@ -259,26 +252,26 @@ def closed_loop(
     settle: float = 2.0,
     progress: Progress | None = None,
 ) -> ClosedLoop:
-    """Close a controller around the physics plant.
+    """Run a controller in closed loop with the physics plant.
 
-    The plant goes from rest to the operating input by the rig's start procedure, stays there, and then
-    answers the controller sample by sample: read, choose a command, hold it for a sample. Reading and command
-    go through the rig's measuring chain where it has one; else the reading has the sensor's noise.
+    The rig's start procedure moves the plant from rest to the operating input, where it settles. The loop then runs
+    sample by sample: read, choose a command, hold it for a sample. Reading and command pass through the rig's measuring
+    chain if it has one; otherwise the sensor's noise is added to the reading.
 
     Parameters
     ----------
     plant : Plant
-        The actuator.
+        Plant that stands for the actuator.
     controller : Controller
-        With the plant's sample time.
+        Controller with the plant's sampling time.
     reference : array_like, shape (n,)
         Wanted output, in its unit.
     rng : numpy.random.Generator
-        Source of the sensor's noise.
+        Source of the sensor noise.
     settle : float
-        Time at the operating input between the start procedure and the closing of the loop, s.
+        Time at the operating input before the loop is closed, s.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
@@ -287,7 +280,7 @@ def closed_loop(
     Raises
     ------
     ControlError
-        If an argument is of another kind, controller and plant have different sample times, or the reference is no
+        If an argument has the wrong type, controller and plant have different sampling times, or the reference is not a
         row of finite numbers.
     """
     rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)
@@ -323,7 +316,7 @@ def closed_loop(
 
 
 def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> float:
-    """What the sensor makes of a reading, a sample after another."""
+    """Reading with sensor noise, from two successive samples."""
     if rig.chain is None:
         return now + rig.noise * float(rng.standard_normal())
     return float(rig.chain.record([before, now], rng, sample_time=rig.sample_time)[-1])

@@ -15,6 +15,7 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
+from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.residual import Residual
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 LEVEL = 0.95
 _SETTLE = 500  # samples at the operating input before the loop is closed
@@ -41,26 +41,26 @@ _BEYOND = 100.0  # times the range of the training data and the reference: there
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictedLoop(Described):
-    """Closed loops on draws of a model.
+    """Closed-loop runs on draws of a model.
 
     Parameters
     ----------
     timepts : ndarray, shape (n,)
         Time since the loop was closed, s.
     reference : ndarray, shape (n,)
-        In the output's unit.
+        Wanted output, in its unit.
     outputs : ndarray, shape (draws, n)
-        Of the draws that did not diverge, in the output's unit.
+        Outputs of the draws that did not diverge, in the output's unit.
     commands : ndarray, shape (draws, n)
-        In the input's unit.
+        Commands of these draws, in the input's unit.
     diverged : float
         Share of the draws that diverged.
     command_limits : (float, float)
-        Of the controller, in the input's unit.
+        Least and largest command of the controller, in the input's unit.
     input_unit, output_unit : str
-        Units.
+        Units of input and output.
     trained : (float, float) or None
-        Least and largest output of the training data, in the output's unit; None where the model does not know them.
+        Least and largest output of the training data, in the output's unit; None if the model does not record them.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -92,11 +92,11 @@ class PredictedLoop(Described):
 
     @property
     def half_width(self) -> Array:
-        """Of the simultaneous 95 % band about `middle`, shape (n,), in the output's unit.
+        """Half width of the simultaneous 95 % band about `middle`, shape (n,), in the output's unit.
 
-        A multiple of the standard deviation at each sample, so large that 95 % of the draws lie inside at all
-        samples. Each draw is held against the mean and the deviation of the others: against its own it would look
-        nearer than a fresh one is.
+        The half width is a multiple of the standard deviation at each sample, such that 95 % of the draws lie inside
+        the band at all samples. Each draw is compared with the mean and deviation of the others, because it lies nearer
+        to a mean that includes itself than a new draw would.
         """
         count = len(self.outputs)
         square = (self.outputs - self.middle) ** 2
@@ -108,19 +108,15 @@ class PredictedLoop(Described):
         return np.asarray(np.sqrt(others[needed - 1] * variance))
 
     def inside(self, run: ClosedLoop) -> float:
-        """Share of the samples of a run that lie inside the band; 1.0 if all of it does.
+        """Return the share of a run's samples that lie inside the band.
 
-        Where the reference is one of steps, it counts from the first step on: the loop is closed at the level before,
-        from whatever state the actuator's start has left, which no prediction from rest knows.
+        With a step reference, only samples from the first step on count: before it the run still depends on the state
+        in which the actuator's start left it, which a prediction from rest cannot know.
 
         Parameters
         ----------
         run : ClosedLoop
-            With the same reference; samples that it did not live to see lie outside.
-
-        Returns
-        -------
-        float
+            Run with the same reference; samples missing at its end count as outside.
         """
         n = run.output.size
         within = np.abs(run.output - self.middle[:n]) <= self.half_width[:n]
@@ -129,7 +125,7 @@ class PredictedLoop(Described):
 
     @property
     def runs(self) -> tuple[ClosedLoop, ...]:
-        """The draws as closed loops, for the measures of each."""
+        """The draws as closed-loop runs, so that measures can be computed for each."""
         return tuple(
             ClosedLoop(
                 status=RunStatus.DONE,
@@ -146,12 +142,12 @@ class PredictedLoop(Described):
         )
 
     def interval(self, measure: Callable[[ClosedLoop], float]) -> tuple[float, float, float]:
-        """Median and 95 % interval of a measure over the draws.
+        """Return the median and the 95 % interval of a measure over the draws.
 
         Parameters
         ----------
         measure : callable
-            Such as ``lambda run: run.overshoot``.
+            Function of a run, such as ``lambda run: run.overshoot``.
 
         Returns
         -------
@@ -163,16 +159,12 @@ class PredictedLoop(Described):
         return float(middle), float(low), float(high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw reference, mean and band.
+        """Plot reference, mean and band over time.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
@@ -211,31 +203,31 @@ def predict_loop(
     draws: int = 300,
     progress: Progress | None = None,
 ) -> PredictedLoop:
-    """Close a controller around draws of an identified model.
+    """Run a controller in closed loop with draws of an identified model.
 
-    Each draw takes its parameters from the model's posterior, adds a residual of the size and the memory that
-    the model's free run left of its recordings, and reads with the sensor's noise.
+    Each draw takes its parameters from the model's posterior, adds a residual with the size and correlation time of the
+    model's free-run residual, and adds sensor noise to the reading.
 
     Parameters
     ----------
     model : NarxModel
-        Of one input and one output, with an equilibrium at the controller's operating input.
+        Model of one input and one output, with an equilibrium at the controller's operating input.
     controller : Controller
-        In the loop.
+        Controller to run.
     reference : array_like, shape (n,)
-        In the output's unit.
+        Wanted output, in its unit.
     reading : ReadingTime
-        When in its row a reading is taken.
+        Instant within a row at which its reading is taken.
     residual : Residual
-        Of the model.
+        Size and memory of the model's free-run residual.
     noise : float
-        Standard deviation of the sensor's noise, in the output's unit.
+        Standard deviation of the sensor noise, in the output's unit.
     rng : numpy.random.Generator
         Source of draws and noise.
     draws : int
-        How many.
+        Number of draws.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
@@ -244,10 +236,10 @@ def predict_loop(
     Raises
     ------
     ControlError
-        If an argument is of another kind, or the reference is no row of finite numbers.
+        If an argument has the wrong type, or the reference is not a row of finite numbers.
     ModelError
-        If the model has no equilibrium there, or a reading at the start of the hold answers to the command that
-        follows it.
+        If the model has no equilibrium there, or a reading at the start of the hold depends on the command that follows
+        it.
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output

@@ -18,26 +18,26 @@ LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)
 
 @taking(centre=finite, amplitude=finite, plateau=whole(1), rise=whole(0))
 def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0) -> Array:
-    """Steps up, back, down and back.
+    """Make a reference that steps up, back, down and back.
 
     Parameters
     ----------
     centre, amplitude : float
-        In the output's unit.
+        Centre and amplitude, in the output's unit.
     plateau : int
-        Samples of each level, the rise to it included.
+        Number of samples at each level, including the transition to it.
     rise : int
-        Samples in which a level is reached, along half a cosine; 0 for sharp steps.
+        Number of samples of each transition, along half a cosine; 0 for sharp steps.
 
     Returns
     -------
     ndarray, shape (5 * plateau,)
-        In the output's unit; the first level is the centre.
+        Reference, in the output's unit; the first level is the centre.
 
     Raises
     ------
     ControlError
-        If an argument is of another kind or not finite, or the rise is longer than the level.
+        If an argument has the wrong type or is not finite, or the rise is longer than the level.
 
     Examples
     --------
@@ -57,28 +57,28 @@ def step_reference(centre: float, amplitude: float, plateau: int, rise: int = 0)
 
 @taking(centre=finite, amplitude=finite, frequency_Hz=positive, sample_time=positive, periods=whole(1))
 def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_time: float, periods: int) -> Array:
-    """A sine about an operating point.
+    """Make a sine reference about an operating point.
 
     Parameters
     ----------
     centre, amplitude : float
-        In the output's unit.
+        Centre and amplitude, in the output's unit.
     frequency_Hz : float
-        Hz.
+        Frequency, Hz.
     sample_time : float
-        s.
+        Sampling time, s.
     periods : int
         Number of periods, rounded to whole samples.
 
     Returns
     -------
     ndarray, shape (n,)
-        In the output's unit.
+        Reference, in the output's unit.
 
     Raises
     ------
     ControlError
-        If an argument is of another kind or not finite, or what must be positive is not.
+        If an argument has the wrong type or is not finite, or one that must be positive is not.
     """
     count = round(periods / (frequency_Hz * sample_time))
     return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
@@ -98,18 +98,18 @@ def _frequencies(value: Any, name: str) -> None:
 def tone_reference(
     centre: float, amplitude: float, frequencies_Hz: ArrayLike, sample_time: float, count: int, rng: np.random.Generator
 ) -> Array:
-    """Tones of one size with random phases, that begin gently at the centre.
+    """Make a sum of tones of equal amplitude and random phases that starts smoothly at the centre.
 
     Parameters
     ----------
     centre : float
-        In the output's unit.
+        Centre, in the output's unit.
     amplitude : float
         Largest distance from the centre, in the output's unit.
     frequencies_Hz : array_like, shape (m,)
-        Hz.
+        Frequencies of the tones, Hz.
     sample_time : float
-        s.
+        Sampling time, s.
     count : int
         Number of samples.
     rng : numpy.random.Generator
@@ -118,12 +118,12 @@ def tone_reference(
     Returns
     -------
     ndarray, shape (count,)
-        In the output's unit; over the first period of the slowest tone it grows from the centre.
+        Reference, in the output's unit. It grows from the centre over the first period of the slowest tone.
 
     Raises
     ------
     ControlError
-        If an argument is of another kind or not finite, or what must be positive is not.
+        If an argument has the wrong type or is not finite, or one that must be positive is not.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
     timepts = sample_time * np.arange(count)

@@ -32,21 +32,22 @@ _PIECE = 20_000  # samples that are held in memory at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SineResponse:
-    """Fundamental of the reading over that of the command, ``G(A, w)``.
+    """Response ``G(A, w)``: fundamental of the reading divided by that of the command.
 
     Parameters
     ----------
     amplitudes : ndarray, shape (n,)
-        Of the command, in its unit.
+        Amplitudes of the command, in its unit.
     omega : ndarray, shape (m,)
-        rad/s.
+        Angular frequencies, rad/s.
     values : ndarray of complex, shape (n, m)
-        Output unit by input unit, from a command to the reading before the next; NaN where the plant failed.
+        Response from a command to the reading before the next one, output unit by input unit; NaN if the plant failed.
 
     Raises
     ------
     ControlError
-        If the axes are not two or more increasing positive numbers each, or the values are no numbers of their shape.
+        If amplitudes and frequencies are not two or more increasing positive numbers each, or the values are not
+        numbers of the matching shape.
     """
 
     amplitudes: Array
@@ -68,7 +69,7 @@ class SineResponse:
         from scipy.interpolate import RegularGridInterpolator
 
         phase = np.unwrap(np.unwrap(np.angle(self.values), axis=1), axis=0)
-        # What does not move at all has no logarithm; the last digit of one may lie outside of the grid.
+        # A constant has no logarithm; rounding may put a logarithm just outside the grid.
         table = np.log(np.maximum(np.abs(self.values), np.finfo(float).tiny)) + 1j * phase
         axes = np.log(self.amplitudes), np.log(self.omega)
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
@@ -104,35 +105,34 @@ def _complex(value: Any, name: str) -> None:
 def sine_response(
     plant: Plant, operating_input: float, amplitudes: ArrayLike, omega: ArrayLike, *, progress: Progress | None = None
 ) -> SineResponse | None:
-    """Measure the response to sines, from small to large, without noise.
+    """Simulate the noise-free response to sines of increasing amplitude.
 
     Parameters
     ----------
     plant : Plant
-        With its effects.
+        Plant, with its effects.
     operating_input : float
-        About which the sines move, in the input's unit.
+        Constant input about which the sines move, in its unit.
     amplitudes : array_like, shape (n,)
-        Increasing and positive, in the input's unit.
+        Amplitudes of the sines, increasing and positive, in the input's unit.
     omega : array_like, shape (m,)
-        Increasing and positive, below half the sampling rate, rad/s.
+        Angular frequencies, increasing and positive, below half the sampling rate, rad/s.
     progress : callable, optional
-        Called with the share that is done.
+        Callback that receives the completed share, from 0 to 1.
 
     Returns
     -------
     SineResponse or None
-        Of the amplitudes that the plant lived through; None where it did not live through two of them.
+        Response at the amplitudes that the plant survived; None if it survived fewer than two.
 
     Raises
     ------
     ControlError
-        If an argument is of another kind, or amplitudes or frequencies are not as described.
+        If an argument has the wrong type, or amplitudes or frequencies are not as described.
 
     Notes
     -----
-    Nothing is kept of a run but a triangle of 6 by 6 numbers, so that the slowest sine needs no more memory than the
-    fastest.
+    Each run stores only a triangle of 6 by 6 numbers, so the slowest sine needs no more memory than the fastest.
     """
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time
@@ -155,8 +155,8 @@ def sine_response(
 class _Sine:
     """A sine in samples."""
 
-    angle: float  # From one sample to the next, rad
-    first: int  # Where it has settled and is measured, and all samples
+    angle: float  # Phase step per sample, rad
+    first: int  # First sample after settling, from which it is measured
     count: int
 
     @classmethod
@@ -190,6 +190,7 @@ def _of_frequency(
 
 def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
     """Fundamental of the reading over that of the command; NaN where the plant fails."""
+    # By least squares, since periods need not be whole numbers of samples; mean and drift are removed.
     level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
     for number in _pieces(sine.count, progress):
         commands = centre + size * np.sin(sine.angle * number)

@@ -46,14 +46,14 @@ class UncertainMargin:
     Parameters
     ----------
     value : float
-        Of the model itself: a factor, degrees, s, or dimensionless; infinite where nothing bounds it.
+        Margin of the model itself: a factor, degrees, s, or dimensionless; infinite if nothing bounds it.
     deviation : float
-        Standard deviation to first order, of the logarithm of gain and disk margin, in the margin's unit for phase
-        and delay; 0 where nothing bounds the margin.
+        First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
+        delay; 0 if nothing bounds the margin.
     low : float
-        Limit that the margin exceeds with 97.5 % at a level of 95 %: the least over the crossings, each to first
-        order (of the loop's size for the gain); at least what is left at the edge of stability (1 for the gain, 0
-        for the others).
+        Lower limit, which the margin exceeds with 97.5 % at a level of 95 %: the least over the crossings, each to
+        first order (of the loop gain for the gain margin). It is at least the value at the edge of stability (1 for the
+        gain, 0 for the others).
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -66,21 +66,21 @@ _MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MarginBand(Described):
-    """What the covariance of a model makes of a loop.
+    """Margins and locus of a loop with the uncertainty of its model.
 
     Parameters
     ----------
     gain, phase_deg, delay, disk : UncertainMargin
-        As those of `deatwin.control.Margins`.
+        Gain, phase, delay and disk margins, in the units of `deatwin.control.Margins`.
     modulus : float
         Least distance of the model's locus from -1, dimensionless.
     modulus_low : float
-        Least distance of the simultaneous band from -1; 0 where the band holds it. Where it is not 0, every loop of
-        the band encircles -1 as often as the model's own and is stable, to first order.
+        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If it is not 0, every loop of the
+        band encircles -1 as often as the model's own and is stable, to first order.
     response : FrequencyResponse
-        L over frequency with the covariance of real and imaginary part, dimensionless.
+        Loop L over frequency with the covariance of real and imaginary part, dimensionless.
     level : float
-        Probability of the band and of the limits of margins (two-sided).
+        Two-sided probability of the band and of the limits of margins.
     """
 
     gain: UncertainMargin
@@ -110,19 +110,19 @@ class MarginBand(Described):
     def radius(self) -> float:
         """Mahalanobis radius of the simultaneous band's ellipses (Scheffé).
 
-        Its square is the quantile of chi-square with as many degrees of freedom as the covariance has rank: the
-        ellipsoid of the coefficients holds them with the level's probability, and the ellipse at each frequency is its
-        shadow, so that the band holds L at all frequencies at once at least as often.
+        Its square is the quantile of chi-square with as many degrees of freedom as the covariance has rank. The
+        ellipsoid of the coefficients holds the true ones with the probability of the level, and the ellipse at each
+        frequency is its projection, so the band holds L at all frequencies at once with at least that probability.
         """
         return _scheffe(self.response.theta_cov, self.level)
 
     def ellipse(self, n_points: int = 73) -> Complex:
-        """Return outlines of the simultaneous band.
+        """Return outlines of the simultaneous band at each frequency.
 
         Parameters
         ----------
         n_points : int
-            Points of each outline; the last is the first.
+            Number of points in each outline; the last equals the first.
 
         Returns
         -------
@@ -133,16 +133,12 @@ class MarginBand(Described):
         return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the Nyquist curve about -1 with the ellipses of the simultaneous band.
+        """Plot the Nyquist curve near -1 with the ellipses of the simultaneous band.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         from matplotlib.collections import LineCollection
 
@@ -196,17 +192,17 @@ def band_margins(
     """Propagate the covariance of a linear model to the margins and the locus of its loop.
 
     At a phase crossing ln|L| changes by Re(dL/L) and the crossing moves by -Im(dL/L)/Im(L'/L); at a gain crossing the
-    phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes as its distance
-    does at the place where it is least.
+    phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes like the distance at
+    the frequency where that is least.
 
     Parameters
     ----------
     linear : LinearModel
-        As the controller sees it (`LinearModel.in_loop`), with its covariance.
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`), with its covariance.
     feedback_numerator, feedback_denominator : array_like, shapes (n,) and (m,)
-        Of the controller, coefficients of z^0, z^-1, ..., input unit by output unit; certain.
+        Coefficients of z^0, z^-1, ... of the controller's feedback, input unit by output unit; taken as exact.
     level : float
-        Of the band, between 0 and 1.
+        Probability of the band, between 0 and 1.
 
     Returns
     -------
@@ -328,7 +324,7 @@ def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
 
 
 def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
-    """Of the phase at gain crossings, rad, and of the crossings themselves, rad a sample."""
+    """Gradients of the phase at gain crossings, rad, and of the crossings, rad a sample."""
     shift = -loop.log_gradient.real / loop.log_slope.real[:, None]
     return loop.log_gradient.imag + loop.log_slope.imag[:, None] * shift, shift
 

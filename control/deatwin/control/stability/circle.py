@@ -1,4 +1,4 @@
-"""Where loops cross the real axis and the unit circle, and come nearest to -1: searched on a grid, then refined.
+"""Find crossings of the real axis and the unit circle and the points nearest to -1, on a grid and then refined.
 
 With N and D the polynomials of a loop L = N/D, and A = D + N, B = D - N, all that is looked for on the unit circle
 stands in a few trigonometric polynomials: Re(A B*) = |D|² - |N|² is zero where |L| is one, Im(A B*) = 2 Im(N D*) where
@@ -47,7 +47,7 @@ class Places:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nearest:
-    """Where a distance of each loop is least."""
+    """Least distance of each loop, and its place."""
 
     distance: Array  # shape (n,): Dimensionless
     angle: Array  # shape (n,): Where, rad a sample
@@ -55,10 +55,10 @@ class Nearest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """What margins are made of."""
+    """Crossings and nearest points from which margins are computed."""
 
-    gain: Places  # Where |L| = 1
-    real: Places  # Where Im L = 0, without z = 1 and z = -1
+    gain: Places  # Frequencies with |L| = 1
+    real: Places  # Frequencies with Im L = 0, without z = 1 and z = -1
     modulus: Nearest  # |1 + L|
     disk: Nearest  # |1 + L|/|1 - L|
 
@@ -176,7 +176,7 @@ def _inner_valleys(values: Array) -> Cells:
 
 
 def _dips(values: Array) -> Cells:
-    """Where a polynomial turns back without a change of sign, so that it may cross zero twice within a cell."""
+    """Cells in which a polynomial has an extremum without a change of sign, so that it may cross zero twice."""
     loops, points = _inner_valleys(np.abs(values))
     before, at, after = (values[loops, points + shift] for shift in (-1, 0, 1))
     same = (before * at > 0.0) & (after * at > 0.0)
@@ -188,7 +188,7 @@ def _at(grid: Array, cells: Cells) -> Places:
 
 
 def _width(grid: Array, cells: Cells) -> Array:
-    """How far from a point of the grid what belongs to it may lie, rad a sample."""
+    """Largest distance of a refined place from its grid point, rad a sample."""
     gaps = np.diff(grid)
     return np.maximum(gaps[np.maximum(cells[1] - 1, 0)], gaps[np.minimum(cells[1], gaps.size - 1)])
 

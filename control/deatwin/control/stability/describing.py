@@ -35,7 +35,7 @@ _ACCURACY = 1e-12  # of a panel, of the largest output
 
 @dataclass(frozen=True, kw_only=True)
 class DescribingFunction(ABC):
-    """A nonlinearity whose response to a sine is known; all its parameters are positive."""
+    """A nonlinearity whose response to a sine is known in closed form; all its parameters are positive."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -64,21 +64,21 @@ class DescribingFunction(ABC):
 
 
 def _clipped_share(ratio: Array) -> Array:
-    """Of a clipped sine: the gain of a saturation at ratio = limit by amplitude."""
+    """Gain of a saturation for a sine, at ratio = limit by amplitude."""
     x = np.clip(ratio, -1.0, 1.0)
     return np.asarray(2.0 / np.pi * (np.arcsin(x) + x * np.sqrt(1.0 - x**2)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Saturation(DescribingFunction):
-    """Proportional up to a limit.
+    """Saturation: proportional up to a limit, constant beyond.
 
     Parameters
     ----------
     limit : float
-        Of the input's magnitude, in its unit.
+        Magnitude of the input at which the output saturates, in the input's unit.
     slope : float
-        Output unit by input unit.
+        Slope up to the limit, output unit by input unit.
     """
 
     limit: float
@@ -90,14 +90,14 @@ class Saturation(DescribingFunction):
 
 @dataclass(frozen=True, kw_only=True)
 class DeadZone(DescribingFunction):
-    """Nothing up to a limit, proportional to what lies beyond.
+    """Dead zone: zero output up to a limit, beyond it proportional to the excess.
 
     Parameters
     ----------
     limit : float
-        Of the input's magnitude, in its unit: half of the zone.
+        Half width of the zone, in the input's unit.
     slope : float
-        Output unit by input unit.
+        Slope beyond the zone, output unit by input unit.
     """
 
     limit: float
@@ -114,7 +114,7 @@ class Quantiser(DescribingFunction):
     Parameters
     ----------
     step : float
-        In the unit of input and output.
+        Step, in the unit of input and output.
     """
 
     step: float
@@ -126,14 +126,14 @@ class Quantiser(DescribingFunction):
 
 @dataclass(frozen=True, kw_only=True)
 class Relay(DescribingFunction):
-    """Switches between two levels as the input leaves a band about zero.
+    """Relay: the output switches between two levels when the input leaves a band about zero.
 
     Parameters
     ----------
     level : float
-        Of the output's magnitude, in its unit.
+        Magnitude of the output, in its unit.
     hysteresis : float
-        Half of the band, in the input's unit; 0 for an ideal relay. Smaller sines do not switch it.
+        Half width of the band, in the input's unit; 0 for an ideal relay. A smaller sine does not switch it.
     """
 
     level: float
@@ -152,12 +152,12 @@ class Relay(DescribingFunction):
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(DescribingFunction):
-    """Play: the output follows at half the gap behind, and stands still while the input crosses the gap.
+    """Play: the output follows half the gap behind the input, and stays constant while the input crosses the gap.
 
     Parameters
     ----------
     gap : float
-        Whole width, in the unit of input and output; smaller double amplitudes do not move the output.
+        Full width of the gap, in the unit of input and output; an input that swings less does not move the output.
     """
 
     gap: float
@@ -170,15 +170,15 @@ class Backlash(DescribingFunction):
 
 @dataclass(frozen=True, kw_only=True)
 class RateLimiter(DescribingFunction):
-    """The output follows the input as fast as it may (slew rate).
+    """Rate limiter: the output follows the input at no more than a given rate (slew rate).
 
-    Up to A w = rate it follows the sine. Beyond, it leaves the sine where that becomes too fast, in a straight line,
-    and joins it again; from A w = rate sqrt(1 + pi²/4) on it never does, and is a triangle.
+    Up to A w = rate the output follows the sine. Above that it leaves the sine on a straight line where the sine is too
+    fast, and joins it again. From A w = rate sqrt(1 + pi²/4) on it never joins it, and is a triangle.
 
     Parameters
     ----------
     rate : float
-        In the unit of input and output by s, the same both ways.
+        Largest rate in both directions, in the unit of input and output per second.
     """
 
     rate: float
@@ -219,17 +219,17 @@ def _partly_limited(slope: Array) -> Complex:
 
 @dataclass(frozen=True, kw_only=True)
 class BoucWen(DescribingFunction):
-    r"""Hysteretic force of Bouc and Wen, n = A = beta = 1 and gamma = 0: `deatwin.plant.Hysteresis` with its beta of 1.
+    r"""Bouc-Wen hysteretic force with n = A = beta = 1 and gamma = 0: `deatwin.plant.Hysteresis` with a beta of 1.
 
-    The memory follows :math:`x_h\,d\zeta = dx - |dx|\,\zeta`, whatever the speed. On a rising sine it is
+    The memory follows :math:`x_h\,d\zeta = dx - |dx|\,\zeta` at any speed. On a rising sine it is
     :math:`1 - (1 + \zeta_m) e^{-(x + A)/x_h}` with the turning value :math:`\zeta_m = \tanh(A/x_h)`.
 
     Parameters
     ----------
     force : float
-        F_h in N; N(A) is of the force that holds the motion back, ahead of it by up to a quarter turn.
+        Force F_h, N. N(A) describes the force that opposes the motion; its phase leads by up to a quarter turn.
     distance : float
-        x_h in m.
+        Characteristic distance x_h, m.
     """
 
     force: float
@@ -250,25 +250,26 @@ class BoucWen(DescribingFunction):
 
 @taking(map=function, amplitude=numbers)
 def describing_function(map: Callable[[Array], Array], amplitude: ArrayLike) -> Complex:
-    """Describing function of a static map, by adaptive quadrature that finds its kinks and jumps.
+    """Compute the describing function of a static map, by adaptive quadrature that locates kinks and jumps.
 
     Parameters
     ----------
     map : callable
-        Takes an array of inputs and returns as many outputs. A table is ``lambda x: numpy.interp(x, inputs,
-        outputs)``; a map about an operating point is ``lambda x: f(x0 + x)``.
+        Function from an array of inputs to an array of as many outputs. For a table use
+        ``lambda x: numpy.interp(x, inputs, outputs)``; for a map about an operating point, ``lambda x: f(x0 + x)``.
     amplitude : array_like
-        Of the sine, positive, in the input's unit.
+        Amplitude of the sine, positive, in the input's unit.
 
     Returns
     -------
     ndarray of complex, of the shape of the amplitude
-        Output unit by input unit; the first harmonic only, whatever mean and other harmonics there are.
+        First harmonic of the output divided by the amplitude, output unit by input unit; mean and other harmonics are
+        ignored.
 
     Raises
     ------
     ControlError
-        If an amplitude is not positive, or the map returns other than finite numbers of the shape of its input.
+        If an amplitude is not positive, or the map does not return finite numbers of the shape of its input.
     """
     sizes = np.asarray(amplitude, dtype=np.float64)
     if not (np.all(sizes > 0.0) and np.isfinite(sizes).all()):
@@ -324,32 +325,32 @@ def _harmonic(map: Callable[[Array], Array], size: float) -> float:
 def describing_function_of_run(
     run: Callable[[Array, float], Array], amplitude: float, omega: float, *, samples: int = 4096, periods: int = 4
 ) -> complex:
-    """Describing function of something with memory, by running it on a sine until it repeats.
+    """Compute the describing function of a system with memory, by simulating it on a sine until it repeats.
 
     Parameters
     ----------
     run : callable
-        Takes sampled inputs of shape (n,) and their spacing in s, and returns the outputs, shape (n,): a simulation.
+        Simulation: a function from sampled inputs, shape (n,), and their spacing in s to the outputs, shape (n,).
     amplitude : float
-        Of the sine, positive, in the input's unit.
+        Amplitude of the sine, positive, in the input's unit.
     omega : float
         Angular frequency, rad/s.
     samples : int
-        In a period. The harmonic of sampled values is right to their inverse at jumps, to their inverse squared at
-        kinks.
+        Number of samples in a period. The error of the harmonic falls with their inverse at jumps, and with the square
+        of their inverse at kinks.
     periods : int
-        To run; the last one counts.
+        Number of periods to simulate; the last one is evaluated.
 
     Returns
     -------
     complex
-        Output unit by input unit.
+        First harmonic of the output divided by the amplitude, output unit by input unit.
 
     Raises
     ------
     ControlError
-        If amplitude or frequency are not positive, there are less than 8 samples or one period, or the outputs are
-        not finite or of another shape.
+        If amplitude or frequency are not positive, there are fewer than 8 samples or no period, or the outputs are not
+        finite or of another shape.
     """
     if not (amplitude > 0.0 and omega > 0.0 and samples >= 8 and periods >= 1):
         raise ControlError("it takes a positive amplitude and frequency, 8 samples in a period and a period")

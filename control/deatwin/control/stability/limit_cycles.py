@@ -30,16 +30,17 @@ _SAME = 1e-6  # cycles whose amplitudes and frequencies differ by less, relative
 
 @dataclass(frozen=True, kw_only=True)
 class LimitCycle:
-    """An oscillation that the loop may sustain.
+    """A predicted limit cycle of the loop.
 
     Parameters
     ----------
     amplitude : float
-        Of the sine at the input of the nonlinearity, in its unit.
+        Amplitude of the sine at the input of the nonlinearity, in its unit.
     frequency_Hz : float
-        Hz.
+        Frequency, Hz.
     stable : bool
-        Whether the loop returns to it (Loeb's criterion); a loop leaves an unstable one, inwards to rest or outwards.
+        True if the loop returns to the cycle after a disturbance (Loeb's criterion). A loop leaves an unstable one,
+        inwards to rest or outwards.
     """
 
     amplitude: float = field(metadata=variable(about="of the sine at the input of the nonlinearity"))
@@ -49,20 +50,20 @@ class LimitCycle:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LimitCycles(Described, Sequence[LimitCycle]):
-    """The limit cycles of a loop, by rising amplitude; a sequence.
+    """Sequence of the predicted limit cycles of a loop, by increasing amplitude.
 
     Parameters
     ----------
     cycles : tuple of LimitCycle
-        Empty where none is predicted.
+        Predicted limit cycles; empty if there are none.
     omega : ndarray, shape (n_omega,)
-        Where it was looked, rad/s.
+        Angular frequencies of the search, rad/s.
     loop : ndarray of complex, shape (n_omega,)
-        L there.
+        Loop response L at these frequencies.
     amplitudes : ndarray, shape (n_amplitudes,)
-        Where it was looked, in the unit of the nonlinearity's input.
+        Amplitudes of the search, in the unit of the nonlinearity's input.
     describing : ndarray of complex, shape (n_amplitudes,)
-        N there, at the frequency of the first cycle, or of the middle of the band.
+        Describing function N at these amplitudes, at the frequency of the first cycle, or of the middle of the band.
     """
 
     cycles: tuple[LimitCycle, ...] = field(metadata=table_along("cycle", kind=LimitCycle))
@@ -93,16 +94,12 @@ class LimitCycles(Described, Sequence[LimitCycle]):
         return iter(self.cycles)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the Nyquist curve of L and -1/N(A); they meet at the limit cycles.
+        """Plot the Nyquist curve of L and -1/N(A), which meet at the limit cycles.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         moves = self.describing != 0.0
@@ -156,33 +153,35 @@ def limit_cycles(
     amplitudes: ArrayLike,
     omegas: ArrayLike,
 ) -> LimitCycles:
-    """Solve ``1 + N(A, w) L(e^{jwh}) = 0``, the loop under negative feedback.
+    """Predict limit cycles by solving ``1 + N(A, w) L(e^{jwh}) = 0``, the loop under negative feedback.
 
-    Cells of the grid of amplitudes and frequencies in whose corners both the gain and the phase of -NL pass 1 are
-    refined by Newton's method on its logarithm.
+    In each cell of the grid of amplitudes and frequencies over which -NL passes 1 in both gain and phase, Newton's
+    method on its logarithm refines the solution.
 
     Parameters
     ----------
     loop_numerator, loop_denominator : array_like, shapes (n_b,) and (n_a,)
-        The linear part of the loop, coefficients of z^0, z^-1, ...; with N it has no unit.
+        Coefficients of z^0, z^-1, ... of the linear part of the loop; its product with N is dimensionless.
     sample_time : float
-        h in s.
+        Sampling time h, s.
     describing_function : callable
-        Takes amplitudes and angular frequencies that broadcast, and returns N.
+        Function that returns N for arrays of amplitudes and angular frequencies that broadcast.
     amplitudes : array_like, shape (n_amplitudes,)
-        Increasing and positive, in the unit of the nonlinearity's input. Two cycles in a cell may be taken for one.
+        Amplitudes of the search, increasing and positive, in the unit of the nonlinearity's input. Two cycles in one
+        cell may be found as one.
     omegas : array_like, shape (n_omega,)
-        Increasing and positive, rad/s, up to half the sampling rate.
+        Angular frequencies of the search, increasing and positive, up to half the sampling rate, rad/s.
 
     Returns
     -------
     LimitCycles
-        As trustworthy as the loop is good at filtering the harmonics: the first is taken for the whole oscillation.
+        Predicted cycles. They are only as reliable as the loop is good at filtering harmonics, because the method
+        neglects all but the first.
 
     Raises
     ------
     ControlError
-        If amplitudes or frequencies are fewer than two, not increasing or out of range.
+        If there are fewer than two amplitudes or frequencies, or they do not increase or are out of range.
 
     References
     ----------
@@ -277,6 +276,7 @@ def _tangent(
     logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
 ) -> tuple[Complex, tuple[Complex, Complex], Array]:
     """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle."""
+    # With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order.
     slopes = []
     for row in (0, 1):
         ends = []

@@ -27,7 +27,7 @@ Loop = Callable[[Array], Complex]
 _LOWEST = 1e-6
 """rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate, as in `margins`."""
 _POINTS = 400
-"""Of the grid's logarithmic and of its linear part: 60 a decade, and 0.45° a step."""
+"""Points in the logarithmic and in the linear part of the grid: 60 a decade, and 0.45° a step."""
 _NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03, 30.0, 40)])
 """Points about a pole, in its widths: a resonance turns by half a circle within some of them."""
 _DIVIDED, _ROUNDS = 16, 12
@@ -143,7 +143,7 @@ def _gain_crossings(loop: Loop, angle: Array, value: Complex) -> Array:
 
 
 def _crossings(function: Callable[[Array], Array], angle: Array, value: Array) -> Array:
-    """Where a function changes its sign."""
+    """Angles at which a function changes its sign."""
     at = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0.0)
     low, high, sign = angle[at], angle[at + 1], np.sign(value[at])
     shares = np.linspace(0.0, 1.0, _DIVIDED + 1)

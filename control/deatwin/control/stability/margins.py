@@ -20,17 +20,17 @@ _POLE = 1e3  # a loop of more gain over a denominator that is rounding has a pol
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins:
-    """Margins of loops; each is zero where the closed loop is unstable.
+    """Margins of loops; each margin is zero if the closed loop is unstable.
 
     Parameters
     ----------
     gain : ndarray, shape (...)
-        Least factor by which the loop gain may grow or shrink before the closed loop turns unstable, at least
-        1; infinite without a phase crossing.
+        Least factor by which the loop gain may grow or shrink before the closed loop becomes unstable, at least 1;
+        infinite without a phase crossing.
     phase_deg : ndarray, shape (...)
         Least change of phase, in degrees, that brings a gain crossing to -180°; infinite without a crossing.
     delay : ndarray, shape (...)
-        Least further delay that does so, s; infinite without a crossing.
+        Least additional delay that does so, s; infinite without a crossing.
     crossover : ndarray, shape (...)
         Highest frequency at which the loop gain is one, rad/s; 0 without such a frequency.
     disk : ndarray, shape (...)
@@ -39,7 +39,7 @@ class Margins:
     modulus : ndarray, shape (...)
         1/max|S|, least distance of the locus of L from -1, dimensionless.
     stable : ndarray of bool, shape (...)
-        Whether all closed-loop poles lie inside the unit circle.
+        True if all closed-loop poles lie inside the unit circle.
     """
 
     gain: Array
@@ -56,7 +56,7 @@ class Margins:
 
     @property
     def disk_gain(self) -> Array:
-        """Factor by which the gain may grow or shrink within the disk, shape (...): infinite from a disk of 2 on."""
+        """Factor by which the gain may change within the disk, shape (...); infinite for a disk margin of 2 or more."""
         return np.divide(2.0 + self.disk, 2.0 - self.disk, out=np.full(self.disk.shape, np.inf), where=self.disk < 2.0)
 
     @property
@@ -69,25 +69,25 @@ class Margins:
 def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) -> Margins:
     """Compute the margins of loops ``L(z) = numerator / denominator`` under negative feedback.
 
-    The polynomials of a family of models and of controllers are multiplied by `in_series`.
+    Use `in_series` to multiply the polynomials of models and controllers.
 
     Parameters
     ----------
     numerators, denominators : array_like, shapes (..., n_b) and (..., n_a)
         Coefficients of z^0, z^-1, ... of dimensionless loops; the leading axes broadcast against each other.
     sample_time : float
-        s.
+        Sampling time, s.
 
     Returns
     -------
     Margins
-        Of the shape of the leading axes, (1,) for one loop. Crossings within 1e-6 rad a sample of 0 Hz and of half
-        the sampling rate are not looked for; the two frequencies themselves are.
+        Margins with the shape of the leading axes, (1,) for one loop. Crossings within 1e-6 rad per sample of 0 Hz or
+        half the sampling rate are not searched for; these two frequencies themselves are evaluated.
 
     Raises
     ------
     ControlError
-        If a coefficient is not finite, a denominator is zero, or the sample time is not positive.
+        If a coefficient is not finite, a denominator is zero, or the sampling time is not positive.
 
     References
     ----------
@@ -127,13 +127,15 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
 
 
 def _with_ends(places: Places, count: int) -> Places:
-    """At 0 Hz and at half the sampling rate every loop is real."""
+    """Add 0 Hz and half the sampling rate, where every loop is real."""
     loops = np.arange(count)
     return places + Places(loops=loops, angle=np.zeros(count)) + Places(loops=loops, angle=np.full(count, np.pi))
 
 
 def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
     """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain."""
+    # With slow lags close together the last digits of a denominator are rounding; a margin without such crossings would
+    # be unsafe.
     values, sizes, above_rounding = [], [], []
     for polynomial in (top, bottom):
         columns = np.ascontiguousarray(polynomial[places.loops].T)

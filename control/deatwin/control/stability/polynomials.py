@@ -18,7 +18,7 @@ _NEAR = 1e-5
 
 @taking(first=numbers, second=numbers)
 def in_series(first: ArrayLike, second: ArrayLike) -> Array:
-    """Multiply polynomials, a family by a family or by one.
+    """Multiply polynomials: one family by another, or by a single polynomial.
 
     Parameters
     ----------
@@ -28,11 +28,12 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape (..., n + m - 1)
+        Coefficients of the products.
 
     Raises
     ------
     ControlError
-        If they are no real numbers, or their leading axes do not fit together.
+        If the coefficients are not real numbers, or their leading axes do not fit together.
     """
     left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
     lead = _lead(left, right)
@@ -86,9 +87,11 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
-    """Whether all poles of closed loops lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
+    """True where all closed-loop poles lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
     returns (n,).
     """
+    # Schur and Cohn's recursion decides, for polynomials shrunk and grown a little too; where they disagree,
+    # eigenvalues decide.
     closed = numerators + denominators
     posed = np.abs(closed[:, 0]) > 64 * np.finfo(float).eps * (np.abs(numerators[:, 0]) + np.abs(denominators[:, 0]))
     closed = closed / np.where(posed, closed[:, 0], 1.0)[:, None]

@@ -29,10 +29,11 @@ def _few_steps(ratio: float) -> float:
 
 
 def _many_steps(ratio: Array) -> Array:
-    r"""The same, of many steps: a midpoint sum, whose error stems from the root at the sine's peak alone.
+    r"""Gain for many steps: a midpoint sum, whose only error comes from the root at the sine's peak.
 
     .. math:: N = 1 + \frac{4 \sqrt 2}{\pi} (r^{-3/2} \zeta(-1/2, a) - r^{-5/2} \zeta(-3/2, a)/4 - ...)
     """
+    # The truncation error is below 1e-3 r^(-7/2): 1e-17 from 1e4 steps on.
     last = ratio + 0.5 - np.floor(ratio + 0.5)
     off = ratio**-1.5 * _hurwitz(-0.5, last) - 0.25 * ratio**-2.5 * _hurwitz(-1.5, last)
     return np.asarray(1.0 + 4.0 * np.sqrt(2.0) / np.pi * off)

@@ -29,18 +29,18 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Frozen):
-    """The equilibria of a model at a constant input, and the one the data are near.
+    """Equilibria of a model under a constant input, and the one near the data.
 
     Parameters
     ----------
     operating_input : ndarray, shape (n_inputs,)
-        The constant input in the inputs' units.
+        Constant inputs, in their units.
     outputs : ndarray, shape (n_equilibria,)
         All real equilibria, increasing, in the output's unit.
     stable : ndarray of bool, shape (n_equilibria,)
-        Whether the linear part at each has all its poles inside the unit circle.
+        True if all poles of the linear part at the equilibrium lie inside the unit circle.
     chosen : int
-        The one that the training data are near.
+        Index of the equilibrium near the training data.
     """
 
     operating_input: Array
@@ -50,27 +50,27 @@ class Equilibrium(Frozen):
 
     @property
     def output(self) -> float:
-        """The chosen equilibrium in the output's unit."""
+        """Output at the chosen equilibrium, in its unit."""
         return float(self.outputs[self.chosen])
 
     @property
     def is_stable(self) -> bool:
-        """Whether the chosen equilibrium is stable."""
+        """True if the chosen equilibrium is stable."""
         return bool(self.stable[self.chosen])
 
 
 def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> Equilibrium:
-    """Find all real equilibria of a model at a constant input.
+    """Find all real equilibria of a model under a constant input.
 
-    The one the data are near is followed from the centre of the training data to the operating input; a model
-    without training data is taken to be at zero output for zero input.
+    The equilibrium near the data is followed from the centre of the training data to the operating input; a model
+    without training data is assumed to have zero output under zero input.
 
     Parameters
     ----------
     model : NarxModel
-        The model.
+        Identified model.
     operating_input : array_like, shape () or (n_inputs,), optional
-        Constant input in the inputs' units; the centre of the training data by default.
+        Constant inputs, in their units; the centre of the training data by default.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
     Raises
     ------
     ModelError
-        If there is no real equilibrium, every output is one, or the coefficients overflow.
+        If there is no real equilibrium, every output is an equilibrium, or the coefficients overflow.
     """
     target = operating_input_of(model, operating_input)
     roots = _real_equilibria(model, target)
@@ -117,7 +117,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
     sizes[1] += 1.0
-    # In units of the data no coefficient is large only because metres are; what cancels to rounding is zero.
+    # Coefficients in units of the data do not depend on the choice of units; those that cancel to rounding are zero.
     scale = 1.0 if model.operating is None else _output_size(model)
     powers = scale ** np.arange(coefficients.size)
     scaled, sizes = coefficients * powers, sizes * powers
@@ -157,7 +157,7 @@ class Deviations(Frozen):
 
     model: NarxModel
     jacobian: Array
-    point: Equilibrium  # From where they deviate
+    point: Equilibrium  # Origin of the deviations
 
     def seen(self, recording: Recording) -> Recording:
         """Return a recording as deviations from the equilibrium."""
@@ -168,28 +168,28 @@ class Deviations(Frozen):
 def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> NarxModel:
     """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
-    The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the
-    constant vanishes. (Deleting the constant instead is wrong whenever the model has nonlinear terms.) The
-    free run of the result equals that of the original. The covariance is carried over to first order, the
-    motion of the equilibrium with the parameters included.
+    The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the constant
+    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the result
+    equals that of the original. The covariance is propagated to first order, including the shift of the equilibrium
+    with the parameters.
 
     Parameters
     ----------
     model : NarxModel
-        The model.
+        Identified model.
     operating_input : array_like, shape () or (n_inputs,), optional
-        Constant input ubar in the inputs' units; the centre of the training data by default.
+        Constant inputs ubar, in their units; the centre of the training data by default.
 
     Returns
     -------
     NarxModel
-        Without a constant; its ``operating`` range is that of the deviations, with its centre at 0.
+        Model without a constant; its ``operating`` range is that of the deviations, centred at 0.
 
     Raises
     ------
     ModelError
-        If the model has no equilibrium there, it integrates, two equilibria meet, the coefficients overflow, or no
-        term is left.
+        If the model has no equilibrium there, it integrates, two equilibria coincide, the coefficients overflow, or no
+        term remains.
     """
     return deviations(model, operating_input).model
 

@@ -32,37 +32,36 @@ def direct_output(
     operating_input: ArrayLike | None = None,
     most: int = 3_000_000,
 ) -> FrequencyResponse:
-    """Sum the n-th order of the output over the combinations of the input's lines that reach each line.
+    """Compute the n-th order of the output by summing over all combinations of input lines.
 
-    Y_n(k) = sum of H_n(w_k1, ..., w_kn) U(k1) ... U(kn) over all k1 + ... + kn = k, lines of negative frequency
-    included; in discrete time the sum counts modulo the number of samples, beyond half the sampling rate it folds
-    back. `output_orders` gives the same by products in the time domain, far faster; this sum uses nothing but the
-    frequency response and is there to check it, and for inputs of few lines.
+    Y_n(k) = sum of H_n(w_k1, ..., w_kn) U(k1) ... U(kn) over all k1 + ... + kn = k, including lines of negative
+    frequency; in discrete time the sum is taken modulo the number of samples, so frequencies beyond half the sampling
+    rate fold back. `output_orders` gives the same result by products in the time domain, much faster. This sum uses
+    only the frequency response: it serves as a check, and for inputs with few lines.
 
     Parameters
     ----------
     model : NarxModel
         Model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int
-        n, from 1 to 8.
+        Order n, from 1 to 8.
     operating_input : float, optional
-        Constant input about which the model is expanded, in the input's unit; the centre of the training data by
-        default.
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
     most : int
-        Combinations beyond which an error is raised instead; three million take some seconds at order 3.
+        Largest number of combinations; more raise an error. Three million take some seconds at order 3.
 
     Returns
     -------
     FrequencyResponse
-        Y_n as `output_orders` returns it.
+        Spectrum Y_n in the form of `output_orders`.
 
     Raises
     ------
     ModelError
-        As `output_orders`, or if the input's lines have too many combinations.
+        For the reasons given in `output_orders`, or if the input's lines have too many combinations.
 
     References
     ----------
@@ -105,7 +104,7 @@ class _Sum:
     """The sum over all multisets of excited lines."""
 
     spectrum: Complex
-    lines: NDArray[np.intp]  # Those that are excited
+    lines: NDArray[np.intp]  # Excited lines
     order: int  # Size of the multisets
 
     def over(self, response: Callable[[NDArray[np.float64]], Complex], shape: tuple[int, ...]) -> Complex:
@@ -130,7 +129,7 @@ class _Sum:
 
 
 def _permutations(rows: NDArray[np.intp]) -> NDArray[np.float64]:
-    """In how many orders each sorted row can be written: n! by the factorials of how often each line comes."""
+    """Number of permutations of each sorted row: n! divided by the factorials of the multiplicities."""
     run, repeats = np.ones(len(rows)), np.ones(len(rows))
     for earlier, later in zip(rows.T, rows.T[1:], strict=False):
         run = np.where(earlier == later, run + 1, 1.0)

@@ -32,14 +32,14 @@ def plot_response(response: FrequencyResponse, ax: Axes | None = None) -> Axes:
 
 
 def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
-    """Draw gain and phase over frequency, each with its 95 % band.
+    """Plot gain and phase over frequency, each with its 95 % band.
 
     Parameters
     ----------
     response : FrequencyResponse
-        With one frequency for each value.
+        Response with one frequency for each value.
     axes : sequence of two matplotlib Axes, optional
-        For gain and phase; new ones otherwise.
+        Axes for gain and phase; new ones by default.
 
     Returns
     -------

@@ -27,21 +27,21 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Parameters
     ----------
     model : LinearModel
-        ARX, ARMAX, output error or Box-Jenkins.
+        ARX, ARMAX, output-error or Box-Jenkins model.
     omega : array_like, shape (n,)
-        Angular frequency in rad/s, up to half the sampling rate on either side.
+        Angular frequencies, rad/s, between minus and plus half the sampling rate.
     channel : int
-        The input, from 0.
+        Index of the input, from 0.
 
     Returns
     -------
     FrequencyResponse
-        H_1 in output unit by input unit; its operating point is that of no input.
+        Response H_1, output unit by input unit; its operating point is zero input.
 
     Raises
     ------
     ModelError
-        If there is no such input, or the frequencies are not real numbers up to half the sampling rate.
+        If the model has no such input, or the frequencies are not real numbers in that range.
     """
     if not isinstance(model, LinearModel):
         raise ModelError(f"a {type(model).__name__} is no LinearModel; gfrf computes the responses of a NarxModel")

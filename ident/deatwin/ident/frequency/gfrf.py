@@ -32,35 +32,36 @@ def gfrf(
 ) -> FrequencyResponse:
     """Compute the generalised frequency response H_n of a model about an operating point.
 
-    The input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input makes n! H_n(w_1..w_n) A_1 ... A_n
-    e^(j(w_1+...+w_n)t) in the output, H_n being symmetric.
+    In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
+    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric.
 
     Parameters
     ----------
     model : NarxModel
         Model of one input and one output.
     order : int
-        n, from 1 to 8.
+        Order n, from 1 to 8.
     omega : array_like, shape (n,) for order 1, else (n, order)
-        Angular frequencies in rad/s, each up to half the sampling rate on either side; see `frequency_grid`.
+        Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
     operating_input : float, optional
-        Constant input about which the model is expanded, in the input's unit; the centre of the training
-        data by default (0 when there is none, as after `remove_dc`).
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0 if
+        there is none, as after `remove_dc`).
     form : str
-        "symmetric" for the one that does not change with the order of the frequencies; "recursive" for the one of
-        the same mean over all permutations that the recursion of Peyton Jones and Billings gives.
+        "symmetric" for the response that does not depend on the order of the frequencies; "recursive" for the result of
+        the recursion of Peyton Jones and Billings, which has the same mean over all permutations.
 
     Returns
     -------
     FrequencyResponse
-        In output unit by power n of the input unit, with its covariance from that of the parameters.
+        Response H_n, output unit by the n-th power of the input unit, with the covariance that follows from the
+        parameters.
 
     Raises
     ------
     ModelError
         If the order or the form is not available; if the model has several inputs or outputs, noise terms or no
-        equilibrium; if the frequencies are not real numbers of that shape up to half the sampling rate; or if some of
-        them add to that of a pole on the unit circle.
+        equilibrium; if the frequencies are not real numbers of that shape in that range; or if some of them add up to
+        the frequency of a pole on the unit circle.
 
     References
     ----------
@@ -92,17 +93,17 @@ def gfrf(
 
 
 def frequency_grid(*axes: ArrayLike) -> Array:
-    """Return all combinations of frequencies, the last running fastest.
+    """Return all combinations of frequencies, with the last frequency varying fastest.
 
     Parameters
     ----------
     *axes : array_like, shape (n_i,)
-        Frequencies of each tone, rad/s.
+        Angular frequencies of each tone, rad/s.
 
     Returns
     -------
     ndarray, shape (n_1 n_2 ..., number of axes)
-        As `gfrf` takes them.
+        Combinations, in the form that `gfrf` takes.
 
     Raises
     ------

@@ -19,22 +19,22 @@ _ROUNDING = 4 * np.finfo(float).eps
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearPart(Frozen):
-    """The linear part about an equilibrium: v(k) = sum_l a_l v(k-l) + sum_l b_l w(k-l).
+    """Linear part of a model about an equilibrium: v(k) = sum_l a_l v(k-l) + sum_l b_l w(k-l).
 
     Parameters
     ----------
     output_lags : ndarray of int, shape (n_a,)
-        Lags of v in samples.
+        Lags of v, samples.
     a : ndarray, shape (n_a,)
         Coefficients of v.
     input_lags : ndarray of int, shape (n_b,)
-        Lags of w in samples.
+        Lags of w, samples.
     b : ndarray, shape (n_b,)
         Coefficients of w, output unit by input unit.
     input_index : ndarray of int, shape (n_b,)
-        Input that each coefficient belongs to.
+        Index of the input that each coefficient belongs to.
     a_theta, b_theta : ndarray, shape (n_a, n_terms) and (n_b, n_terms)
-        Derivatives with respect to the model's parameters; the equilibrium moves along.
+        Derivatives with respect to the model's parameters, including the shift of the equilibrium.
     """
 
     output_lags: NDArray[np.int64]
@@ -52,7 +52,7 @@ class LinearPart(Frozen):
 
     @property
     def is_stable(self) -> bool:
-        """Whether all poles lie inside the unit circle."""
+        """True if all poles lie inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1.0))
 
 
@@ -74,11 +74,11 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Parameters
     ----------
     model : NarxModel
-        The model.
+        Identified model.
     operating_input : array_like, shape () or (n_inputs,)
-        Constant input in the inputs' units.
+        Constant inputs, in their units.
     output : float
-        Equilibrium output there, in the output's unit.
+        Output at the equilibrium, in its unit.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Raises
     ------
     ModelError
-        If the model integrates or two equilibria meet there, so that the equilibrium has no derivative; or if the
+        If the model integrates or two equilibria coincide there, so that the equilibrium has no derivative; or if the
         coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
@@ -154,6 +154,8 @@ def motion(model: NarxModel, values: Array) -> Array:
     """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `values`
     (n_variables,); returns (n_terms,).
     """
+    # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
+    # rounding.
     a = feedback(model, values)[1]
     terms, stiffness = model.table.at(values), 1.0 - float(a.sum())
     degrees, curvature = _along_output(model, values)

@@ -137,6 +137,7 @@ def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> t
     """Follow the equilibrium from the model's parameters to others by Newton's method. Shapes: `thetas` (n_draws,
     n_terms); returns (n_draws,); returns (n_draws,).
     """
+    # A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
     weights = model.table.at(np.where(is_output, 1.0, levels(model, point.operating_input, 0.0)))

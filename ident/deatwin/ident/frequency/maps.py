@@ -36,14 +36,15 @@ def plot_map(response: FrequencyResponse, axes: Axes) -> Axes:
 
 
 def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
-    """Draw the gain over a grid of two frequencies as a surface in dB.
+    """Plot the gain over a grid of two frequencies as a surface, in dB.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Of order 2 or more on a grid, see `frequency_grid`; as for `plot_response`, further frequencies are held.
+        Response of order 2 or more on a grid, see `frequency_grid`. Frequencies beyond the second are held constant, as
+        in `plot_response`.
     ax : matplotlib 3-D Axes, optional
-        Where to draw; new axes otherwise.
+        Axes to draw on; new ones by default.
 
     Returns
     -------
@@ -52,7 +53,7 @@ def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
     Raises
     ------
     ModelError
-        If the points make no grid, or the axes are not three-dimensional.
+        If the points do not form a grid, or the axes are not three-dimensional.
     """
     plane = _middle_slice(response)
     grid = _grid(plane)
@@ -74,16 +75,16 @@ def plot_surface(response: FrequencyResponse, ax: Any | None = None) -> Any:
 def plot_slices(
     response: FrequencyResponse, held_Hz: Sequence[ArrayLike] | None = None, axes: Sequence[Axes] | None = None
 ) -> list[Axes]:
-    """Draw slices of a response of three frequencies or more side by side, with one scale of colours.
+    """Plot slices of a response of three or more frequencies side by side, with a common colour scale.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Of order 3 or more, on a grid.
+        Response of order 3 or more, on a grid.
     held_Hz : sequence of float, or of array_like of shape (order - 2,), optional
-        For each slice the frequencies held, in Hz; up to six, spread over those that there are, by default.
+        Frequencies held constant in each slice, Hz; by default up to six slices spread over the available frequencies.
     axes : sequence of matplotlib Axes, optional
-        One for each slice; new ones otherwise.
+        One matplotlib Axes for each slice; new ones by default.
 
     Returns
     -------
@@ -92,7 +93,7 @@ def plot_slices(
     Raises
     ------
     ModelError
-        If there is nothing to hold, a slice is no grid, or the axes are not as many as the slices.
+        If no frequency can be held, a slice is not a grid, or the number of axes is not that of the slices.
     """
     _require_more_than_two(response)
     wanted = _spread(response) if held_Hz is None else list(held_Hz)
@@ -122,24 +123,24 @@ def plot_slices(
 
 
 def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyResponse:
-    """Return the points of a response whose frequencies after the second are those nearest to given ones.
+    """Return the points of a response at which all frequencies after the second are nearest to given ones.
 
     Parameters
     ----------
     response : FrequencyResponse
-        Of order 3 or more.
+        Response of order 3 or more.
     held_Hz : float, or array_like of shape (order - 2,)
-        Frequencies to hold, in Hz.
+        Frequencies to hold constant, Hz.
 
     Returns
     -------
     FrequencyResponse
-        Of the same order, with fewer points.
+        Response of the same order, with fewer points.
 
     Raises
     ------
     ModelError
-        If the order is below 3, or the frequencies are not as many numbers as there are to hold.
+        If the order is below 3, or the number of frequencies is not order - 2.
     """
     _require_more_than_two(response)
     held = np.atleast_1d(real_numbers(held_Hz, "held_Hz"))
@@ -176,7 +177,7 @@ def _grid(response: FrequencyResponse) -> _Grid | None:
 
 
 def _is_slice(response: FrequencyResponse) -> bool:
-    """Whether the frequencies after the second do not change."""
+    """True if the frequencies after the second are constant."""
     return response.omega.ndim == 2 and bool(np.all(response.omega[:, 2:] == response.omega[:1, 2:]))
 
 

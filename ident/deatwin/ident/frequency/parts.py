@@ -1,4 +1,4 @@
-"""What the equations of the parts are solved on: sets of tones, runs of tones, and orders of a periodic output."""
+"""Domains on which the equations are solved: sets of tones, runs of tones, and orders of a periodic output."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many round
 class Tones:
     """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order)."""
 
+    # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
+
     def __init__(self, angles: Array) -> None:
         self._take(list(angles.T))
 
@@ -41,7 +43,7 @@ class Tones:
 
     @property
     def repeats(self) -> int:
-        """How often H_n is in the part of all tones."""
+        """Multiplicity of H_n in the component of all tones."""
         return factorial(self.count)
 
     @cached_property
@@ -94,7 +96,7 @@ class TonesInOrder(Tones):
 
     @property
     def repeats(self) -> int:
-        """How often H_n is in the part of all tones."""
+        """Multiplicity of H_n in the component of all tones."""
         return 1
 
     @cached_property
@@ -113,7 +115,7 @@ class TonesInOrder(Tones):
 
 
 FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrder}
-"""Of a frequency response of several frequencies."""
+"""Forms of a frequency response of several frequencies."""
 
 
 class Orders:

@@ -20,11 +20,11 @@ class Removal:
     """A model before and after its DC component is removed, with free runs over a held-out section."""
 
     model: NarxModel
-    shifted: Deviations  # From the equilibrium at the mean of the training commands
+    shifted: Deviations  # Model about the equilibrium at the mean of the training commands
     section: Recording
     run: Array
     shifted_run: Array
-    deleted_run: Array  # With nothing but the constant left out
+    deleted_run: Array  # Free run with only the constant left out
 
     @property
     def error(self) -> float:

@@ -33,7 +33,7 @@ LINEAR_LAW = 4.0
 
 
 class FrequencyStatus(Enum):
-    """Whether a frequency response can be observed; the value is the advice."""
+    """Stability of the operating point of a frequency response; the value is the advice."""
 
     OK = "the operating point is stable"
     UNSTABLE = (
@@ -43,33 +43,33 @@ class FrequencyStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the operating point is stable."""
+        """True if the operating point is stable."""
         return self is FrequencyStatus.OK
 
     @classmethod
     def at(cls, point: Equilibrium) -> FrequencyStatus:
-        """The status of an operating point.
+        """Return the status of an operating point.
 
         Parameters
         ----------
         point : Equilibrium
-            The chosen equilibrium counts.
+            Equilibria at the operating point; the chosen one decides.
         """
         return cls.OK if point.is_stable else cls.UNSTABLE
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Band(Frozen):
-    """A pointwise confidence band of the gain.
+    """Pointwise confidence band of the gain.
 
     Parameters
     ----------
     level : float
         Probability at each frequency.
     low, high : ndarray, shape (n,)
-        Limits in the response's unit.
+        Limits, in the response's unit.
     linear_law : ndarray of bool, shape (n,)
-        Whether the gain is far enough from zero for the linear law to hold there.
+        True if the gain is far enough from zero for the linear law to hold.
     """
 
     level: float
@@ -96,32 +96,32 @@ class Pointwise(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Described, Frozen):
-    """A complex quantity over frequency at an operating point: H_n, G_n or Y_n.
+    """Complex quantity over frequency at an operating point: H_n, G_n or Y_n.
 
     Parameters
     ----------
     symbol : str
-        "H", "G" or "Y".
+        Symbol "H", "G" or "Y".
     order : int
-        Its order n; 0 for the sum of all orders.
+        Order n; 0 for the sum of all orders.
     values : ndarray of complex, shape (n,)
-        In ``unit``.
+        Complex values, in ``unit``.
     omega : ndarray, shape (n,), or (n, order) for H_n of order 2 and more
-        Angular frequency in rad/s.
+        Angular frequencies, rad/s.
     point : Equilibrium
-        The operating point.
+        Operating point.
     status : FrequencyStatus
-        Whether it is stable.
+        Status that says whether the operating point is stable.
     unit : str
         Unit of the values.
     theta_cov : ndarray, shape (n_terms, n_terms)
-        Covariance of the parameters of the model.
+        Covariance of the model's parameters.
     differentiate : callable
-        Returns the derivative by these parameters, complex of shape (n, n_terms), the motion of the equilibrium
-        included; a `Pointwise` is called at no more points than are asked for.
+        Function that returns the derivative with respect to these parameters, complex, shape (n, n_terms), including
+        the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
     evaluate : callable, optional
-        Takes parameters of shape (n_draws, n_terms) and returns the response at all of them, an ``Evaluated``;
-        a `Pointwise` likewise.
+        Function from parameters of shape (n_draws, n_terms) to the response at all of them, an ``Evaluated``; a
+        `Pointwise` likewise.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
@@ -148,7 +148,7 @@ class FrequencyResponse(Described, Frozen):
 
     @cached_property
     def gradient(self) -> Complex:
-        """Derivative by the model's parameters, complex, shape (n, n_terms); computed when first asked for."""
+        """Derivative with respect to the model's parameters, complex, shape (n, n_terms); computed on first use."""
         gradient = self.differentiate()
         gradient.setflags(write=False)
         return gradient
@@ -165,12 +165,12 @@ class FrequencyResponse(Described, Frozen):
         Parameters
         ----------
         chosen : ndarray of bool, shape (n,), or of int, shape (n_chosen,), or slice
-            Which.
+            Mask, indices or slice of the points to keep.
 
         Returns
         -------
         FrequencyResponse
-            With derivatives and values at other parameters at these points.
+            Response with derivatives and values at other parameters restricted to these points.
         """
         where = np.arange(self.values.size)[chosen]
         derive, many = self.differentiate, self.evaluate
@@ -191,7 +191,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequency in Hz, of the shape of ``omega``."""
+        """Frequencies, Hz, of the same shape as ``omega``."""
         return self.omega / (2 * np.pi)
 
     @property
@@ -201,7 +201,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def phase_deg(self) -> Array:
-        """Phase in degrees, shape (n,); unwrapped along the frequencies where there is one frequency to a value."""
+        """Phase, degrees, shape (n,); unwrapped along the frequencies if each value has a single frequency."""
         phase = np.angle(self.values)
         if self.omega.ndim == 1:
             known = np.isfinite(phase)
@@ -210,14 +210,14 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,): the ellipse projected on the direction of the value."""
+        """Standard deviation of the gain, shape (n,): the ellipse projected onto the direction of the value."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
-        """Standard deviation of the phase in degrees, shape (n,): that across the direction, by the gain.
+        """Standard deviation of the phase, degrees, shape (n,): that across the direction of the value, by the gain.
 
-        To first order, as that of the gain; infinite where the gain is zero and uncertain.
+        It holds to first order, like that of the gain; it is infinite if the gain is zero and uncertain.
         """
         across = self._deviation(1j * self._direction)
         ratio = np.full(across.shape, np.inf)
@@ -243,20 +243,16 @@ class FrequencyResponse(Described, Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
 
-        The parameters are taken as normal, or Student-t where ``theta_dof`` is finite, and the gain as linear in
-        them. That fails where the gain is not large against its uncertainty (the gain of a normal complex number near
-        zero is Rice-distributed): where it is less than four standard deviations of the longer axis of the ellipse,
-        ``linear_law`` is False. Whether the response itself is linear in the parameters is not asked here: `propagate`
-        does. The lower limit is never below zero.
+        The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. That
+        fails if the gain is not large compared with its uncertainty (the gain of a normal complex number near zero is
+        Rice-distributed): below four standard deviations of the longer axis of the ellipse, ``linear_law`` is False.
+        Use `propagate` to test whether the response itself is linear in the parameters. The lower limit is never below
+        zero.
 
         Parameters
         ----------
         level : float
             Probability at each frequency, between 0 and 1.
-
-        Returns
-        -------
-        Band
 
         Raises
         ------
@@ -272,19 +268,16 @@ class FrequencyResponse(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain: over frequency with its 95 % band, or over two frequencies as contours.
+        """Plot the gain: over frequency with its 95 % band, or over two frequencies as contours.
 
-        An order of three or more on a grid is drawn as a slice, over the first two frequencies with the others held;
-        points that make no grid are drawn as points. See `bode`, `plot_surface` and `plot_slices` too.
+        A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
+        others held constant; points that do not form a grid are plotted as points. See also `bode`, `plot_surface` and
+        `plot_slices`.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         from deatwin.ident.frequency.drawing import plot_response
 

@@ -31,33 +31,32 @@ def output_spectrum(
 ) -> FrequencyResponse:
     """Compute the spectrum of the output in the steady state of a periodic input, up to an order.
 
-    Y = Y_1 + ... + Y_N, where Y_n has the size of the input's n-th power.
+    The spectrum is Y = Y_1 + ... + Y_N, where Y_n is proportional to the n-th power of the input's size.
 
     Parameters
     ----------
     model : NarxModel
         Model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int
-        N, at least 1.
+        Highest order N, at least 1.
     operating_input : float, optional
-        Constant input about which the model is expanded, in the input's unit; the centre of the training data by
-        default.
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
 
     Returns
     -------
     FrequencyResponse
-        Y as Fourier coefficients, (1/n_samples) sum_k v(k) e^(-jwkT), in the output's unit, at all lines of the
-        period from 0 to half the sampling rate; v is the output's deviation from the equilibrium.
+        Fourier coefficients Y = (1/n_samples) sum_k v(k) e^(-jwkT), in the output's unit, at all lines of the period
+        from 0 to half the sampling rate; v is the output's deviation from the equilibrium.
 
     Raises
     ------
     ModelError
         If the order is not an integer, the model has several inputs or no equilibrium, the excitation is not a finite
-        period at the model's sample time or so large that an order overflows, or a line of it meets a pole on the unit
-        circle.
+        period at the model's sampling time or is so large that an order overflows, or one of its lines coincides with a
+        pole on the unit circle.
     """
     highest = whole_order(order)
     return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)
@@ -66,28 +65,29 @@ def output_spectrum(
 def output_orders(
     model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
 ) -> tuple[FrequencyResponse, ...]:
-    """Compute the spectra Y_1, ..., Y_N of the orders of the output.
+    """Compute the spectra Y_1, ..., Y_N of the orders of the output in the steady state of a periodic input.
 
     Parameters
     ----------
     model : NarxModel
-        As for `output_spectrum`.
+        Model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        As for `output_spectrum`.
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
     order : int
-        N, at least 1.
+        Highest order N, at least 1.
     operating_input : float, optional
-        As for `output_spectrum`.
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
 
     Returns
     -------
     tuple of FrequencyResponse, length N
-        As `output_spectrum` returns their sum.
+        Spectra Y_1, ..., Y_N, each in the form in which `output_spectrum` returns their sum.
 
     Raises
     ------
     ModelError
-        As `output_spectrum`.
+        For the reasons given in `output_spectrum`.
     """
     highest = whole_order(order)
     steady = _steady(model, excitation, operating_input, highest)

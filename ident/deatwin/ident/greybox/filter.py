@@ -26,8 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from deatwin.ident.greybox.filter_floor import Floor
-from deatwin.ident.greybox.filter_linear import Linear, linearise
+from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother
@@ -51,7 +50,7 @@ REFINEMENTS = 25
 class Opened:
     """A plant with one place opened, and how likely that makes the recordings."""
 
-    opening: Opening | None  # What is opened; None where nothing is
+    opening: Opening | None  # Place that is opened, if any
     amplitude: float  # Standard deviation of what enters once it has forgotten its start, SI
     memory: float  # Its correlation time, s
     log_likelihood: float
@@ -60,9 +59,9 @@ class Opened:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Latent:
-    """What entered a plant, smoothed: given all readings."""
+    """Smoothed estimate of the unknown input of a plant, given all readings."""
 
-    opening: Opening  # Where it enters
+    opening: Opening  # Place at which it enters
     timepts: Array  # shape (n,): Clock times at the ends of the samples, one part after another, s
     mean: Array  # shape (n,): Of what enters during each sample, SI (a number where it is a factor)
     deviation: Array
@@ -82,13 +81,13 @@ def filter_likelihood(
     amplitude: float = 0.0,
     memory: float = 1.0,
 ) -> Opened:
-    """How likely the readings are with one place opened."""
+    """Likelihood of the readings with one place opened."""
     terms = []
     for linear in linears:
         filtered = _filtered(linear, floor, opening, amplitude, memory)
         variance, innovation = filtered.innovation_variances[0], filtered.innovations[0]
         square = -0.5 * (np.log(2 * np.pi * variance) + innovation**2 / variance)
-        # Of a mean of some readings the innovation was scaled by the root of their number.
+        # The innovation of a mean of readings was scaled by the root of their number.
         terms.append(np.where(linear.counted, square + 0.5 * np.log(np.maximum(linear.counts, 1)), 0.0))
     values = np.concatenate(terms)
     return Opened(opening=opening, amplitude=amplitude, memory=memory, log_likelihood=float(values.sum()), terms=values)

@@ -37,8 +37,8 @@ SPREAD = 0.3
 class Linear:
     """A plant, linearised along its free run through one part of the recordings."""
 
-    plant: Plant  # That was linearised
-    openings: tuple[Opening, ...]  # What may be opened
+    plant: Plant  # Linearised plant
+    openings: tuple[Opening, ...]
     timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
     residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
     transition: Array  # shape (n, n_x, n_x): F_k, from the start of a sample to its end
@@ -50,26 +50,27 @@ class Linear:
     rows_entering: Array  # shape (n, n_openings): L_k
     states: Mapping[str, Array]
     counts: Array  # shape (n,): Readings of which `residual` is the mean: 1 or 0, more where samples were joined
-    interval: float  # From one of them to the next, s
+    interval: float  # Interval between samples, s
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """Whether a reading counts at the end of each sample, shape (n,)."""
+        """True where a reading is used at the end of a sample, shape (n,)."""
         return self.counts > 0
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Of x, in its order."""
+        """Names of the states x, in order."""
         return self.plant.equations.states
 
     @cached_property
     def prior(self) -> Array:
         """Variances of the constant parameters' coordinates, shape (n_p,)."""
+        # A parameter that may be zero has the width of its range as deviation; another, a share of its value.
         free = [self.plant.parameters[name] for name in self.plant.parameters.free]
         return np.array([_spread(parameter) ** 2 for parameter in free])
 
     def joined(self, size: int) -> Linear:
-        """The same, with so many samples joined into one, in which what enters is constant."""
+        """Model with several samples joined into one, in which the unknown input is constant."""
         if size == 1:
             return self
         n_x, n_p = self.start_by_parameter.shape
@@ -226,7 +227,7 @@ def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Columns:
-    """Which derivative stands in which column."""
+    """Columns of the derivatives."""
 
     free: list[int]
     held: list[int]
@@ -246,3 +247,33 @@ class _Columns:
 
     def entering(self, slopes: Array, reading_slopes: Array) -> tuple[Array, Array]:
         return slopes[:, :, self.openings], reading_slopes[:, self.openings]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Floor:
+    """Noise and model error that explain a residual with nothing opened."""
+
+    noise: float  # Standard deviation of the sensor's white noise, SI
+    model_error: float = 0.0  # Rms of the plant's own error in the reading, SI
+    memory: float = 1.0  # Correlation time of the model error, s
+
+    @classmethod
+    def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
+        """The floor of a plant: a static error moves as the motion does."""
+        rig = linears[0].plant.rig
+        memory = float(np.median([_correlation_time(linear) for linear in linears]))
+        return cls(noise=rig.noise if noise is None else noise, model_error=rig.model_error, memory=memory)
+
+
+def _correlation_time(linear: Linear) -> float:
+    """Correlation time of the states, weighted by their contribution to the reading, s."""
+    motion = sum(
+        (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),
+        start=np.zeros(linear.residual.size),
+    )
+    motion = motion - motion.mean()
+    if not motion.any():
+        return linear.interval
+    spectrum = np.abs(np.fft.rfft(motion, 2 * motion.size)) ** 2
+    correlation = np.fft.irfft(spectrum)[: motion.size]
+    return linear.interval * max(1, int(np.argmax(correlation < correlation[0] / np.e)))

@@ -1,4 +1,4 @@
-"""Where something unknown may enter a plant: signals that its rig declares, its parameters, its states."""
+"""Places at which an unknown input may enter a plant: signals that its rig declares, its parameters, its states."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STATE = "state"
 COMMAND = (Place.DRIVE.value, "command")
 READING = (Place.SENSOR.value, "reading")
 STIFFNESS, PERMITTIVITY = "stiffness", "permittivity"
-"""What may wander in a film: factors on the energy of its network and on its permittivity."""
+"""Properties of a film that may drift: factors on the energy of its network and on its permittivity."""
 LAST = (Place.SENSOR.value, Place.PARAMETER.value, STATE)
 """Places that stand behind those that the rig declares between drive and sensor, in this order."""
 
@@ -41,7 +41,7 @@ class Opening:
 
 
 def places(plant: Plant) -> tuple[Opening, ...]:
-    """What can be opened in a plant."""
+    """Places that can be opened in a plant."""
     declared = dict.fromkeys([COMMAND, *_heard(plant), READING])
     found = [
         *(Opening(place=place, signal=signal) for place, signal in declared),
@@ -122,7 +122,7 @@ class _Opened(Builder):
 
 
 def _with_command(equations: Equations, entering: Any) -> Equations:
-    """The same equations, of which the present command is another by what enters."""
+    """Equations whose present command has the unknown input added."""
     inputs = equations.held_inputs(0.0).size
     u, present = ca.SX.sym("u", inputs), ca.DM(np.eye(inputs)[0])
     x, z = ca.SX.sym("x", len(equations.states)), ca.SX.sym("z", len(equations.coordinates))

@@ -132,7 +132,7 @@ def _chained(slopes: Array, before: Array, first: int) -> Array:
 
 
 def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
-    """Of each result of the march for one sample, transposed."""
+    """Shape of each result of the march for one sample, transposed."""
     n_x, n_z = rest.x.size, rest.z.size
     return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
 
@@ -143,6 +143,6 @@ def _advanced(march: March, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
 
 
 def _solved(results: list[Array], count: int) -> int:
-    """How many of the first samples were solved."""
+    """Number of leading samples that were solved."""
     bad = ~((results[-1][:count, 0] <= SETTLED) & np.isfinite(results[3][:count, 0]))
     return int(np.argmax(bad)) if bad.any() else count

@@ -25,7 +25,7 @@ NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
 RANK = 1e-12
-"""Of the squares of singular values, over the largest one: a direction in which the readings change less is none."""
+"""Squares of singular values below this share of the largest one count as zero."""
 REMAINING = 10.0
 """Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
 A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
@@ -41,34 +41,34 @@ def _fitted(fit: Calibration) -> list[Parameter]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration(Described):
-    """A plant whose free parameters were fitted.
+    """Result of fitting a plant's free parameters.
 
     Parameters
     ----------
     plant : Plant
-        With the fitted values.
+        Plant with the fitted values.
     names : tuple of str
-        The fitted parameters.
+        Names of the fitted parameters.
     covariance : ndarray, shape (n, n)
-        Of the fitted coordinates, each in its parameter's `Scale`.
+        Covariance of the fitted coordinates, each in its parameter's `Scale`.
     residuals : ndarray, shape (m,)
-        Measured minus simulated at the samples that count, SI.
+        Measured minus simulated readings at the samples used, SI.
     jacobian : ndarray, shape (m, n)
-        Derivative of the simulated readings by the fitted coordinates, SI.
+        Derivative of the simulated readings with respect to the fitted coordinates, SI.
     status : FitStatus
-        How it ended.
+        Outcome of the fit.
     at_bound : tuple of str
-        Parameters that ended on a bound of their range.
+        Names of parameters that ended on a bound of their range.
     evaluations : int
-        Simulations made, over all starts.
+        Number of simulations, over all starts.
     starts : int
-        Points from which fits began.
+        Number of points from which fits began.
     agreed : int
-        From how many of them one ended with the same error as this one, the best.
+        Number of starts that ended with the same, least error.
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     fault : str
-        Why the plant cannot be simulated at its starting values; empty where it can.
+        Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
 
     plant: Plant
@@ -120,24 +120,24 @@ class Calibration(Described):
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals, SI; NaN where the plant could not be simulated."""
+        """Root mean square of the residuals, SI; NaN if the plant could not be simulated."""
         return float("nan") if not self.status.ok else float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
     def within_reach(self) -> float:
-        """Rms that is left, SI; of a fit that ran out of simulations, what its linear model would leave."""
+        """Rms residual, SI; for a fit that ran out of simulations, the value that its linear model would reach."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     @property
     def movable(self) -> np.ndarray:
-        """The Jacobian of what a refit may move, shape (m, k), SI: without parameters that ended on a bound."""
+        """Jacobian of the parameters that a refit may move, shape (m, k), SI: without those that ended on a bound."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property
     def undetermined(self) -> frozenset[str]:
-        """Parameters of which the readings say nothing, by themselves or because others do the same.
+        """Parameters that the readings do not determine, by themselves or because others have the same effect.
 
-        What counts is how the readings change when they go through their ranges.
+        The criterion is how much the readings change when a parameter moves through its range.
         """
         changes = self.jacobian * [_width(self.plant.parameters[name]) for name in self.names]
         squares, axes = np.linalg.eigh(changes.T @ changes)
@@ -147,7 +147,7 @@ class Calibration(Described):
 
     @property
     def given_up(self) -> bool:
-        """Whether it ends where it was seen to be no rival of a better fit: short of its own minimum."""
+        """True if the fit stopped short of its minimum because it could not compete with a better fit."""
         return self.status is FitStatus.GIVEN_UP
 
     def interval(self, name: str, deviations: float = 1.959964) -> tuple[float, float]:
@@ -156,14 +156,14 @@ class Calibration(Described):
         Parameters
         ----------
         name : str
-            A fitted parameter.
+            Name of a fitted parameter.
         deviations : float
             Half width in standard deviations of the fitted coordinate; 95 % by default.
 
         Returns
         -------
         tuple of float
-            Lower and upper end, SI; the whole range of a parameter that is undetermined.
+            Lower and upper end, SI; the whole range if the parameter is undetermined.
         """
         k = self.names.index(name)
         parameter = self.plant.parameters[name]
@@ -177,16 +177,12 @@ class Calibration(Described):
         return low, high
 
     def is_determined(self, name: str) -> bool:
-        """Whether the readings narrow a parameter down at all: its interval is not the whole allowed range.
+        """Return True if the readings narrow a parameter down: its interval is not the whole allowed range.
 
         Parameters
         ----------
         name : str
-            A fitted parameter.
-
-        Returns
-        -------
-        bool
+            Name of a fitted parameter.
         """
         parameter, (low, high) = self.plant.parameters[name], self.interval(name)
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
@@ -205,42 +201,43 @@ def calibrate(
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
 
-    The simulation runs free from the rest state; the squared difference between measured and simulated readings
-    is minimised by a trust-region Gauss-Newton method with exact derivatives inside the physical ranges. Times of
-    events stay where they are, since only a sample or two know of them; they are among the fitted parameters all the
-    same, with their variance.
+    The plant is simulated from its state of rest; a trust-region Gauss-Newton method with exact derivatives minimises
+    the squared difference between measured and simulated readings inside the physical ranges. Times of events keep
+    their values, because only a sample or two depend on them; they still count as fitted parameters, with their
+    variance.
 
-    A descent ends in the nearest minimum. So, unless the first fit leaves no more than the rig's noise, others follow:
-    from the same values through growing openings of the record, and so from other points in the parameters' ranges, of
-    low discrepancy and the same in every run. It ends once two points agree on the least error, which costs some three
-    times one fit. Where they agree in the error and not in the parameters, the result holds both.
+    A descent ends in the nearest minimum. So, unless the first residual is within the rig's noise, further fits follow
+    on growing initial parts of the record: first from the same values, then from a low-discrepancy sequence of points
+    in the parameters' ranges, which is the same in every run. The search ends when two starts agree on the least error,
+    at about three times the cost of one fit. If they agree in the error but not in the parameters, the result holds
+    both.
 
     Parameters
     ----------
     plant : Plant
-        With starting values.
+        Plant with starting values.
     records : Part, Experiment or Recording, or a sequence of such
-        What counts: of experiments and recordings all samples; each starts from rest.
+        Data to fit; all samples of experiments and recordings are used. Each one starts from rest.
     names : sequence of str, optional
-        Parameters to be fitted; all free ones by default.
+        Names of the parameters to fit; all free ones by default.
     starts : int
-        Most points; 1 for a single descent from the plant's values.
+        Largest number of starting points; 1 for a single descent from the plant's values.
     evaluations : int
         Largest number of simulations of the whole record in each fit.
     tolerance : float
         Relative change of the squared residual at which the fit has settled.
     hopeless : float
-        Rms residual, SI: the fit is given up where its linearised minimum stays above that.
+        Rms residual, SI; a fit is given up if its linearised minimum stays above it.
 
     Returns
     -------
     Calibration
-        The best of all, with `status` saying how it ended, and how many starts agreed.
+        Best fit, with its outcome in `status` and the number of agreeing starts in `agreed`.
 
     Raises
     ------
     DataError
-        If there is no recording, or the number of starts is not at least 1.
+        If there is no recording, or the number of starts is less than 1.
 
     References
     ----------
@@ -274,7 +271,7 @@ def calibrate(
 
 
 def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float) -> FitStatus:
-    """How a fit ended: settled only where its gradient is small, and no other start contradicts."""
+    """Outcome of a fit: settled only if its gradient is small and no other start contradicts it."""
     if fit.status is not FitStatus.SETTLED:
         return fit.status
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
@@ -282,7 +279,7 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
     exact = fit.rms <= EXACT * float(np.std(measured))  # what is left is rounding, whose gradient means nothing
     gain = 0.0
     if any(moves) and not exact:
-        # Where a parameter hardly matters, what its range does not allow is no way that was left out.
+        # If a parameter hardly matters, its bound does not hide a better fit.
         slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
         gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
     if gain > REMAINING * tolerance * fit.rms**2:
@@ -296,6 +293,8 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
 
 def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Covariance of least squares under residuals that are correlated in time."""
+    # Newey-West at zero frequency, over lags up to the root of the record: model errors are slow, and white-noise
+    # formulas too narrow. As the estimate is noisy and low, no variance is taken below that of white noise.
     scaled, scale = _scaled(jacobian)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
     scores = scaled * residuals[:, None]
@@ -315,7 +314,7 @@ def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def _width(parameter: Parameter) -> float:
-    """Of a parameter's range, in its coordinate; 1 of a range without ends."""
+    """Width of a parameter's range in its coordinate; 1 for an unbounded range."""
     least, most = parameter.ends
     return most - least if np.isfinite([least, most]).all() else 1.0
 

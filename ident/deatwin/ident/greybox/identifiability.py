@@ -1,4 +1,4 @@
-"""How well recordings determine a calibrated parameter: profile likelihood."""
+"""Profile likelihood: how well recordings determine a calibrated parameter."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))
-"""That quantile of the chi-squared law with one degree of freedom."""
+"""Quantile at this level of the chi-squared law with one degree of freedom."""
 CLOSE = 0.02
 """Share of the limit by which the deviance may miss it at an end of the interval."""
 MOST_POINTS = 6
@@ -38,21 +38,21 @@ MOST_POINTS = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile(Described):
-    """The likelihood along one parameter, all others fitted anew at each of its values.
+    """Likelihood profile of one parameter: all others are fitted again at each of its values.
 
     Parameters
     ----------
     parameter : Parameter
-        With the calibrated value.
+        Parameter with its calibrated value.
     values : ndarray, shape (n,)
-        Values that were tried, in order, SI.
+        Values at which the others were fitted, in increasing order, SI.
     deviances : ndarray, shape (n,)
-        Twice the loss of log likelihood at each, scaled to the calibration's covariance.
+        Twice the loss of log likelihood at each value, scaled to the calibration's covariance.
     low, high : float
-        Ends of the 95 % interval, SI; an end of the physical range, or the last value with which the plant could be
-        fitted, where the likelihood does not fall far enough.
+        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, the end of the physical range, or the
+        last value at which the plant could be fitted.
     bounded : tuple of bool
-        Whether the recordings bound the parameter from below and from above.
+        True if the recordings bound the parameter from below, and from above.
     """
 
     parameter: Parameter
@@ -77,20 +77,16 @@ class Profile(Described):
 
     @property
     def identifiable(self) -> bool:
-        """Whether the recordings bound the parameter from both sides."""
+        """True if the recordings bound the parameter from both sides."""
         return all(self.bounded)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the deviance over the parameter, with the limit of the interval.
+        """Plot the deviance over the parameter, with the limit of the interval.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         ax = axes_or_new(ax)
         # Its signed root is nearly straight between the values that were tried.
@@ -107,19 +103,19 @@ class Profile(Described):
 
 
 def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profile:
-    """Find the interval in which the likelihood of a parameter does not fall below that of a 95 % test.
+    """Find the 95 % likelihood interval of a parameter by profiling.
 
-    The residuals of a plant are correlated in time, so that a likelihood of white noise would be too sharp: the
-    deviance is scaled by the ratio of its curvature to the calibration's covariance, which allows for that.
+    The residuals of a plant are correlated in time, so the likelihood of white noise would be too narrow. The deviance
+    is therefore scaled so that its curvature matches the calibration's covariance, which accounts for the correlation.
 
     Parameters
     ----------
     calibration : Calibration
-        That settled.
+        Calibration whose fit settled.
     parts : sequence of Part
-        Samples to which it was fitted.
+        Samples that were fitted.
     name : str
-        A fitted parameter.
+        Name of a fitted parameter.
 
     Returns
     -------
@@ -160,7 +156,7 @@ class _Side:
 
 
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
-    """Where the deviance reaches its limit: steps by the root of its ratio to that, exact for a parabola."""
+    """Value at which the deviance reaches its limit, by steps that are exact for a parabola."""
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
@@ -186,7 +182,7 @@ def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int)
 
 
 def _next_step(step: float, deviance: float, inner: float, outer: float) -> float:
-    """Where the parabola through the last point reaches the limit, or between the points that enclose that."""
+    """Next step: to where the parabola through the last point reaches the limit, or between enclosing points."""
     guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
     if inner < guess < outer:
         return float(guess)
@@ -223,6 +219,8 @@ def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float)
 
 def _moved(best: Calibration, parts: Sequence[Part], name: str, value: float) -> Plant:
     """The plant with one parameter moved and the others where the covariance expects them then."""
+    # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
+    # that can be simulated.
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
     start = problem.start()

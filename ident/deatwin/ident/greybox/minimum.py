@@ -24,12 +24,12 @@ SAME = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
-    """Where a sum of squares was least."""
+    """Minimum of a sum of squares."""
 
     coordinates: np.ndarray  # shape (n,): Of the fitted parameters, each in its `Scale`
     residuals: np.ndarray  # shape (m,): There, SI
     jacobian: np.ndarray  # shape (m, n): Derivative of the readings there, SI
-    status: FitStatus  # Whether it settled there, used up its evaluations, or was given up
+    status: FitStatus  # Settled, out of evaluations, or given up
     evaluations: int  # Simulations made
 
 
@@ -37,6 +37,8 @@ def minimise(
     problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE, hopeless: float = np.inf
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
+    # Only smooth coordinates move: a step of an event past a sample breaks the promise of its derivative, and the trust
+    # region would shrink to nothing.
     cost = _Memory(problem, hopeless)
     start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
     first = cost(start)

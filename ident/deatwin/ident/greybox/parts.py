@@ -1,4 +1,4 @@
-"""Which samples of experiments count, and what a plant that runs free reads there."""
+"""Selected samples of experiments, and the simulated readings of a plant there."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from deatwin.plant.timeline import Timeline
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Which samples of which experiment count.
+    """Selection of the samples of an experiment to fit.
 
     Parameters
     ----------
     experiment : Experiment
         Recordings on one clock.
     masks : tuple of ndarray of bool
-        For each recording, the samples that count.
+        Mask of the selected samples for each recording.
     """
 
     experiment: Experiment
@@ -35,22 +35,18 @@ class Part:
 
     @classmethod
     def whole(cls, experiment: Experiment) -> Part:
-        """All samples of an experiment.
+        """Select all samples of an experiment.
 
         Parameters
         ----------
         experiment : Experiment
             Recordings on one clock.
-
-        Returns
-        -------
-        Part
         """
         masks = tuple(np.ones(r.n_samples, dtype=bool) for r in experiment.recordings)
         return cls(experiment=experiment, masks=masks)
 
     def until_last(self) -> Part:
-        """The same samples, of an experiment that ends with the last of them."""
+        """The same samples, with the experiment cut after the last of them."""
         last = max(k for k, mask in enumerate(self.masks) if mask.any())
         end = int(np.flatnonzero(self.masks[last])[-1]) + 1
         records = self.experiment.recordings
@@ -58,16 +54,12 @@ class Part:
         return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
 
     def opening(self, count: int) -> Part:
-        """The first of the samples that count, of an experiment that ends with the last of them.
+        """Select the first of the selected samples, with the experiment cut after the last of them.
 
         Parameters
         ----------
         count : int
-            How many, at least 1; all where there are no more.
-
-        Returns
-        -------
-        Part
+            Number of samples, at least 1; if there are fewer, all are taken.
         """
         before = np.cumsum([0, *(int(mask.sum()) for mask in self.masks)])
         masks = tuple(
@@ -77,43 +69,44 @@ class Part:
 
     @property
     def size(self) -> int:
-        """Number of samples that count."""
+        """Number of selected samples."""
         return sum(int(mask.sum()) for mask in self.masks)
 
     @property
     def timepts(self) -> np.ndarray:
-        """Clock times of the samples that count, one after another, shape (n,), s."""
+        """Clock times of the selected samples, concatenated over recordings, shape (n,), s."""
         return np.concatenate([r.timepts[m] for r, m in zip(self.experiment.recordings, self.masks, strict=True)])
 
     def counted(self, timeline: Timeline) -> np.ndarray:
-        """Samples of a simulation at whose ends the readings that count were taken, shape (n,).
+        """Return the simulated samples at whose ends the selected readings were taken.
 
         Parameters
         ----------
         timeline : Timeline
-            Of the experiment.
+            Timeline of the experiment.
 
         Returns
         -------
         ndarray of int, shape (n,)
+            Indices of samples of the simulation.
         """
         return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
 
     @property
     def commands(self) -> np.ndarray:
-        """Commands at the samples that count, one after another, shape (n,), in their unit."""
+        """Commands at the selected samples, concatenated over recordings, shape (n,), in their unit."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
         return np.concatenate([r.inputs[0, m] for r, m in records])
 
     @property
     def measured(self) -> np.ndarray:
-        """Readings that count, one after another, shape (n,), SI."""
+        """Readings at the selected samples, concatenated over recordings, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
         return np.concatenate([r.outputs[0, m] for r, m in records])
 
 
 Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording]
-"""What a plant can be calibrated on."""
+"""Data on which a plant can be calibrated."""
 
 
 def parts_of(records: Records) -> tuple[Part, ...]:

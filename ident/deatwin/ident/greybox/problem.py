@@ -1,4 +1,4 @@
-"""What is fitted: the residuals of a plant that runs free, as a function of its parameters' coordinates."""
+"""Residuals of a simulated plant as a function of its parameters' coordinates."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from deatwin.plant.parameters import Parameter
 class Problem:
     """Residuals of a plant on the counted samples, as a function of the fitted coordinates."""
 
-    plant: Plant  # Where the fit starts
-    parts: tuple[Part, ...]  # What counts
+    plant: Plant  # Plant with starting values
+    parts: tuple[Part, ...]  # Samples to fit
     names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
 
     def start(self) -> np.ndarray:
@@ -29,7 +29,7 @@ class Problem:
         return lower, upper
 
     def smooth(self) -> np.ndarray:
-        """Which of the coordinates the readings follow smoothly, bool, shape (n,): all but the times of events."""
+        """True for coordinates on which the readings depend smoothly, shape (n,): all but the times of events."""
         return np.array([name not in self.plant.event_times for name in self.names], dtype=bool)
 
     def values(self, coordinates: np.ndarray) -> dict[str, float]:

@@ -27,16 +27,16 @@ _FIRST, _SMALLEST = 1 / 32, 4
 _ROUGH = 10
 """Evaluations on an opening, whose minimum is only a start for the next."""
 _REACH = (0.5, 0.25, 0.125)
-"""How far from the given values the starts lie, in turn: shares of a parameter's range."""
+"""Distances of the starts from the given values, in turn, as shares of a parameter's range."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
     """The best of the fits from several points."""
 
-    best: Minimum  # With the simulations of all
+    best: Minimum  # Its evaluations include those of all starts
     tried: int  # Number of points
-    agreed: int  # From how many of them a fit ended with the same error as the best
+    agreed: int  # Number of starts that ended with the error of the best
     equals: tuple[np.ndarray, ...] = ()
 
 
@@ -51,7 +51,7 @@ def least(
     # The two fits from the given values are one point: that they agree says nothing of other minima.
     found, spent = [first], first.evaluations
     spread = float(np.std(np.concatenate([part.measured for part in problem.parts])))
-    # Of n samples of white noise the rms has a relative deviation of 1/sqrt(2 n).
+    # The rms of n samples of white noise has a relative standard deviation of 1/sqrt(2 n).
     enough = noise * (1.0 + 3.0 / np.sqrt(2.0 * first.residuals.size))
     for start in _starts(problem, starts) if starts > 1 and _rms(first) > enough else ():
         one, cost = _through_openings(start, options)
@@ -84,7 +84,7 @@ def _agreeing(found: list[Minimum], spread: float) -> list[Minimum]:
 
 
 def _equals(best: Minimum, agreed: list[Minimum], spread: float) -> tuple[np.ndarray, ...]:
-    """Where fits ended that agree in error only: by its linear model, the best one's error should be another there."""
+    """Ends of fits with the error of the best one, at values where its linear model predicts another error."""
     apart: list[Minimum] = [best]
     for one in agreed:
         if all(_far(one.coordinates - other.coordinates, other, spread) for other in apart):

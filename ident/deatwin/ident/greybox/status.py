@@ -1,4 +1,4 @@
-"""How a calibration ended."""
+"""Outcomes of a calibration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class FitStatus(Enum):
-    """How a calibration ended; the text is the advice."""
+    """Outcome of a calibration; the value is the advice."""
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"
@@ -24,5 +24,5 @@ class FitStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the fit can be used."""
+        """True if the fit can be used."""
         return self is not FitStatus.IMPOSSIBLE

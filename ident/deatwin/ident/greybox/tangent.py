@@ -1,4 +1,4 @@
-"""What a fit's parameters can take up of its readings, to first order."""
+"""Part of a signal that a fit's parameters can explain, to first order."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
 
 
 def taken_off(signal: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """What is left of a signal where the parameters take up all they can. Shapes: `signal` (m,); `basis` (m, r)."""
+    """Remainder of a signal after the parameters have explained all they can. Shapes: `signal` (m,); `basis` (m, r)."""
     return signal - basis @ (basis.T @ signal)
 
 
@@ -28,7 +28,7 @@ def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
 def bounded_fit(
     residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """What a linear model of a fit would leave, if its parameters may go so far only. Shapes: `residuals` (m,);
+    """Residual of a linear model of a fit whose parameters are bounded. Shapes: `residuals` (m,);
     `jacobian` (m, n); `lower, upper` (n,); returns (n,).
     """
     sizes = np.linalg.norm(jacobian, axis=0)

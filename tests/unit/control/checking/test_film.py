@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import LinearController, Verdict
-from deatwin.control.checking.film import judge_film
+from deatwin.control.checking.scope import judge_film
 from deatwin.control.design.pid import PidGains
 
 H, PULL_IN = 0.02, np.sqrt(1 / 3) * (1 - 1 / 3)

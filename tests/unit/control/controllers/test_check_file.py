@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from deatwin.app.cli import app
 from deatwin.control import Check, ControlError, InverseFilter, LinearModel, LinearStatus, Verdict, with_dynamics
-from deatwin.control.checking.operating import OperatingPoint
+from deatwin.control.checking.rows import OperatingPoint
 from deatwin.control.checking.verdict import Finding
 from deatwin.control.controllers.document import controller_to_dict
 from deatwin.control.design.inverse import with_inverse

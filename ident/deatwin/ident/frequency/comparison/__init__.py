@@ -1,1 +1,1 @@
-"""Whether the frequency responses of two models, or of two records, differ: in which order and band."""
+"""Compare frequency responses of models or records by order and band."""

@@ -25,9 +25,9 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 LINES = 8
-"""Of a band; a response of few poles does not bend more within it."""
+"""Frequencies in a band, enough for the curvature of a response with few poles."""
 TONES = 16
-"""Of each further tone, over both signs of its frequency."""
+"""Frequencies of each further tone, over both signs."""
 _HIGHEST = 5  # half a million combinations
 
 

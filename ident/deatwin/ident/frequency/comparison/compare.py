@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Agreement(Enum):
-    """Whether two responses agree in a band; the value is the advice."""
+    """Outcome of the comparison of two responses in a band; the value is the advice."""
 
     ALIKE = "no difference can be shown: in this band either may stand for the other"
     DRIFT = "the means differ, but a drift within a record may be the cause: compare at the same age"
@@ -32,30 +32,30 @@ class Agreement(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether no difference can be shown."""
+        """True if no difference can be shown."""
         return self is Agreement.ALIKE
 
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """The difference of two responses of an order in a band.
+    """Difference between two responses of an order in a band.
 
     Parameters
     ----------
     first, second : str
-        Names of the two.
+        Names of the two responses.
     order : int
-        n of H_n.
+        Order n of H_n.
     from_Hz, to_Hz : float
-        Band of output frequencies.
+        Edges of the band of output frequencies, Hz.
     test : Equality
-        Of the hypothesis that the means over the band are the same.
+        Test of the hypothesis that both have the same mean over the band.
     adjusted : float
-        Its p-value, corrected for the number of tests.
+        The p-value of the test, corrected for the number of tests.
     size : float
-        Difference of the means over the band, without its sign, over the root mean square gain of the two there.
+        Magnitude of the difference of the means over the band, relative to the root mean square gain of both.
     agreement : Agreement
-        What follows.
+        Conclusion from the test.
     """
 
     first: str
@@ -70,17 +70,17 @@ class Difference:
 
     @property
     def p_value(self) -> float:
-        """Of this test alone."""
+        """The p-value of this test alone, not corrected."""
         return self.test.p_value
 
     @property
     def differs(self) -> bool:
-        """Whether the means over the band differ significantly, for whatever reason."""
+        """True if the means over the band differ significantly, for any reason."""
         return not self.agreement.ok
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The difference as a sentence."""
         what = f"H_{self.order} of {self.first} and {self.second} from {self.from_Hz:g} to {self.to_Hz:g} Hz"
         if not self.differs:
             return f"{what}: no difference can be shown (p = {self.adjusted:.2g})."
@@ -90,24 +90,24 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """The drift of a response of an order in a band within one record.
+    """Drift of a response of an order in a band within one record.
 
     Parameters
     ----------
     name : str
-        Of the record.
+        Name of the record.
     order : int
-        n of H_n.
+        Order n of H_n.
     from_Hz, to_Hz : float
-        Band of output frequencies.
+        Edges of the band of output frequencies, Hz.
     test : Equality
-        Of the hypothesis that there is none.
+        Test of the hypothesis that there is no drift.
     adjusted : float
-        Its p-value, corrected for the number of tests.
+        The p-value of the test, corrected for the number of tests.
     size : float
-        Largest difference between two times over the root mean square gain; chance makes some of it.
+        Largest difference between two times, relative to the root mean square gain; part of it is chance.
     drifts : bool
-        Whether it is significant.
+        True if the drift is significant.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Drift:
 
     @property
     def p_value(self) -> float:
-        """Of this test alone."""
+        """The p-value of this test alone, not corrected."""
         return self.test.p_value
 
 
@@ -133,16 +133,16 @@ def _each(name: str) -> Callable[[Comparison], Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Described):
-    """A table of where two or more responses differ.
+    """Table of the differences between two or more responses.
 
     Parameters
     ----------
     differences : tuple of Difference
-        Pair by pair, by order, then by band.
+        Differences, sorted by pair, order and band.
     level : float
-        Probability of one false difference or more in the table.
+        Probability of at least one false difference in the table.
     drifts : tuple of Drift
-        Of each record, by order, then by band; empty where models were compared.
+        Drifts within each record, sorted by record, order and band; empty if models were compared.
     """
 
     differences: tuple[Difference, ...]
@@ -162,12 +162,12 @@ class Comparison(Described):
 
     @property
     def ok(self) -> bool:
-        """Whether no difference can be shown anywhere."""
+        """True if no difference can be shown anywhere."""
         return not self.significant
 
     @property
     def significant(self) -> tuple[Difference, ...]:
-        """The differences that are, the surest first."""
+        """The significant differences, the most certain first."""
         return tuple(sorted((d for d in self.differences if d.differs), key=lambda d: (d.p_value, -d.size)))
 
     @property
@@ -177,32 +177,28 @@ class Comparison(Described):
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """Names of what is compared, each pair once."""
+        """Pairs of the names that were compared, each once."""
         return tuple(dict.fromkeys((d.first, d.second) for d in self.differences))
 
     @property
     def columns(self) -> tuple[tuple[int, float, float], ...]:
-        """Orders with the edges of their bands, Hz."""
+        """Orders and edges of their bands, Hz."""
         return tuple(dict.fromkeys((d.order, d.from_Hz, d.to_Hz) for d in self.differences))
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The differences in words, the surest first; one that says so where there is none."""
+        """The differences as sentences, the most certain first; a single sentence if there is none."""
         return tuple(d.sentence for d in self.significant) or (
             f"None of {len(self.differences)} tests finds a difference at the level of {self.level:g}.",
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the table: a row for each pair, a column for each order and band, with the size where they differ.
+        """Plot the table: a row for each pair, a column for each order and band, with the size of each difference.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         return _plot(self, ax)
 
@@ -221,34 +217,34 @@ def compare(
 ) -> Comparison:
     """Test in which orders and bands two independent models differ.
 
-    For each order and band the mean of H_n over the band is compared, a complex number; its covariance is propagated
-    from those of the parameters. Models of different terms may be compared, if their covariances are to be believed:
-    where the terms leave out physics, only models of the same terms, fitted alike to records of like excitation,
-    have parameters that should be the same, and only `robust` covariances say how far they scatter.
+    For each order and band the complex means of H_n over the band are compared; their covariances follow from those of
+    the parameters. Models with different terms may be compared if their covariances are realistic. If the terms leave
+    out physics, only models with the same terms, fitted in the same way to records with similar excitation, should have
+    equal parameters, and only `robust` covariances describe their scatter.
 
-    Two limits: what averages out over a band is not seen there, as a resonance that moves within it (bands no wider
-    than the resonance show it). And a response that two parameters make has the same p-value in every band, for each
-    band tells both: there only ``least`` and the sizes tell bands apart.
+    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within it
+    (bands no wider than the resonance show it). And a response with only two parameters has the same p-value in every
+    band, because each band determines both parameters: then only ``least`` and the sizes distinguish the bands.
 
     Parameters
     ----------
     first, second : NarxModel
-        Of one input and one output, in the same units, identified from different data.
+        Models of one input and one output, in the same units, identified from different data.
     orders : iterable of int
         Orders n of H_n, up to 5.
     bands : sequence of (float, float)
-        Bands of output frequencies, w_1 + ... + w_n, Hz.
+        Bands of output frequencies w_1 + ... + w_n, Hz.
     operating_input : float, optional
-        Constant input about which both are expanded, in the input's unit; by default halfway between the centres of
-        their training data.
+        Constant input about which both models are expanded, in the input's unit; by default halfway between the centres
+        of their training data.
     input_band : tuple of float, optional
-        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
     level : float
-        Probability of finding any difference where there is none, corrected over orders and bands (Holm).
+        Probability of finding any difference if there is none, corrected over orders and bands (Holm).
     least : float
-        Differences of up to this share of the gain do not count.
+        Differences up to this share of the gain are ignored.
     names : tuple of str
-        For the table.
+        Names of the two models in the table.
 
     Returns
     -------
@@ -257,7 +253,7 @@ def compare(
     Raises
     ------
     ModelError
-        If the models do not suit each other, have no covariance, or as `band_means`.
+        If the models do not fit together or have no covariance, or for the reasons given in `band_means`.
     """
     _require_alike(first, second)
     where = operating_input

@@ -19,7 +19,7 @@ _DIRECTIONS = 180  # of a margin's edge
 
 
 class Scatter(NamedTuple):
-    """How well a vector of means is known."""
+    """Uncertainty of a vector of means."""
 
     scale: Array  # shape (..., q, q): Squared scale of its t law
     dof: float  # Degrees of freedom of that law; infinite for a normal one
@@ -27,7 +27,7 @@ class Scatter(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Equality:
-    """What a test says of the hypothesis that two vectors of means are the same."""
+    """Test of the hypothesis that two vectors of means are equal."""
 
     statistic: float  # Squared distance in units of its scatter; of a drift, the ratio of variances
     dof: tuple[float, float]

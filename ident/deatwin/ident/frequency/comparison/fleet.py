@@ -23,7 +23,7 @@ class Contrast:
     measured: float  # Along the direction of the true difference
     true: float
     error: float  # Standard error of the measured one
-    inside: bool  # Whether the true difference, a complex number, lies in the 95 % region of the measured one
+    inside: bool  # True if the complex true difference lies in the 95 % region of the measured one
 
 
 def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean]) -> Contrast:

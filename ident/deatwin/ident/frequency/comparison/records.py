@@ -1,4 +1,4 @@
-"""Where do actuators differ, and is it the actuators or the age at which they were recorded?
+"""Find where actuators differ, and distinguish the actuators from the age at which they were recorded.
 
 All records are fitted with the same terms. What each block of a record says of the parameters, carried on to the mean
 of H_n over a band, is a short series in time about that of the whole record. Its slowest cosines are the drift of that
@@ -39,7 +39,7 @@ SLOW = 8
 """Cosines of a drift, of half a period to four periods in the record: a cycle that comes twice in it, at any phase, has
 most of its power in them."""
 TIMES = np.linspace(0.0, 1.0, 41)
-"""At which drifting records are compared, as shares of a record: ten to the period of the fastest cosine."""
+"""Times at which drifting records are compared, as shares of a record: ten per period of the fastest cosine."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,47 +72,47 @@ def compare_records(
     n_slow: int = SLOW,
     n_blocks: int = BLOCKS,
 ) -> Comparison:
-    """Test in which orders and bands records of several actuators differ, and tell drift from difference.
+    """Test in which orders and bands records of several actuators differ, and distinguish drift from difference.
 
-    Every record is fitted with the same terms by least squares, and each pair compared like models in `compare`, the
-    scatter being that which the record itself shows. A pair whose means differ is different in earnest where no time of
-    one record is like any time of the other; else a drift may explain it. Only records that drift significantly in some
-    order and band have times: a drift too small to be seen does not explain anything.
+    Every record is fitted with the same terms by least squares, and each pair is compared as models are in `compare`,
+    with the scatter estimated from the records themselves. If the means of a pair differ, the actuators differ when no
+    time of one record resembles any time of the other; otherwise a drift may be the cause. Only a record that drifts
+    significantly in some order and band is divided into times: a drift too small to be detected explains nothing.
 
     Parameters
     ----------
     recordings : mapping of str to Recording, Experiment, or several
-        One input and one output, by the name of the actuator; excited alike, of the same sample time and about the same
-        length.
+        Recordings of one input and one output, by the name of the actuator; with the same excitation, sampling time and
+        about the same length.
     terms : NarxModel, or sequence of Term or str
-        Those of every model, as `Fixed` takes them.
+        Terms of all models, as `Fixed` takes them.
     orders : iterable of int
         Orders n of H_n, up to 5.
     bands : sequence of (float, float)
         Bands of output frequencies, Hz.
     operating_input : float, optional
-        Constant input about which all are expanded, in the input's unit; by default the mean over all records.
+        Constant input about which all models are expanded, in the input's unit; by default the mean over all records.
     input_band : tuple of float, optional
-        Of the input's frequencies, Hz; by default from 0 to the highest edge of the bands.
+        Lowest and highest input frequency, Hz; by default 0 and the highest edge of the bands.
     level : float
-        Probability of finding any difference where there is none, corrected over pairs, orders and bands (Holm); and
-        of finding any drift where there is none, corrected over records, orders and bands.
+        Probability of finding any difference if there is none, corrected over pairs, orders and bands (Holm); also the
+        probability of finding any drift if there is none, corrected over records, orders and bands.
     least : float
-        Differences of up to this share of the gain do not count.
+        Differences up to this share of the gain are ignored.
     n_slow : int
-        Cosines of half a period, one period, ... in the record that count as drift.
+        Number of cosines that model the drift, with half a period, one period, ... in the record.
     n_blocks : int
-        Blocks into which each record is cut; each is to be longer than what the actuators remember.
+        Number of blocks into which each record is cut; a block must be longer than the memory of the actuators.
 
     Returns
     -------
     Comparison
-        With ``drifts``.
+        Table of differences, with ``drifts``.
 
     Raises
     ------
     ModelError
-        If there are fewer than two records, they are too short, or as `Fixed` and `band_means`.
+        If there are fewer than two records or they are too short, or for the reasons given in `Fixed` and `band_means`.
     """
     if len(recordings) < 2:
         raise ModelError(f"{len(recordings)} record was given: a comparison needs at least two")
@@ -149,7 +149,7 @@ def _centre(models: Sequence[NarxModel]) -> Array:
 
 
 def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
-    """How a mean goes through its record, before any correction."""
+    """Course of a mean through its record, uncorrected."""
     way = cosines.drift(TIMES)
     reach = float(np.linalg.norm(way[:, None] - way, axis=-1).max())
     test = no_drift(cosines)

@@ -42,30 +42,29 @@ def nofrf(
     highest: int | None = None,
     operating_input: ArrayLike | None = None,
 ) -> Nofrf:
-    """Compute nonlinear output frequency responses by least squares over levels of an excitation.
+    """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
 
     The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where U_n is the spectrum of the input's
-    n-th power. The model is run at several levels of the excitation, and the orders are told apart line by line by
-    how they grow; an order is fitted only where sums of n of the input's frequencies reach.
+    n-th power. The model is simulated at several levels of the excitation, and at each line the orders are separated by
+    how they grow with the level. An order n is fitted only at lines that are sums of n input frequencies.
 
     Parameters
     ----------
     model : NarxModel
         Model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sample time, in the input's
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit; see `design_excitation`.
     order : int
-        The order n that is wanted, from 1 to 20.
+        Wanted order n, from 1 to 20.
     levels : array_like, shape (n_levels,), optional
-        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. With less than
-        two more than orders nothing is known of the error by orders that were not fitted.
+        Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. The error caused
+        by orders that were not fitted can only be estimated with at least two more levels than orders.
     highest : int, optional
-        How many orders are fitted, up to 20; by default the fewest, from ``order`` to four more, whose error at levels
-        left out is at most twice the smallest.
+        Number of orders to fit, up to 20. By default the fewest, from ``order`` to four more, whose error at left-out
+        levels is at most twice the smallest.
     operating_input : float, optional
-        Constant input about which the model is analysed, in the input's unit; the centre of the training data by
-        default.
+        Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 
     Returns
     -------
@@ -79,8 +78,8 @@ def nofrf(
     Raises
     ------
     ModelError
-        If order, levels or excitation are not as described, the levels (without those at which the model diverges)
-        are fewer than the orders, or the model has several inputs or no equilibrium.
+        If order, levels or excitation are not as described, there are fewer levels than orders (levels at which the
+        model diverges do not count), or the model has several inputs or no equilibrium.
 
     References
     ----------
@@ -109,33 +108,35 @@ def nofrf_exact(
 ) -> FrequencyResponse:
     """Compute a nonlinear output frequency response from the model's equations, without truncation.
 
-    G_n = Y_n / U_n, with the n-th order of the output as `output_orders` computes it.
+    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output.
 
     Parameters
     ----------
     model : NarxModel
-        As for `nofrf`.
+        Model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        As for `nofrf`.
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
     order : int
-        n, at least 1.
+        Order n, at least 1.
     operating_input : float, optional
-        As for `nofrf`.
+        Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 
     Returns
     -------
     FrequencyResponse
-        G_n in output unit by power n of the input unit, at the lines of the period where U_n is not zero.
+        Response G_n, output unit by the n-th power of the input unit, at the lines of the period at which U_n is not
+        zero.
 
     Warns
     -----
     NofrfWarning
-        If the excitation does not suit the order.
+        If the excitation is not suitable for the order.
 
     Raises
     ------
     ModelError
-        As `output_orders`, or if the excitation is zero.
+        For the reasons given in `output_orders`, or if the excitation is zero.
 
     References
     ----------
@@ -153,7 +154,7 @@ def nofrf_exact(
 
 
 def _wanted_orders(order: int, highest: int | None) -> range:
-    """How many orders may be fitted."""
+    """Range of the number of orders to fit."""
     fewest = order if highest is None else whole_number(highest, "highest", order)
     if fewest > _HIGHEST:
         raise ModelError(
@@ -170,7 +171,7 @@ class _Runs:
     levels: Array  # shape (n_levels,): Factors of the excitation
     spectra: Complex  # shape (n_levels, n_lines): Of the output's deviations
     lost: Array  # Factors at which the model diverges
-    settled: bool  # Whether all others repeat
+    settled: bool  # True if all other levels repeat
 
     @property
     def kept_share(self) -> float:
@@ -209,7 +210,7 @@ def _result(
     runs: _Runs,
     fit: LevelFit,
 ) -> Nofrf:
-    """What was fitted, before it is judged; its derivatives are those of the exact orders, without truncation."""
+    """Result of the fit before it is judged; its derivatives are those of the exact orders, without truncation."""
     outputs = tuple(_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,

@@ -33,16 +33,16 @@ _EDGE = 1e-9  # relative: lines that close to an end of the band are in it
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TestSignal(Described, Frozen):
-    """One period of a test signal; it is taken as an array wherever an excitation is.
+    """One period of a test signal; functions that take an excitation accept it as an array.
 
     Parameters
     ----------
     values : ndarray, shape (n_samples,)
-        Deviations from the operating input in ``unit``, with the pulse at the first sample.
+        Deviations from the operating input, in ``unit``, with the pulse at the first sample.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     band_Hz : tuple of two floats
-        Lowest and highest frequency that is excited.
+        Lowest and highest excited frequency, Hz.
     unit : str
         Unit of the values.
     """
@@ -77,12 +77,12 @@ class TestSignal(Described, Frozen):
 
     @property
     def period(self) -> float:
-        """Length in s."""
+        """Length of the period, s."""
         return self.values.size * self.sample_time
 
     @property
     def crest_factor(self) -> float:
-        """Amplitude by root mean square."""
+        """Amplitude divided by root mean square."""
         return self.amplitude / float(np.sqrt(np.mean(self.values**2)))
 
     def scaled(self, factor: float) -> TestSignal:
@@ -91,12 +91,12 @@ class TestSignal(Described, Frozen):
         Parameters
         ----------
         factor : float
-            Of the values; a negative one turns the pulse over.
+            Multiplier of the values; a negative one inverts the pulse.
 
         Raises
         ------
         ModelError
-            If it is not a number that leaves the values finite.
+            If the factor is not a number that leaves the values finite.
         """
         share = real_number(factor, "the factor")
         if not math.isfinite(share * self.amplitude):
@@ -109,21 +109,17 @@ class TestSignal(Described, Frozen):
         Parameters
         ----------
         order : int
-            The power, at least 1.
+            Power n of the signal, at least 1.
         """
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw one period, with the pulse in the middle.
+        """Plot one period, with the pulse in the middle.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         half = self.values.size // 2
@@ -145,24 +141,25 @@ def design_excitation(
 ) -> TestSignal:
     """Design a test signal whose powers have smooth spectra: all lines in a band, of equal size and in phase.
 
-    It is the periodic form of the pulse (3/2pi) (sin(2 pi b t) - sin(2 pi a t)) / t of the band from a to b. Since
-    all contributions to the spectrum of a power are in phase, none cancel, and a nonlinear output frequency response
-    is a mean of the generalised frequency response with positive weights. The price is a high crest factor.
+    The signal is the periodic form of the pulse (3/2pi) (sin(2 pi b t) - sin(2 pi a t)) / t for the band from a to b.
+    Because all contributions to the spectrum of a power are in phase, none cancel, and a nonlinear output frequency
+    response is a mean of the generalised frequency response with positive weights. The disadvantage is a high crest
+    factor.
 
     Parameters
     ----------
     band_Hz : array_like, shape (2,)
-        Lowest and highest frequency, the latter below half the sampling rate.
+        Lowest and highest frequency, Hz; the highest must be below half the sampling rate.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     amplitude : float, optional
         Largest deviation from the operating input, in the input's unit.
     operating : OperatingRange, optional
-        Instead of the amplitude: that of the data of a model's training, within which the signal stays about their
-        centre at levels from -1 to 1.
+        Operating range of a model's training data, as an alternative to the amplitude: at levels from -1 to 1 the
+        signal stays within this range about its centre.
     period : float, optional
-        Length in s, which is rounded to whole samples, at most 10 million; by default that of which the end of the band
-        has 20 lines.
+        Length of the period, s, rounded to whole samples, at most 10 million; by default the upper end of the band is
+        its 20th line.
     unit : str
         Unit of the input.
 
@@ -173,9 +170,9 @@ def design_excitation(
     Raises
     ------
     ModelError
-        If the band is not two frequencies low <= high below half the sampling rate or holds no line of the period,
-        the period has less than two or more than 10 million samples, the amplitude is not positive, or amplitude and
-        operating range are both given or both missing.
+        If the band is not two frequencies low <= high below half the sampling rate or contains no line of the period,
+        the period has fewer than two or more than 10 million samples, the amplitude is not positive, or both or neither
+        of amplitude and operating range are given.
 
     References
     ----------

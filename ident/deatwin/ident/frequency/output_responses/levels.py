@@ -35,6 +35,8 @@ class LevelFit:
 
     def advisable_level(self, order: int, share: float) -> float:
         """Return the factor of the levels at which truncation would be a given share of the orders up to one."""
+        # Truncation begins with order N + 1 and affects Y_n by a share that grows with the level to the power N + 1 -
+        # n. Pairs of both signs separate even from odd orders: then the first order of n's parity counts.
         paired = np.allclose(np.sort(self.levels), np.sort(-self.levels), rtol=1e-9, atol=0.0)
         rounding = _NOTHING * np.linalg.norm(self.orders)
         factors = [1.0]
@@ -50,6 +52,7 @@ def chebyshev_levels(count: int) -> Array:
     """Return levels of both signs for fitting polynomials without a constant: Chebyshev nodes, the largest at 1.
     Shapes: returns (count,).
     """
+    # An even number of nodes omits level zero, which carries no information.
     if count < 2 or count % 2:
         raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
     angles = (2 * np.arange(count // 2) + 1) * np.pi / (2 * count)
@@ -75,6 +78,7 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
     """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line by least squares over the levels a. Shapes: `levels` (n_levels,);
     `spectra` (n_levels, n_lines); `in_range` (n_lines,).
     """
+    # The smallest number of orders is taken whose leave-one-out error is at most twice the smallest.
     reached = np.array(in_range[: levels.size])
     left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))
     errors = left_out[tried[0] - 1 :]

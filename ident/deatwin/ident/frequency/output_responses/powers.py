@@ -36,24 +36,24 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InputSpectrum(Described, Frozen):
-    """The spectrum U_n of the n-th power of an input.
+    """Spectrum U_n of the n-th power of an input.
 
-    The nonlinear output frequency response G_n = Y_n / U_n is a mean of H_n over all combinations of lines that add
-    to a line, with the weights U(k_1) ... U(k_n) / U_n(k). They sum to one, but are complex: where contributions
-    cancel in U_n, the weights are large, and G_n can lie far outside of what it is a mean of.
+    The nonlinear output frequency response G_n = Y_n / U_n at a line is a mean of H_n over all combinations of lines
+    that add up to it, with the weights U(k_1) ... U(k_n) / U_n(k). The weights sum to one but are complex: if
+    contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it averages.
 
     Parameters
     ----------
     order : int
-        n.
+        Power n of the input.
     values : ndarray of complex, shape (n_lines,)
-        U_n as Fourier coefficients, in ``unit``, at all lines of the period up to half the sampling rate.
+        Fourier coefficients U_n, in ``unit``, at all lines of the period up to half the sampling rate.
     in_phase : ndarray, shape (n_lines,)
-        What U_n would be with all its contributions in phase, the n-fold convolution of |U|, in ``unit``.
+        Value of U_n if all its contributions were in phase: the n-fold convolution of |U|, in ``unit``.
     in_range : ndarray of bool, shape (n_lines,)
-        The lines that sums of n excited lines reach.
+        True for lines that are sums of n excited lines.
     omega : ndarray, shape (n_lines,)
-        Angular frequency in rad/s.
+        Angular frequencies, rad/s.
     unit : str
         Unit of the values.
     """
@@ -72,19 +72,19 @@ class InputSpectrum(Described, Frozen):
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequency of the lines in Hz, shape (n_lines,)."""
+        """Frequencies of the lines, Hz, shape (n_lines,)."""
         return self.omega / (2 * np.pi)
 
     @property
     def defined(self) -> Flags:
-        """Where G_n exists, bool of shape (n_lines,): in the range, and not cancelled to rounding."""
+        """True where G_n exists, shape (n_lines,): in range, with contributions that do not cancel to rounding."""
         return np.asarray(self.in_range & (np.abs(self.values) > _CANCELLED * self.in_phase.max()), dtype=np.bool_)
 
     @property
     def amplification(self) -> Array:
         """Sum of the magnitudes of the weights of the mean, shape (n_lines,).
 
-        1 where all contributions are in phase, infinite where they cancel, NaN outside of the range.
+        The sum is 1 if all contributions are in phase, infinite if they cancel, and NaN outside the range.
         """
         found = np.where(self.in_range, np.inf, np.nan)
         np.divide(self.in_phase, np.abs(self.values), out=found, where=self.defined)
@@ -92,26 +92,22 @@ class InputSpectrum(Described, Frozen):
 
     @property
     def largest_amplification(self) -> float:
-        """The largest amplification at lines within 60 dB of the largest contributions in phase."""
+        """Largest amplification among lines whose in-phase contributions are within 60 dB of the largest."""
         counted = self.in_range & (self.in_phase >= _COUNTED * self.in_phase.max())
         return float(self.amplification[counted].max())
 
     @property
     def suitable(self) -> bool:
-        """Whether the largest amplification is at most 5."""
+        """True if the largest amplification is at most 5."""
         return self.largest_amplification <= AMPLIFICATION
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the magnitude over frequency, with what it would be with all contributions in phase.
+        """Plot the magnitude over frequency, beside its value if all contributions were in phase.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
         inside = self.in_range
@@ -133,22 +129,22 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     excitation : array_like, shape (n_samples,)
         One period of the input as deviations from the operating input.
     order : int
-        n, at least 1.
+        Power n of the input, at least 1.
     sample_time : float
-        Sampling interval in s.
+        Sampling time, s.
     unit : str
         Unit of the input.
 
     Returns
     -------
     InputSpectrum
-        At all lines of the period from 0 to half the sampling rate.
+        Spectrum at all lines of the period from 0 to half the sampling rate.
 
     Raises
     ------
     ModelError
-        If the order is not an integer of at least 1, the sample time is not positive, or the excitation is not a
-        finite period or is zero, or its power leaves the range of double precision.
+        If the order is not an integer of at least 1, the sampling time is not positive, the excitation is not a finite
+        period or is zero, or its power leaves the range of double precision.
 
     References
     ----------

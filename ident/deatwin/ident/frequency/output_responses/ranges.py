@@ -17,31 +17,31 @@ _ROUNDING = 1e-9  # relative to half the sampling rate, or to the highest sum: i
 
 
 def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None = None) -> Array:
-    """Return where the n-th order of the output can have energy when the input lies in a band.
+    """Return the frequencies at which the n-th order of the output can have energy if the input lies in a band.
 
-    Its frequencies are the sums w_1 + ... + w_n of n frequencies of the input, each of either sign: with k of them
-    negative they fill the interval from (n-k) low - k high to (n-k) high - k low. Negative sums stand for their
-    magnitude. In sampled signals, sums beyond half the sampling rate fold back below it.
+    The output frequencies are sums w_1 + ... + w_n of n input frequencies, each of either sign. With k negative ones
+    the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum stands for its magnitude.
+    In sampled signals, sums beyond half the sampling rate fold back below it.
 
     Parameters
     ----------
     band : array_like, shape (2,)
-        Lowest and highest frequency of the input, rad/s.
+        Lowest and highest angular frequency of the input, rad/s.
     order : int
-        n, at least 1.
+        Order n, at least 1.
     sample_time : float, optional
-        Sampling interval in s; without one nothing folds.
+        Sampling time, s; by default frequencies do not fold back.
 
     Returns
     -------
     ndarray, shape (k, 2)
-        Lowest and highest frequency of each interval in rad/s, increasing and apart from each other.
+        Lowest and highest angular frequency of each interval, rad/s; the intervals increase and are disjoint.
 
     Raises
     ------
     ModelError
-        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, it goes beyond
-        half the sampling rate, or the sums overflow.
+        If the order is not an integer of at least 1, the band is not two frequencies 0 <= low <= high, it extends
+        beyond half the sampling rate, or the sums overflow.
 
     References
     ----------

@@ -32,11 +32,11 @@ _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 
 
 class NofrfWarning(UserWarning):
-    """A NOFRF was computed, but is not to be relied upon; the text is the status' advice."""
+    """Warning that a nonlinear output frequency response is not reliable; the text is the advice of its status."""
 
 
 class NofrfStatus(Enum):
-    """Whether nonlinear output frequency responses can be relied on; the value is the advice."""
+    """Reliability of nonlinear output frequency responses; the value is the advice."""
 
     OK = "excitation and levels suit these orders"
     UNSTABLE = (
@@ -69,46 +69,47 @@ class NofrfStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether there is nothing to be said against them."""
+        """True if no problem was found."""
         return self is NofrfStatus.OK
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nofrf(Described, Frozen):
-    """Nonlinear output frequency responses G_1, ..., G_N by least squares over levels of an excitation.
+    """Nonlinear output frequency responses G_1, ..., G_N, estimated by least squares over levels of an excitation.
 
     Parameters
     ----------
     order : int
-        The order that was asked for.
+        Requested order n.
     orders : tuple of FrequencyResponse, length N
-        G_1, ..., G_N, each at the lines where it exists; output unit by power of the input unit. Their derivatives
-        and covariances are those of the exact G_n, and with other parameters they change as these do.
+        Responses G_1, ..., G_N, each at the lines where it exists; output unit by power of the input unit. Their
+        derivatives and covariances, and their values at other parameters, are those of the exact G_n.
     outputs : tuple of FrequencyResponse, length N
-        The orders of the output, Y_n = G_n U_n, at level 1 and at all lines.
+        Orders Y_n = G_n U_n of the output, at level 1 and at all lines.
     inputs : tuple of InputSpectrum, length N
-        U_1, ..., U_N, of the excitation at level 1.
+        Spectra U_1, ..., U_N of the powers of the excitation at level 1.
     levels : ndarray, shape (n_levels,)
         Factors of the excitation that were used.
     lost_levels : ndarray, shape (n_lost,)
-        Those at which the model diverges.
+        Factors at which the model diverges.
     condition : float
-        Condition number of the fit, its columns scaled to length one.
+        Condition number of the fit with columns scaled to unit length.
     residual : ndarray, shape (n_levels, N)
-        Share of the output's spectrum at each level that the first n orders of the fit leave, in root sum of squares.
+        Root sum of squares of the part of the output's spectrum at each level that the first n orders leave
+        unexplained, relative to the spectrum.
     left_out : ndarray, shape (n,)
-        For fits of 1, 2, ... orders: share of the spectra that the fit without a level leaves there, over all levels;
-        infinite where the levels are too few to leave one out.
+        Prediction error at left-out levels, as a share of the spectra, for fits of 1, 2, ... orders; infinite if there
+        are too few levels to leave one out.
     truncation : tuple of ndarray, length N
-        By how much each G_n moves when two more orders are fitted, shape (n,) as G_n and in its unit: about the error
-        by the orders that were not fitted. NaN where the levels do not tell.
+        Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit: about the error caused by
+        orders that were not fitted. NaN if there are too few levels to know.
     advisable_level : float
-        Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about
-        1 % of them (root mean squares over their lines), from its power law, and at which no level is known to
-        diverge; 1 if both hold already, NaN if the truncation error is not known. At the ends of an order's range,
-        where U_n is small, G_n may still be off by more: see ``truncation``.
+        Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about 1
+        % of them (root mean square over their lines, from its power law), and at which no level is known to diverge; 1
+        if both hold already, NaN if the truncation error is not known. At the ends of an order's range, where U_n is
+        small, the error of G_n may be larger: see ``truncation``.
     status : NofrfStatus
-        The gravest of what there is to say.
+        Most serious problem found, if any.
     """
 
     order: int
@@ -134,7 +135,7 @@ class Nofrf(Described, Frozen):
 
     @property
     def response(self) -> FrequencyResponse:
-        """G of the order that was asked for."""
+        """Response G_n of the requested order."""
         return self.orders[self.order - 1]
 
     @property
@@ -144,17 +145,17 @@ class Nofrf(Described, Frozen):
 
     @property
     def omega(self) -> Array:
-        """Angular frequency of the values in rad/s, shape (n,)."""
+        """Angular frequencies of the values, rad/s, shape (n,)."""
         return self.response.omega
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequency of the values in Hz, shape (n,)."""
+        """Frequencies of the values, Hz, shape (n,)."""
         return self.response.frequency_Hz
 
     @property
     def highest(self) -> int:
-        """N, the number of orders that were fitted."""
+        """Number N of orders that were fitted."""
         return len(self.orders)
 
     @property
@@ -163,7 +164,7 @@ class Nofrf(Described, Frozen):
         return self.outputs[0].unit
 
     def output_spectrum(self, level: float = 1.0) -> FrequencyResponse:
-        """Return the output's spectrum as the sum of the orders that were fitted.
+        """Return the output's spectrum as the sum of the fitted orders.
 
         Parameters
         ----------
@@ -196,26 +197,22 @@ class Nofrf(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain of the order that was asked for over frequency, with its truncation error where it shows.
+        """Plot the gain of the requested order over frequency, with its truncation error if visible.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:
-        """Draw the gains of G_1 up to the order that was asked for, one above the other.
+        """Plot the gains of G_1 up to the requested order, one above the other.
 
         Parameters
         ----------
         axes : sequence of matplotlib Axes, optional
-            One for each order; new ones otherwise.
+            One matplotlib Axes for each order; new ones by default.
 
         Returns
         -------
@@ -224,7 +221,7 @@ class Nofrf(Described, Frozen):
         Raises
         ------
         ModelError
-            If they are not as many.
+            If the number of axes is not that of the orders.
         """
         if axes is None:
             from matplotlib import pyplot

@@ -119,7 +119,7 @@ def left_by_orders(model: NarxModel, period: Array, highest: int, operating_inpu
 
 
 def in_bands(frequency_Hz: Array, bands_Hz: Array) -> NDArray[np.bool_]:
-    """Whether lines lie in one of several bands. Shapes: `frequency_Hz` (n_lines,); `bands_Hz` (k, 2); returns
+    """True for lines in one of several bands. Shapes: `frequency_Hz` (n_lines,); `bands_Hz` (k, 2); returns
     (n_lines,).
     """
     low, high = bands_Hz.T[..., None]

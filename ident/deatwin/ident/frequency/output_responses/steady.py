@@ -23,8 +23,8 @@ class SteadyState:
     """The last period of a march from rest."""
 
     values: Array  # shape (n_samples,): The output over one period, in the output's unit
-    settled: bool  # Whether it repeats from period to period up to rounding
-    diverged: bool  # Whether the march left all bounds; the values are then its last ones
+    settled: bool  # True if it repeats from period to period up to rounding
+    diverged: bool  # True if the march left all bounds; the values are then its last ones
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:

@@ -1,1 +1,1 @@
-"""From the covariance of parameters to regions of frequency responses: by derivatives, and by draws beside them."""
+"""Regions of frequency responses from the covariance of parameters, by derivatives and by draws."""

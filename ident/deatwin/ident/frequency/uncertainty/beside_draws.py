@@ -63,7 +63,7 @@ class Spread:
 
     @property
     def strict(self) -> NDArray[np.bool_]:
-        """Whether the law should hold as exactly as the draws can tell, shape (n,)."""
+        """True where the law should hold to the accuracy of the draws, shape (n,)."""
         return np.asarray(self.propagated.nonlinearity <= STRICT)
 
     @property

@@ -73,12 +73,12 @@ class Polar(Frozen):
 
     @property
     def gain_index(self) -> Array:
-        """How far the gain is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the gain, shape (n,): the larger of its bend and the relative deviation."""
         return np.maximum(self.gain_bend, self.relative_deviation)
 
     @property
     def phase_index(self) -> Array:
-        """How far the phase is from linear, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the phase, shape (n,): the larger of its bend and the relative deviation."""
         return np.maximum(self.phase_bend, self.relative_deviation)
 
 
@@ -86,6 +86,7 @@ def polar(values: Complex, covariance: Array) -> Polar:
     """Propagate the covariance of real and imaginary part to gain and phase. Shapes: `values` (n,); `covariance` (n,
     2, 2).
     """
+    # With r along the value and t across it, gain = g + r + t²/(2g) and phase = t/g - rt/g² to second order.
     gain = np.abs(values)
     direction = np.divide(values, gain, out=np.ones_like(values), where=gain > 0)
     turn = np.stack([direction.real, direction.imag, -direction.imag, direction.real], axis=-1).reshape(-1, 2, 2)
@@ -118,6 +119,8 @@ def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
     """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance. Shapes: `rank`
     (n,); returns (n,).
     """
+    # In two dimensions its square is -2 ln(1 - level) for a normal law, (dof - 2)((1 - level)^(-2/dof) - 1) for
+    # Student's t; with rank 1 the region is a segment.
     line = interval_radius(level, dof)
     return np.where(rank == 1, line, math.sqrt(_squared_radius(level, dof)))
 

@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 
 _MOST_BYTES = 1 << 31
 JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
-"""What `require_memory` says of it."""
+"""Description for the error of `require_memory`."""
 
 Model = NarxModel | LinearModel
-"""What has parameters, their covariance, and a frequency response."""
+"""Models with parameters, their covariance, and a frequency response."""
 
 Quantity = Callable[[Any], FrequencyResponse]
 """Computes a frequency response of a model, as ``partial(gfrf, order=2, omega=omega)``."""

@@ -43,11 +43,11 @@ _PROBES = 20190501  # seed of the probes: the same model always gives the same i
 
 
 class UncertaintyWarning(UserWarning):
-    """A covariance was propagated, but does not describe the response; the text is the advice with its figures."""
+    """Warning that a propagated covariance does not describe the response; the text is the advice with its figures."""
 
 
 class UncertaintyStatus(Enum):
-    """Whether the law of propagation holds; the value is the advice."""
+    """Validity of the first-order propagation of uncertainty; the value is the advice."""
 
     OK = "the response is linear in the parameters over their uncertainty"
     LOW_GAIN = (
@@ -68,28 +68,28 @@ class UncertaintyStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the law holds for real and imaginary part, gain and phase at all frequencies."""
+        """True if the law holds for real and imaginary part, gain and phase at all frequencies."""
         return self is UncertaintyStatus.OK
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Propagated(Uncertain):
-    """A frequency response with the uncertainty that the parameters give it, to first order.
+    """Frequency response with the first-order uncertainty that its parameters cause.
 
     Parameters
     ----------
     response : FrequencyResponse
-        At the model's own parameters.
+        Frequency response at the model's own parameters.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     nonlinearity : ndarray, shape (n,)
-        How far the response departs from its tangent over the uncertainty of the parameters: root mean square of the
-        departure over that of the tangent, both as Mahalanobis distances in the ellipse. Dimensionless; see
+        Departure of the response from its tangent over the uncertainty of the parameters: root mean square of the
+        departure relative to that of the tangent, both as Mahalanobis distances in the ellipse. Dimensionless; see
         `propagate`.
     lost : float
-        Share of the probed parameters that have no equilibrium or another stability.
+        Share of the probed parameters without an equilibrium or with different stability.
     """
 
     nonlinearity: Array = field(metadata=variable("point"))
@@ -104,7 +104,7 @@ class Propagated(Uncertain):
 
     @property
     def source(self) -> str:
-        """Where the uncertainty comes from, for legends."""
+        """Origin of the uncertainty, for legends."""
         return "by propagation"
 
     @property
@@ -118,27 +118,27 @@ class Propagated(Uncertain):
 
     @property
     def gain_phase_covariance(self) -> Array:
-        """Covariance of gain (in ``unit``) and phase (rad), shape (n, 2, 2); only where both laws hold."""
+        """Covariance of gain (in ``unit``) and phase (rad), shape (n, 2, 2); valid only where both linear laws hold."""
         return self._polar.covariance
 
     @property
     def linear_law(self) -> NDArray[np.bool_]:
-        """Whether the ellipse describes real and imaginary part, shape (n,)."""
+        """True where the ellipse describes real and imaginary part, shape (n,)."""
         return np.asarray(self.nonlinearity <= LIMIT)
 
     @property
     def gain_nonlinearity(self) -> Array:
-        """The index of the gain, shape (n,): that of the response plus what the gain's own law leaves out."""
+        """Nonlinearity index of the gain, shape (n,): that of the response plus that of taking the gain."""
         return np.asarray(self.nonlinearity + self._polar.gain_index)
 
     @property
     def phase_nonlinearity(self) -> Array:
-        """The index of the phase, shape (n,): that of the response plus what the phase's own law leaves out."""
+        """Nonlinearity index of the phase, shape (n,): that of the response plus that of taking the phase."""
         return np.asarray(self.nonlinearity + self._polar.phase_index)
 
     @property
     def status(self) -> UncertaintyStatus:
-        """Whether the law of propagation holds."""
+        """Validity of the law of propagation."""
         if not np.any(self.response.theta_cov):
             return UncertaintyStatus.CERTAIN
         if self.lost > 0:
@@ -151,7 +151,7 @@ class Propagated(Uncertain):
 
     @property
     def advice(self) -> str:
-        """The advice with its figures: the largest index and where the law fails."""
+        """The advice with its figures: the largest index and the frequencies at which the law fails."""
         low_gain = self.status is UncertaintyStatus.LOW_GAIN
         index = np.maximum(self.gain_nonlinearity, self.phase_nonlinearity) if low_gain else self.nonlinearity
         failing = int(np.sum(~(index <= LIMIT)))
@@ -163,15 +163,7 @@ class Propagated(Uncertain):
         )
 
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
-
-        Its rank is at most the number of parameters.
-
-        Raises
-        ------
-        ModelError
-            If it needs more than 2 GiB.
-        """
+        # Its rank is at most the number of parameters.
         require_memory(4 * self.values.size**2, JOINT)
         gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
         return read_only(gradient @ self.response.theta_cov @ gradient.T)
@@ -179,19 +171,19 @@ class Propagated(Uncertain):
     def gain_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the gain.
 
-        Where the linear law of the gain fails, it is the range of the gain over the ellipse of this probability, which
-        holds the true gain whenever the ellipse holds the true response. (Quantiles of the gain of draws do not: draws
-        about a value near zero have more gain than what they are drawn about.)
+        If the linear law of the gain fails, the band is the range of the gain over the ellipse of this probability,
+        which contains the true gain whenever the ellipse contains the true response. (Quantiles of the gain of draws do
+        not: draws about a value near zero have a larger gain than that value.)
 
         Parameters
         ----------
         level : float, optional
-            Its probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
 
         Returns
         -------
         Band
-            In ``unit``; ``linear_law`` says where the linear law was used.
+            Band in ``unit``; its ``linear_law`` is True where the linear law was used.
 
         Raises
         ------
@@ -211,18 +203,18 @@ class Propagated(Uncertain):
     def phase_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the phase.
 
-        Where the linear law of the phase fails, it is the range of the phase over the ellipse; where that contains 0
-        the phase is undefined, and the limits are NaN.
+        If the linear law of the phase fails, the band is the range of the phase over the ellipse; if the ellipse
+        contains 0 the phase is undefined, and the limits are NaN.
 
         Parameters
         ----------
         level : float, optional
-            Its probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
 
         Returns
         -------
         Band
-            In degrees, about ``phase_deg``; ``linear_law`` says where the linear law was used.
+            Band in degrees about ``phase_deg``; its ``linear_law`` is True where the linear law was used.
 
         Raises
         ------
@@ -245,38 +237,38 @@ class Propagated(Uncertain):
 def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propagated:
     """Propagate the uncertainty of a model's parameters to a frequency response.
 
-    The covariance of real and imaginary part is J theta_cov J', J being their exact derivative by the parameters,
-    through the equilibrium too. That is the law of a response linear in the parameters. How far it is from linear is
-    probed at 32 pairs of parameters drawn from the posterior, mirrored at its mean: the nonlinearity is the root mean
-    square of the departure of the response from its tangent, in units of the ellipse, over that of the tangent. With an
-    index v, the covariance is wrong by at most about 2v + v² of itself, and by v² where the departure is of second
-    order (a quadratic form in normal parameters is not correlated with a linear one). Up to 0.25 the law is taken to
-    hold.
+    The covariance of real and imaginary part is J theta_cov J', where J is their exact derivative with respect to the
+    parameters, including the shift of the equilibrium. This law is exact if the response is linear in the parameters.
+    The nonlinearity is probed at 32 pairs of parameters drawn from the posterior and mirrored at its mean: it is the
+    root mean square of the departure of the response from its tangent, in units of the ellipse, relative to that of the
+    tangent. With an index v, the relative error of the covariance is at most about 2v + v², and v² if the departure is
+    of second order (a quadratic form in normal parameters is not correlated with a linear one). The law is accepted up
+    to 0.25.
 
     Parameters
     ----------
     model : NarxModel or LinearModel
-        With ``theta_cov``.
+        Model with the covariance ``theta_cov`` of its parameters.
     quantity : callable
-        Takes a model and returns a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
-        ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` of a linear model.
+        Function from a model to a FrequencyResponse: ``partial(gfrf, order=2, omega=omega)``,
+        ``lambda m: output_orders(m, excitation, 3)[1]``, or ``partial(frf, omega=omega)`` for a linear model.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
 
     Returns
     -------
     Propagated
-        With a ``status`` and an ``advice``.
+        Response with its covariance, a ``status`` and an ``advice``.
 
     Warns
     -----
     UncertaintyWarning
-        Where ellipses do not describe the response, with the nonlinearity.
+        If ellipses do not describe the response; the text gives the nonlinearity.
 
     Raises
     ------
     ModelError
-        If the level is not between 0 and 1, the covariance of the parameters is none, or the quantity is no
+        If the level is not between 0 and 1, the covariance of the parameters is invalid, or the quantity is not a
         FrequencyResponse.
 
     References

@@ -1,4 +1,4 @@
-"""What propagated and sampled uncertainties of a frequency response have in common."""
+"""Common base of propagated and sampled uncertainties of a frequency response."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ _MOST_POINTS = 300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertain(Described, Frozen, ABC):
-    """A frequency response and its uncertainty.
+    """Frequency response with its uncertainty.
 
     Parameters
     ----------
     response : FrequencyResponse
-        At the model's own parameters.
+        Frequency response at the model's own parameters.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
@@ -62,7 +62,7 @@ class Uncertain(Described, Frozen, ABC):
     @property
     @abstractmethod
     def source(self) -> str:
-        """Where the uncertainty comes from, for legends."""
+        """Origin of the uncertainty, for legends."""
 
     @property
     def values(self) -> Complex:
@@ -76,7 +76,7 @@ class Uncertain(Described, Frozen, ABC):
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequency in Hz, of the shape of ``omega``."""
+        """Frequencies, Hz, of the same shape as ``omega``."""
         return self.response.frequency_Hz
 
     @property
@@ -96,7 +96,7 @@ class Uncertain(Described, Frozen, ABC):
 
     @property
     def phase_deg(self) -> Array:
-        """Phase of the values in degrees, shape (n,), unwrapped where there is one frequency to a value."""
+        """Phase, degrees, shape (n,); unwrapped if each value has a single frequency."""
         return self.response.phase_deg
 
     @property
@@ -107,7 +107,7 @@ class Uncertain(Described, Frozen, ABC):
     @property
     @abstractmethod
     def linear_law(self) -> NDArray[np.bool_]:
-        """Whether the ellipses describe real and imaginary part, shape (n,)."""
+        """True where the ellipses describe real and imaginary part, shape (n,)."""
 
     @abstractmethod
     def joint_covariance(self) -> Array:
@@ -116,7 +116,7 @@ class Uncertain(Described, Frozen, ABC):
         Raises
         ------
         ModelError
-            If it needs more than 2 GiB.
+            If the matrix needs more than 2 GiB.
         """
 
     @abstractmethod
@@ -126,21 +126,21 @@ class Uncertain(Described, Frozen, ABC):
         Parameters
         ----------
         level : float, optional
-            Its probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
         """
 
     @abstractmethod
     def phase_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the phase in degrees, NaN where the phase is not defined.
+        """Return a pointwise band of the phase in degrees, NaN where the phase is undefined.
 
         Parameters
         ----------
         level : float, optional
-            Its probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
         """
 
     def ellipse(self, level: float | None = None, n_points: int = 73) -> Complex:
-        """Return outlines of the regions of a probability in the complex plane, pointwise over frequency.
+        """Return outlines of the confidence regions in the complex plane, pointwise over frequency.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Uncertain(Described, Frozen, ABC):
             Probability at each frequency, ``self.level`` by default: of both parts jointly (5.99 is the squared radius
             of a normal law at 95 %).
         n_points : int
-            Points of each outline, at least 3; the last is the first.
+            Number of points in each outline, at least 3; the last equals the first.
 
         Returns
         -------
@@ -171,7 +171,7 @@ class Uncertain(Described, Frozen, ABC):
         Parameters
         ----------
         other : array_like of complex, shape (..., n) or ()
-            For instance a true response, draws, or 0.
+            Values to test, for instance a true response, draws, or 0.
         level : float, optional
             Probability of the ellipses; ``self.level`` by default.
 
@@ -201,56 +201,75 @@ class Uncertain(Described, Frozen, ABC):
         return region_radius(self.level if level is None else level, self.dof, self._ellipses.rank)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the response in the complex plane with its regions.
+        """Plot the response in the complex plane with its ellipses, dashed where the linear law does not hold.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
-        return _plot_plane(self, ax)
+        from matplotlib.collections import LineCollection
+
+        axes = axes_or_new(ax)
+        color = f"C{len(axes.collections)}"
+        if self.label not in axes.get_legend_handles_labels()[1]:
+            some = self.values[drawn_points(self.response)]
+            axes.plot(some.real, some.imag, color=color, linewidth=1.2, markersize=4, label=self.label, **_style(self))
+        shown = shown_points(self)
+        outlines = self.ellipse()[shown]
+        segments = np.stack([outlines.real, outlines.imag], axis=-1)
+        holds = self.linear_law[shown]
+        name = f"{_percent(self.level)} ellipses {self.source}"
+        for chosen, style, text in ((holds, "-", name), (~holds, "--", f"{name}, where the linear law fails")):
+            if chosen.any():
+                lines = LineCollection(
+                    list(segments[chosen]), colors=color, linewidths=0.9, linestyles=style, alpha=0.8, label=text
+                )
+                axes.add_collection(lines)
+        axes.autoscale_view()
+        unit = f" ({written_unit(self.unit)})" if self.unit else ""
+        axes.set_xlabel(f"real part{unit}")
+        axes.set_ylabel(f"imaginary part{unit}")
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.legend(fontsize="small")
+        return axes
 
     def plot_gain(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain with its band over frequency.
+        """Plot the gain with its band over frequency.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
 
         Raises
         ------
         ModelError
-            If there are several frequencies for each value, and their sums do not go one way.
+            If there are several frequencies for each value, and their sums do not increase or decrease throughout.
         """
-        return _plot_gain(self, ax)
+        axes = axes_or_new(ax)
+        _draw_band(axes, self, self.gain, self.gain_band(), f"$|{self.label.strip('$')}|$")
+        axes.set_yscale("log")
+        axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
+        return axes
 
     def plot_phase(self, ax: Axes | None = None) -> Axes:
-        """Draw the phase with its band over frequency.
+        """Plot the phase with its band over frequency, with gaps where the phase is undefined.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
 
         Raises
         ------
         ModelError
-            If there are several frequencies for each value, and their sums do not go one way.
+            If there are several frequencies for each value, and their sums do not increase or decrease throughout.
         """
-        return _plot_phase(self, ax)
+        axes = axes_or_new(ax)
+        _draw_band(axes, self, self.phase_deg, self.phase_band(), f"phase of {self.label}")
+        axes.set_ylabel("phase (°)")
+        return axes
 
 
 def _bands(found: Uncertain) -> Variables:
@@ -260,37 +279,6 @@ def _bands(found: Uncertain) -> Variables:
         variables[f"{name}_high"] = ("point", band.high, unit)
         variables[f"{name}_linear_law"] = ("point", band.linear_law)
     return variables
-
-
-def _plot_plane(uncertain: Uncertain, ax: Axes | None) -> Axes:
-    """Draw a response in the complex plane with its ellipses, dashed where the linear law does not hold."""
-    from matplotlib.collections import LineCollection
-
-    axes = axes_or_new(ax)
-    color = f"C{len(axes.collections)}"
-    if uncertain.label not in axes.get_legend_handles_labels()[1]:
-        some = uncertain.values[drawn_points(uncertain.response)]
-        axes.plot(
-            some.real, some.imag, color=color, linewidth=1.2, markersize=4, label=uncertain.label, **_style(uncertain)
-        )
-    shown = shown_points(uncertain)
-    outlines = uncertain.ellipse()[shown]
-    segments = np.stack([outlines.real, outlines.imag], axis=-1)
-    holds = uncertain.linear_law[shown]
-    name = f"{_percent(uncertain.level)} ellipses {uncertain.source}"
-    for chosen, style, text in ((holds, "-", name), (~holds, "--", f"{name}, where the linear law fails")):
-        if chosen.any():
-            lines = LineCollection(
-                list(segments[chosen]), colors=color, linewidths=0.9, linestyles=style, alpha=0.8, label=text
-            )
-            axes.add_collection(lines)
-    axes.autoscale_view()
-    unit = f" ({written_unit(uncertain.unit)})" if uncertain.unit else ""
-    axes.set_xlabel(f"real part{unit}")
-    axes.set_ylabel(f"imaginary part{unit}")
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(fontsize="small")
-    return axes
 
 
 def shown_points(uncertain: Uncertain) -> NDArray[np.int64]:
@@ -303,23 +291,6 @@ def plot_draws(uncertain: Uncertain, draws: Complex, axes: Axes) -> None:
     """Draw some draws as points under the ellipses. Shapes: `draws` (n_draws, n)."""
     some = draws[:_MOST_POINTS, shown_points(uncertain)]
     axes.plot(some.real.ravel(), some.imag.ravel(), ".", color="0.6", markersize=1.5, alpha=0.4, zorder=1)
-
-
-def _plot_gain(uncertain: Uncertain, ax: Axes | None) -> Axes:
-    """Draw the gain of a response with its band."""
-    axes = axes_or_new(ax)
-    _draw_band(axes, uncertain, uncertain.gain, uncertain.gain_band(), f"$|{uncertain.label.strip('$')}|$")
-    axes.set_yscale("log")
-    axes.set_ylabel(f"gain ({written_unit(uncertain.unit)})" if uncertain.unit else "gain")
-    return axes
-
-
-def _plot_phase(uncertain: Uncertain, ax: Axes | None) -> Axes:
-    """Draw the phase of a response with its band, which has gaps where the phase is undefined."""
-    axes = axes_or_new(ax)
-    _draw_band(axes, uncertain, uncertain.phase_deg, uncertain.phase_band(), f"phase of {uncertain.label}")
-    axes.set_ylabel("phase (°)")
-    return axes
 
 
 def _draw_band(axes: Axes, uncertain: Uncertain, values: Array, band: Band, label: str) -> None:
@@ -366,7 +337,7 @@ def _axis(uncertain: Uncertain) -> tuple[Array, str]:
 
 
 def _is_line(uncertain: Uncertain) -> bool:
-    """Whether neighbours belong together: lines of a spectrum do not, nor do points of a grid."""
+    """True if neighbouring points form a curve: lines of a spectrum and points of a grid do not."""
     if uncertain.response.symbol == "Y":
         return False
     return uncertain.omega.ndim == 1 or _goes_one_way(_sums(uncertain))

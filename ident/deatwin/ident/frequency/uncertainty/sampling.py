@@ -38,7 +38,7 @@ Complex = NDArray[np.complex128]
 
 
 class SampleStatus(Enum):
-    """Whether all draws have the model's operating point; the value is the advice."""
+    """Status of the draws: do all have the model's operating point? The value is the advice."""
 
     OK = "all draws have the operating point, with the model's stability"
     LOST = (
@@ -48,7 +48,7 @@ class SampleStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether no draw was left out."""
+        """True if no draw was left out."""
         return self is SampleStatus.OK
 
 
@@ -59,17 +59,17 @@ class Sampled(Uncertain):
     Parameters
     ----------
     response : FrequencyResponse
-        At the model's own parameters.
+        Frequency response at the model's own parameters.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
     dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     draws : ndarray of complex, shape (n_kept, n)
-        The response at draws of the parameters.
+        Response at draws of the parameters.
     n_without : int
-        Draws left out because they have no equilibrium.
+        Number of draws left out because they have no equilibrium.
     n_other : int
-        Draws left out because the stability of their operating point is not the model's.
+        Number of draws left out because their operating point is stable and the model's is not, or conversely.
     """
 
     draws: Complex = field(metadata=variable("draw", "point", unit=attrgetter("unit")))
@@ -84,20 +84,16 @@ class Sampled(Uncertain):
 
     @property
     def source(self) -> str:
-        """Where the uncertainty comes from, for legends."""
+        """Origin of the uncertainty, for legends."""
         return f"of {len(self.draws)} draws"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the response in the complex plane with some draws and the ellipses of all.
+        """Plot the response in the complex plane with some draws and the ellipses of all draws.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)
@@ -105,12 +101,12 @@ class Sampled(Uncertain):
 
     @property
     def status(self) -> SampleStatus:
-        """Whether draws were left out."""
+        """Status that says whether draws were left out."""
         return SampleStatus.LOST if self.n_without or self.n_other else SampleStatus.OK
 
     @property
     def linear_law(self) -> NDArray[np.bool_]:
-        """True at all frequencies, shape (n,): the ellipses are those of the draws' own covariance."""
+        """True at all frequencies, shape (n,): the ellipses come from the covariance of the draws themselves."""
         return np.ones(self.values.shape, dtype=np.bool_)
 
     @property
@@ -127,48 +123,41 @@ class Sampled(Uncertain):
         return read_only(np.stack([rr, ri, ri, ii], axis=-1).reshape(-1, 2, 2) / (len(away) - 1))
 
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
-
-        Raises
-        ------
-        ModelError
-            If it needs more than 2 GiB.
-        """
         require_memory(4 * self.values.size**2, JOINT)
         away = self.draws - self.mean
         parts = np.concatenate([away.real, away.imag], axis=1)
         return read_only(parts.T @ parts / (len(parts) - 1))
 
     def gain_band(self, level: float | None = None) -> Band:
-        """Return the central quantiles of the gain of the draws.
+        """Return central quantiles of the gain of the draws.
 
-        Near zero gain they are no confidence band of the true gain: draws about a value near zero have more gain than
-        what they are drawn about. `Propagated.gain_band` takes the range of the ellipse there.
+        Near zero gain they are not a confidence band of the true gain: draws about a value near zero have a larger gain
+        than that value. `Propagated.gain_band` uses the range of the ellipse there.
 
         Parameters
         ----------
         level : float, optional
-            Their probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
 
         Returns
         -------
         Band
-            In ``unit``; no law is linearised, so that ``linear_law`` is False.
+            Band in ``unit``. No law is linearised, so ``linear_law`` is False.
         """
         return self._band(np.abs(self.draws), level)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return the central quantiles of the phase's deviation from that of the model.
+        """Return central quantiles of the phase's deviation from that of the model.
 
         Parameters
         ----------
         level : float, optional
-            Their probability; ``self.level`` by default.
+            Probability of the band; ``self.level`` by default.
 
         Returns
         -------
         Band
-            In degrees, about ``phase_deg``; ``linear_law`` is False.
+            Band in degrees about ``phase_deg``; ``linear_law`` is False.
         """
         turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
         return self._band(self.phase_deg + np.degrees(turned), level)
@@ -185,20 +174,21 @@ def sample(
 ) -> Sampled:
     """Draw a frequency response from the posterior of a model's parameters.
 
-    Draws without an equilibrium, or of another stability than the model's, are left out and counted.
+    Draws without an equilibrium, or whose stability differs from the model's, are left out and counted.
 
     Parameters
     ----------
     model : NarxModel or LinearModel
-        With ``theta_cov``; its law is normal, or Student-t where ``theta_dof`` is finite.
+        Model with the covariance ``theta_cov`` of its parameters; their law is normal, or Student-t if ``theta_dof`` is
+        finite.
     quantity : callable
-        As for `deatwin.ident.frequency.propagate`.
+        Function from a model to a FrequencyResponse; see `deatwin.ident.frequency.propagate`.
     rng : numpy.random.Generator
-        Of the draws.
+        Source of the draws.
     n_draws : int
-        How many, at least 2.
+        Number of draws, at least 2.
     level : float
-        Probability of regions and bands where no other is given.
+        Default probability of regions and bands.
 
     Returns
     -------
@@ -208,7 +198,7 @@ def sample(
     ------
     ModelError
         If level, rng or number of draws are not as described, the draws need more than 2 GiB, the covariance of the
-        parameters is none, the quantity is no FrequencyResponse, or fewer than two draws are left.
+        parameters is invalid, the quantity is not a FrequencyResponse, or fewer than two draws remain.
     """
     response = response_of(model, quantity, level)
     n_draws = whole_number(n_draws, "n_draws", 2)

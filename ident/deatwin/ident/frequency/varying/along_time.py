@@ -45,34 +45,36 @@ def tv_gfrf(
 ) -> VaryingResponse:
     """Compute the generalised frequency response H_n of a model whose parameters change with time.
 
-    At each time it is that of the model with the parameters of this time (frozen), about the equilibrium of this time:
-    an equilibrium that moves changes every order.
+    At each time the parameters are frozen, and the model is expanded about the equilibrium of that time; a moving
+    equilibrium changes every order.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output.
+        Parameters theta(t) of a model of one input and one output.
     order : int
-        n, as `gfrf`.
+        Order n, from 1 to 8.
     omega : array_like, shape (n,) for order 1, else (n, order)
-        Angular frequencies in rad/s, as `gfrf`.
+        Angular frequencies, rad/s, in the form that `gfrf` takes.
     timepts : array_like, shape (n_times,), optional
-        Increasing times in s, each taking the parameters of the nearest time of the trajectory; by default all of
-        the trajectory's, at most 200 of them evenly spread.
+        Increasing times, s; each uses the parameters of the nearest time of the trajectory. By default the times of the
+        trajectory, thinned evenly to at most 200.
     operating_input : array_like, shape () or (n_times,), optional
-        Constant input, or that of each time, in the input's unit; the centre of the training data by default.
+        Constant input, or one for each time, in its unit; the centre of the training data by default.
     progress : callable, optional
-        Takes the share that is done and what is being done.
+        Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------
     VaryingResponse
-        In output unit by power n of the input unit, with its covariance from that of the parameters at each time.
+        Response H_n over time, output unit by the n-th power of the input unit, with the covariance that follows from
+        the parameters at each time.
 
     Raises
     ------
     ModelError
-        As `gfrf`; or if times lie outside the trajectory or do not increase, or no time has an equilibrium.
+        For the reasons given in `gfrf`; or if times lie outside the trajectory or do not increase, or no time has an
+        equilibrium.
 
     References
     ----------
@@ -95,32 +97,33 @@ def tv_output_spectrum(
     operating_input: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> VaryingResponse:
-    """Compute the spectrum of the output to a periodic input, along time.
+    """Compute the spectrum of the output to a periodic input over time.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        As for `tv_gfrf`.
+        Parameters theta(t) of a model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, as for `output_spectrum`.
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
     order : int
         Highest order N of Y = Y_1 + ... + Y_N.
     timepts : array_like, shape (n_times,), optional
-        As for `tv_gfrf`.
+        Increasing times, s; see `tv_gfrf`.
     operating_input : array_like, shape () or (n_times,), optional
-        As for `tv_gfrf`.
+        Constant input, or one for each time, in its unit; the centre of the training data by default.
     progress : callable, optional
-        As for `tv_gfrf`.
+        Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------
     VaryingResponse
-        Y as Fourier coefficients, as `output_spectrum` returns them for each time.
+        Fourier coefficients Y over time, in the form of `output_spectrum`.
 
     Raises
     ------
     ModelError
-        As `output_spectrum` and `tv_gfrf`.
+        For the reasons given in `output_spectrum` and `tv_gfrf`.
     """
     orders = Orders(one_period(excitation, trajectory.model.sample_time), whole_order(order))
     quantity = partial(output_spectrum, excitation=excitation, order=order)
@@ -136,40 +139,41 @@ def tv_nofrf(
     operating_input: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> VaryingResponse:
-    """Compute the nonlinear output frequency response G_n of a periodic input, along time.
+    """Compute the nonlinear output frequency response G_n to a periodic input over time.
 
-    G_n = Y_n / U_n of the model of each time, Y_n being the exact n-th order of its output in the steady state and U_n
-    the spectrum of the input's n-th power; on the lines where U_n is not zero.
+    At each time G_n = Y_n / U_n, where Y_n is the exact n-th order of the output in the steady state of the model with
+    the parameters of that time, and U_n is the spectrum of the input's n-th power.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        As for `tv_gfrf`.
+        Parameters theta(t) of a model of one input and one output.
     excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, as for `output_orders`.
+        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
+        unit.
     order : int
-        n, at least 1.
+        Order n, at least 1.
     timepts : array_like, shape (n_times,), optional
-        As for `tv_gfrf`.
+        Increasing times, s; see `tv_gfrf`.
     operating_input : array_like, shape () or (n_times,), optional
-        As for `tv_gfrf`.
+        Constant input, or one for each time, in its unit; the centre of the training data by default.
     progress : callable, optional
-        As for `tv_gfrf`.
+        Callback that receives the completed share, from 0 to 1, and the name of the current step.
 
     Returns
     -------
     VaryingResponse
-        In output unit by power n of the input unit, on the lines where U_n is not zero.
+        Response G_n over time, output unit by the n-th power of the input unit, at the lines where U_n is not zero.
 
     Warns
     -----
     NofrfWarning
-        If the excitation does not suit the order.
+        If the excitation is not suitable for the order.
 
     Raises
     ------
     ModelError
-        As `output_orders` and `tv_gfrf`, or if the input is zero throughout.
+        For the reasons given in `output_orders` and `tv_gfrf`, or if the input is always zero.
 
     References
     ----------

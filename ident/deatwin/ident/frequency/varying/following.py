@@ -29,6 +29,7 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
     """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are
     near. Shapes: `timepts` (n_times,); `inputs` (n_times,).
     """
+    # The nearest equilibrium continues the branch; if others are about as near, times between are tried too.
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):
         found = _step(trajectory, last, time, level)
@@ -39,23 +40,25 @@ def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iter
 def hold_equilibrium(
     trajectory: ThetaTrajectory, output: float, operating_input: float | None = None
 ) -> ThetaTrajectory:
-    """Return a trajectory whose constant term holds the equilibrium, all other parameters being the same.
+    """Return a trajectory whose constant term is adjusted so that the equilibrium stays constant.
 
-    What its responses lack of the original's is the effect of the equilibrium's motion.
+    All other parameters are unchanged, so the difference between its responses and the original ones is the effect of
+    the moving equilibrium.
 
     Parameters
     ----------
     trajectory : ThetaTrajectory
-        theta(t) of a model of one input and one output.
+        Parameters theta(t) of a model of one input and one output.
     output : float
-        The equilibrium at all times, in the output's unit.
+        Output at the equilibrium at all times, in its unit.
     operating_input : float, optional
-        Constant input at which it is one, in the input's unit; the centre of the training data by default.
+        Constant input at the equilibrium, in its unit; the centre of the training data by default.
 
     Returns
     -------
     ThetaTrajectory
-        With a constant term, last if there was none, and this point as the centre of its operating range.
+        Trajectory with a constant term (appended as the last term if there was none) whose operating range is centred
+        at this point.
 
     Raises
     ------
@@ -130,13 +133,13 @@ def _equilibrium(model: NarxModel, level: float) -> Equilibrium | None:
 
 
 def _is_clear(point: Equilibrium, near: float) -> bool:
-    """Whether the chosen equilibrium is much nearer to that of before than the others are."""
+    """True if the chosen equilibrium is much nearer to the previous one than all others are."""
     distances = np.abs(point.outputs - near)
     return bool(np.all(distances[point.chosen] <= _CLEAR * np.delete(distances, point.chosen)))
 
 
 def _has_between(trajectory: ThetaTrajectory, first: float, last: float) -> bool:
-    """Whether the trajectory has a time between two."""
+    """True if the trajectory has a time between two given ones."""
     return bool(np.searchsorted(trajectory.timepts, last) > np.searchsorted(trajectory.timepts, first, side="right"))
 
 

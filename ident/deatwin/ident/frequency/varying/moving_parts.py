@@ -1,4 +1,4 @@
-"""What parameters that move add to a response of parameters that stand still, to first order in their rate.
+"""Correction of a frozen response for parameters that change with time, to first order in their rate.
 
 A part of the output of a system that varies slowly is Y(t) e^(jwt) with an amplitude that changes, so that a delay is
 
@@ -47,15 +47,15 @@ class MovingParts:
 
     @property
     def order(self) -> Sequence[int]:
-        """As of the parts."""
+        """Orders of the parts."""
         return self.parts.order
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """As of the parts."""
+        """Splits of a part in two."""
         return self.parts.splits(part)
 
     def input(self, part: int, lag: int) -> Array | None:
-        """As of the parts: the input does not change its amplitude."""
+        """Input of the parts, whose amplitude does not change."""
         return self.parts.input(part, lag)
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:

@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 
 
 class VaryingStatus(Enum):
-    """Whether there is a frequency response at a time; the value is the advice."""
+    """Status of the frequency response at a time; the value is the advice."""
 
     OK = "the equilibrium of this time is stable"
     UNSTABLE = (
@@ -46,7 +46,7 @@ class VaryingStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the equilibrium is stable."""
+        """True if the equilibrium is stable."""
         return self is VaryingStatus.OK
 
 
@@ -55,20 +55,20 @@ _DECADES = 20.0  # from the lowest to the highest frequency: the axis is logarit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingResponse(Described, Frozen):
-    """H_n, G_n or Y_n along time: at each time that of a model whose parameters and operating input stay as they are.
+    """Response H_n, G_n or Y_n over time, each time with parameters and operating input frozen.
 
     Parameters
     ----------
     timepts : ndarray, shape (n_times,)
-        Increasing times on the experiment's clock in s.
+        Increasing times on the experiment's clock, s.
     operating_inputs : ndarray, shape (n_times,)
-        Constant input of each time in the input's unit.
+        Constant input of each time, in its unit.
     models : tuple of (NarxModel or None), length n_times
-        Model of each time; the centre of its ``operating`` range is its equilibrium. None where it has none.
+        Model of each time; its ``operating`` range is centred at its equilibrium. None if there is no equilibrium.
     responses : tuple of (FrequencyResponse or None), length n_times
-        Theirs; at least one is not None.
+        Response of each model; at least one is not None.
     correct : callable
-        Returns ``frozen_correction``.
+        Function that returns ``frozen_correction``.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -103,12 +103,12 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def symbol(self) -> str:
-        """What it is: "H", "G" or "Y"."""
+        """Symbol "H", "G" or "Y"."""
         return self._first.symbol
 
     @property
     def order(self) -> int:
-        """Its order n; 0 for the sum of all orders."""
+        """Order n; 0 for the sum of all orders."""
         return self._first.order
 
     @property
@@ -118,12 +118,12 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def omega(self) -> Array:
-        """Angular frequency in rad/s, shape (n,), or (n, order) for H_n of order 2 and more."""
+        """Angular frequencies, rad/s, shape (n,), or (n, order) for H_n of order 2 and more."""
         return self._first.omega
 
     @property
     def frequency_Hz(self) -> Array:
-        """Frequency in Hz, of the shape of ``omega``."""
+        """Frequencies, Hz, of the same shape as ``omega``."""
         return self._first.frequency_Hz
 
     @property
@@ -133,17 +133,17 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def statuses(self) -> tuple[VaryingStatus, ...]:
-        """Whether there is a response at each time, length n_times."""
+        """Status of the response at each time, length n_times."""
         return tuple(VaryingStatus.NONE if r is None else VaryingStatus[r.status.name] for r in self.responses)
 
     @cached_property
     def equilibria(self) -> Array:
-        """Equilibrium output of each time in the output's unit, shape (n_times,); NaN where there is none."""
+        """Output at the equilibrium of each time, in its unit, shape (n_times,); NaN if there is none."""
         return read_only([np.nan if response is None else response.point.output for response in self.responses])
 
     @cached_property
     def equilibrium_std(self) -> Array:
-        """Standard deviation that the parameters give the equilibrium, in the output's unit, shape (n_times,)."""
+        """Standard deviation of the equilibrium due to the parameters, in the output's unit, shape (n_times,)."""
         return read_only(
             [
                 np.nan if model is None or response is None else _std_of(model, response)
@@ -153,7 +153,7 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def values(self) -> Complex:
-        """The response, complex, shape (n_times, n), in ``unit``; NaN where there is none."""
+        """Complex response in ``unit``, shape (n_times, n); NaN if there is none."""
         values = self._stacked(lambda response: response.values)
         values.setflags(write=False)
         return values
@@ -170,11 +170,11 @@ class VaryingResponse(Described, Frozen):
 
     @cached_property
     def frozen_correction(self) -> Complex:
-        """What the motion of the parameters adds to the response, complex, shape (n_times, n), in ``unit``.
+        """Contribution of the changing parameters to the response, complex, shape (n_times, n), in ``unit``.
 
-        The response of the system that varies, to a tone that never began, is ``values`` + this, to first order in the
-        rate of variation; see `moving_parts`. The rate is that between neighbours in ``timepts``: NaN where a
-        neighbour has no stable equilibrium, and for a single time.
+        To first order in the rate of variation, the steady response of the varying system to a tone is ``values`` plus
+        this correction; see `moving_parts`. The rate is computed between neighbours in ``timepts``: NaN if a neighbour
+        has no stable equilibrium, and for a single time.
         """
         correction = self.correct()
         correction.setflags(write=False)
@@ -182,29 +182,29 @@ class VaryingResponse(Described, Frozen):
 
     @property
     def frozen_error(self) -> Array:
-        """Magnitude of ``frozen_correction``, shape (n_times, n): how far off the response of standing parameters is.
+        """Magnitude of ``frozen_correction``, shape (n_times, n): the error of freezing the parameters.
 
-        For H_1 it is the rate at which H_1 changes times the delay of the feedback, so that a system that changes
-        little in its own memory has little of it.
+        For H_1 it is the rate of change of H_1 times the delay of the feedback, so it is small if the system changes
+        little within its own memory.
         """
         return np.asarray(np.abs(self.frozen_correction), dtype=np.float64)
 
     def band(self, level: float = 0.95) -> Band:
         """Return the pointwise confidence band of the gain at each time.
 
-        To first order in the parameters: whether they are known well enough for that, ``propagate(model, quantity)`` of
-        one of ``models`` tells.
+        The band holds to first order in the parameters; ``propagate(model, quantity)`` with one of ``models`` tests
+        whether they are known well enough.
 
         Parameters
         ----------
         level : float
-            Probability at each time and frequency, between 0 and 1; the variation that the response of standing
-            parameters leaves out (``frozen_error``) is not in it.
+            Probability at each time and frequency, between 0 and 1. The band does not include the error of freezing the
+            parameters (``frozen_error``).
 
         Returns
         -------
         Band
-            As `FrequencyResponse.band`, of shape (n_times, n); NaN where there is no response.
+            Band as returned by `FrequencyResponse.band`, of shape (n_times, n); NaN if there is no response.
 
         Raises
         ------
@@ -215,17 +215,17 @@ class VaryingResponse(Described, Frozen):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=law == 1.0)
 
     def at(self, time: float) -> FrequencyResponse:
-        """Return the response of the nearest of ``timepts``.
+        """Return the response at the nearest of ``timepts``.
 
         Parameters
         ----------
         time : float
-            On the experiment's clock in s.
+            Time on the experiment's clock, s.
 
         Raises
         ------
         ModelError
-            If the time is before the first or after the last, or there is no response.
+            If the time is before the first or after the last one, or there is no response.
         """
         slack = 1e-9 * max(1.0, float(np.abs(self.timepts).max()))
         if not self.timepts[0] - slack <= time <= self.timepts[-1] + slack:
@@ -239,38 +239,30 @@ class VaryingResponse(Described, Frozen):
         return found
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the gain as a map over time and frequency; unstable times are hatched, times without response empty.
+        """Plot the gain as a map over time and frequency; unstable times are hatched, times without response blank.
 
-        Orders of several frequencies are drawn along their line: ``omega`` must lie on a straight one, as
-        ``np.stack([w, w], axis=-1)`` for f2 = f1 does.
+        Responses of several frequencies are plotted along a line: their ``omega`` must lie on a straight line, such as
+        ``np.stack([w, w], axis=-1)`` for f2 = f1.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
 
         Raises
         ------
         ModelError
-            If the frequencies do not lie on a line.
+            If the frequencies do not lie on a straight line.
         """
         return _plot_map(self, ax)
 
     def plot_equilibria(self, ax: Axes | None = None) -> Axes:
-        """Draw the equilibrium over time with the 95 % band that the parameters give it.
+        """Plot the equilibrium over time with the 95 % band due to the parameters.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
+            Axes to draw on; new ones by default.
         """
         return _plot_equilibria(self, ax)
 

@@ -34,7 +34,7 @@ _CHANCE = 0.01  # a change as large as this seldom is taken for drift
 
 
 class SlidingStatus(Enum):
-    """What the windows say about the record; the value is the advice."""
+    """Conclusion from sliding windows about drift of a record; the value is the advice."""
 
     STEADY = "neither mean nor gain changes by more than chance: constant parameters may do"
     DRIFTING = "mean or gain changes along the record: constant parameters will not do, let them vary with time"
@@ -47,7 +47,7 @@ class SlidingStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the windows can tell drift from chance."""
+        """True if the windows can distinguish drift from chance."""
         return self in (SlidingStatus.STEADY, SlidingStatus.DRIFTING)
 
 
@@ -58,24 +58,25 @@ class SlidingStatistics(Described):
     Parameters
     ----------
     timepts : ndarray, shape (n_windows,)
-        Middle of each window on the experiment's clock in s.
+        Middle of each window on the experiment's clock, s.
     window_s : float
-        Length of a window in s.
+        Length of a window, s.
     level : float
-        Probability of the bands, pointwise.
+        Pointwise probability of the bands.
     mean, mean_low, mean_high : ndarray, shape (n_windows,)
-        Mean of the output in its unit, with its band.
+        Mean of the output with its band, in the output's unit.
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
-        Standard deviation of the output by that of the input, with its band; NaN where the input stands still.
+        Standard deviation of the output divided by that of the input, with its band; NaN if the input is constant.
     p_mean, p_gain : float
-        Probability that windows which do not overlap differ so much if nothing drifts; NaN for less than two.
+        Probability that non-overlapping windows differ as much as they do if nothing drifts; NaN with fewer than two
+        windows.
     mean_correlation, gain_correlation : float
-        Correlation of neighbouring batches (tenths of a window), by which the bands were made wider; near 0 where the
-        windows are long enough.
+        Correlation between neighbouring batches (tenths of a window), used to widen the bands; near 0 if the windows
+        are long enough.
     status : SlidingStatus
-        What they say.
+        Conclusion about drift along the record.
     output_name, output_unit, input_unit : str
-        For the labels.
+        Name and units for the labels of plots.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -103,16 +104,16 @@ class SlidingStatistics(Described):
 
     @property
     def gain_unit(self) -> str:
-        """Unit of the gain; empty where one of the signals' units is."""
+        """Unit of the gain; empty if the unit of either signal is empty."""
         return f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw mean and gain over time with their bands.
+        """Plot mean and gain over time with their bands.
 
         Parameters
         ----------
         axes : sequence of matplotlib Axes, length 2, optional
-            Where to draw; a new figure otherwise.
+            Two axes to draw on; a new figure by default.
 
         Returns
         -------
@@ -121,7 +122,7 @@ class SlidingStatistics(Described):
         Raises
         ------
         ModelError
-            If there are fewer axes than two.
+            If there are fewer than two axes.
         """
         panels = panels_or_new(axes, 2, height=2.2, sharex=True)
         drawn = (
@@ -142,27 +143,27 @@ class SlidingStatistics(Described):
 def sliding_mean_and_gain(
     recording: Recording, window_s: float, *, step_s: float | None = None, level: float = 0.95
 ) -> SlidingStatistics:
-    """Compute mean and gain of a record in sliding windows, with bands.
+    """Compute mean and gain of a record in sliding windows, with confidence bands.
 
-    The gain is the standard deviation of the output by that of the input: the root mean square of the frequency
-    response over the band of the input. A slope of output on input would be less, the more the output lags behind.
-    Noise and drift within a window add to it.
+    The gain is the standard deviation of the output divided by that of the input: the root mean square of the frequency
+    response over the band of the input. (A regression slope of output on input would shrink as the output lags behind.)
+    Noise and drift within a window increase it.
 
-    A window is cut in ten batches. Their scatter gives the standard error of a mean whatever the serial correlation,
-    as long as a batch is long against it; what correlation is left between neighbouring batches, measured over all
-    windows, makes the band wider by sqrt((1 + r) / (1 - r)). The band is that of the t law with nine degrees of
-    freedom. The logarithm of the gain has one by the jackknife, leaving out batch after batch, which also takes out the
-    bias of a standard deviation of few samples. Whether windows that do not overlap differ by more than chance is an
-    analysis of variance of their batches.
+    A window is cut into ten batches. Their scatter gives the standard error of the mean for any serial correlation,
+    provided that a batch is longer than the correlation time; the correlation r that remains between neighbouring
+    batches, measured over all windows, widens the band by sqrt((1 + r) / (1 - r)). The band follows the t distribution
+    with nine degrees of freedom. The band of the logarithm of the gain comes from the jackknife over the batches, which
+    also removes the small-sample bias of a standard deviation. An analysis of variance of the batches tests whether
+    non-overlapping windows differ by more than chance.
 
     Parameters
     ----------
     recording : Recording
-        Of one input and one output.
+        Recording of one input and one output.
     window_s : float
-        Length of a window in s, rounded to tens of samples: long against the time in which the output forgets.
+        Length of a window, s, rounded to tens of samples; it must be longer than the memory of the output.
     step_s : float, optional
-        From window to window in s; a quarter of the window by default.
+        Distance between successive windows, s; a quarter of the window by default.
     level : float
         Probability of the bands, between 0 and 1.
 
@@ -173,9 +174,9 @@ def sliding_mean_and_gain(
     Raises
     ------
     DataError
-        If the recording has several inputs or outputs, or the lengths make no sense for it.
+        If the recording has several inputs or outputs, or the lengths do not fit the recording.
     ModelError
-        If a length is no number, or the level not between 0 and 1.
+        If a length is not a number, or the level is not between 0 and 1.
 
     References
     ----------
@@ -255,6 +256,7 @@ def _moments(signal: Array, firsts: NDArray[np.intp], size: int) -> Array:
 
 def _log_variance(mean: Array, variance: Array) -> Array:
     """Return jackknife pseudo-values of the logarithm of the variance, shape (n_windows, batches)."""
+    # With l_i the logarithm without batch i, the pseudo-value is B l - (B - 1) l_i.
     off, others = mean - mean.mean(axis=1, keepdims=True), _BATCHES - 1
     squares = variance + off**2
     without = (squares.sum(axis=1, keepdims=True) - squares) / others - (off / others) ** 2
