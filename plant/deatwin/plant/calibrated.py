@@ -57,22 +57,22 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedPlant:
-    """A plant whose parameters were fitted, with what is known of its errors.
+    """Plant with fitted parameters, their covariance and the sizes of noise and model error.
 
     Parameters
     ----------
     plant : Plant
-        With the fitted values.
+        Plant with the fitted values.
     noise : float
-        Standard deviation of the sensor's noise, SI.
+        Standard deviation of the sensor noise, SI.
     model_error : float
-        Rms of what is left besides noise on data that were not fitted, SI.
+        Rms residual beyond noise on data that were not fitted, SI.
     names : tuple of str
-        Fitted parameters.
+        Names of the n fitted parameters.
     covariance : ndarray, shape (n, n)
-        Of their coordinates, each in its parameter's `Scale`.
+        Covariance of the fitted coordinates, each in the `Scale` of its parameter.
     provenance : mapping of str to str
-        Where it comes from.
+        Origin of the model: files, dates and the like.
     """
 
     plant: Plant
@@ -84,12 +84,12 @@ class CalibratedPlant:
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """A plant as its rig file and published values have it, its parameters taken as exact.
+        """Return a plant that was not calibrated; its parameters count as exact.
 
         Parameters
         ----------
         plant : Plant
-            Not calibrated.
+            Plant with the values of its rig file and of the literature.
 
         Returns
         -------
@@ -98,12 +98,12 @@ class CalibratedPlant:
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
     def predict(self, experiment: Experiment) -> Prediction:
-        """Simulate an experiment from rest, with the standard deviation of each reading.
+        """Simulate an experiment from rest and predict the standard deviation of each reading.
 
         Parameters
         ----------
         experiment : Experiment
-            Only the commands are used.
+            Experiment to simulate; only its commands are used.
 
         Returns
         -------
@@ -143,7 +143,7 @@ class CalibratedPlant:
         return np.maximum(spread, 0.0) + self.noise**2 + self.model_error**2
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of ``model.json``; it carries no code."""
+        """Return the content of ``model.json``, which carries no code."""
         return {
             "schema": SCHEMA,
             "deatwin": version("deatwin"),
@@ -155,7 +155,7 @@ class CalibratedPlant:
         }
 
     def to_xarray(self) -> Any:
-        """Return parameters and their covariance as an `xarray.Dataset`; its ``document`` is ``model.json``."""
+        """Return parameters and covariance as an `xarray.Dataset`; its ``document`` is ``model.json``."""
         known = self.plant.parameters.values()
         pair = ("fitted", "other_fitted")
         return dataset(
@@ -184,18 +184,18 @@ class CalibratedPlant:
         Parameters
         ----------
         path : path
-            File to write; replaced as a whole.
+            File to write; it is replaced as a whole.
         """
         write_document(path, self.to_dict())
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read what `save` wrote.
+        """Read a file that `save` wrote.
 
         Parameters
         ----------
         path : path
-            A ``model.json``.
+            File to read, a ``model.json``.
 
         Returns
         -------
@@ -204,7 +204,7 @@ class CalibratedPlant:
         Raises
         ------
         ModelError
-            If it is no such file, or names a rig or effect that is not installed.
+            If the file is not a model file, or names a rig or effect that is not installed.
         """
         return read_document(path, SCHEMA, cls._from_dict)
 
