@@ -23,8 +23,8 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
     Parameters
     ----------
     source : str, path or RigFile
-        A rig file (``.toml``), read or not, a ``model.json``, or ``module:function`` whose function returns a Plant; modules
-        are also looked for in the working folder.
+        A rig file (``.toml``), read or not, a ``model.json``, or ``module:function`` whose function returns a Plant;
+        modules are also looked for in the working folder.
 
     Returns
     -------

@@ -32,10 +32,10 @@ class Delay(Effect):
               u_{-k} \ \text{in the second}
 
     No state: past commands are inputs. A sample is divided where the command jumps, and each part is solved in its own
-    step, so that the jump costs no accuracy. A reading that follows the command at once (`Rig.follows_at_once`) does not
-    reveal when within a sample the command came: such a rig gets :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as if the
-    command were sampled and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40 ms.
-    Signature: phase linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the
+    step, so that the jump costs no accuracy. A reading that follows the command at once (`Rig.follows_at_once`) does
+    not reveal when within a sample the command came: such a rig gets :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as
+    if the command were sampled and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40
+    ms. Signature: phase linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the
     command alike. Below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same; above 5 Hz they roll off. Off at
     :math:`\tau_d = 0`.
 
