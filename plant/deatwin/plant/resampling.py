@@ -131,9 +131,9 @@ def plan_resampling(
     usual = float(np.median(steps))
     if usual > _FINEST * (1.0 + _SAME) * sample_time:
         raise DataError(
-            f"{where(0)}: rows every {usual:g} s cannot tell a clock of {sample_time:g} s: " f"{round(usual /
-            sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual /
-            _FINEST:.6g} s or more, such as " f"{resampling_options(timepts)}"
+            f"{where(0)}: rows every {usual:g} s cannot tell a clock of {sample_time:g} s: "
+            f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
+            f"{resampling_options(timepts)}"
         )
     # Where the new clock is slower than a step, nothing is missing between two new rows.
     long = steps > max(_GAP * usual, _FOLDED * sample_time)

@@ -120,8 +120,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
     elif rounded:
-        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: --dt
-        {rounded[0]:g}"
+        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: --dt {rounded[0]:g}"
     return DataError(
         f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}"
     )

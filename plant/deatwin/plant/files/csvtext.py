@@ -45,9 +45,10 @@ def decode(content: bytes, path: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Chinese characters take two such bytes each, the common ones beginning with B0 to D7; Latin-1's µ, ° and
-        accents # stand alone, or are small letters from DF on, as in größe. runs = re.findall(rb"[\x80-\xff]+",
-        content) paired = all(len(run) % 2 == 0 for run in runs) and any(
+        # Chinese characters take two such bytes each, the common ones beginning with B0 to D7; Latin-1's µ, ° and accents
+        # stand alone, or are small letters from DF on, as in größe.
+        runs = re.findall(rb"[\x80-\xff]+", content)
+        paired = all(len(run) % 2 == 0 for run in runs) and any(
             0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2]
         )
         return content.decode("gbk" if paired else "latin-1", errors="replace")
@@ -254,8 +255,8 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
-        advice = f"the first line must name the columns, and no name is a number; for example
-        {header_line(len(cells[0]), delimiter)}" if delimiter == "," and _is_cut(lines, cells):
+        advice = f"the first line must name the columns, and no name is a number; for example {header_line(len(cells[0]), delimiter)}"
+        if delimiter == "," and _is_cut(lines, cells):
             advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
         return DataError(f"{path}, row {rows[0]}: no header; {advice}")
     width = _width(lines, delimiter) if delimiter != BLANKS else 0

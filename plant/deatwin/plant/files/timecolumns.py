@@ -69,8 +69,8 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
         stated = behind if behind in ORDERS else find_unit(behind)
         if stated not in (*TIME_UNITS, *ORDERS):
             raise DataError(
-                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}, and
-                ' f"of dates {' and '.join(ORDERS)}, for the day or the month first"
+                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}, and '
+                f"of dates {' and '.join(ORDERS)}, for the day or the month first"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]

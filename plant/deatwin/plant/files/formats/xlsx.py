@@ -53,8 +53,7 @@ def read_xlsx(path: str | Path) -> CsvTable:
         return next(iter(tables.values()))
     longest = max(tables or filled, key=lambda title: len(filled[title]))
     raise DataError(
-        f'{name}: {len(filled)} sheets hold cells, {titles}; name one behind the file, as in
-        "{name}#{clipped(longest)}"'
+        f'{name}: {len(filled)} sheets hold cells, {titles}; name one behind the file, as in "{name}#{clipped(longest)}"'
     )
 
 
