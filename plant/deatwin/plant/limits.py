@@ -34,20 +34,20 @@ EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BR
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened to the film in a sample.
+    """Event in the film during a sample, such as loss of tension or breakdown.
 
     Parameters
     ----------
     status : RunStatus
-        What happened.
+        Kind of event.
     time : float
         Clock time at which the sample's command was applied, s.
     command : float
-        In its unit.
+        Command, in the rig's unit.
     film_voltage : float
-        V; NaN for a rig that does not watch it.
+        Film voltage, V; NaN for a rig that does not watch it.
     place : str
-        Where in the film, empty where the rig does not tell.
+        Place in the film; empty if the rig does not tell it.
     """
 
     status: RunStatus

@@ -197,31 +197,31 @@ def resample(
     timepts: ArrayLike | None = None,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
 ) -> Recording:
-    """Bring a recording onto an even clock of another sample time, or rows that were taken at uneven times.
+    """Resample a recording to an even clock, from another sample time or from uneven times.
 
-    Readings and extras are interpolated linearly, commands held; a longer sample time is reached by way of `decimate`,
-    which filters first. The module says which rules apply and why.
+    Readings and extras are interpolated linearly; commands are held. A longer sample time is reached with
+    `deatwin.ident.narx.preprocess.decimate`, which filters first.
 
     Parameters
     ----------
     recording : Recording
-        Its rows.
+        Recording with the rows to resample.
     sample_time : float
-        Of the new clock, s.
+        New sample time, s.
     timepts : (n,) array_like, optional
-        When the rows were really taken, s; on the recording's own clock when not given.
+        True times of the rows, s; by default those of the recording's clock.
     reading : ReadingTime
-        When, within its row, a reading is taken; matters where fewer rows are kept.
+        Time within a row at which the reading is taken; relevant if the new sample time is longer.
 
     Returns
     -------
     Recording
-        From the first row's time on; its provenance tells how it was resampled.
+        Recording that starts at the first row's time; its provenance states how it was resampled.
 
     Raises
     ------
     DataError
-        If the times are not as many as the rows, do not increase, or leave a gap of more than five usual steps; or the
+        If there is not one time per row, the times do not increase or leave a gap of more than five usual steps, or the
         record is too short.
 
     Examples

@@ -31,7 +31,7 @@ MARCHES = ("plain_march", "sensitive_march")
 
 
 class RunStatus(Enum):
-    """How a simulation ended; the text is the advice."""
+    """Way in which a simulation ended; its text is advice to the user."""
 
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
@@ -43,7 +43,7 @@ class RunStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the simulation reached its end; where the film lost tension or broke down it did, unsoundly."""
+        """True if the simulation reached its end, even if the film lost tension or broke down on the way."""
         return self in (RunStatus.DONE, RunStatus.SNAP_THROUGH, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
 
 

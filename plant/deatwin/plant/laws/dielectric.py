@@ -125,9 +125,9 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
     coefficient : symbol or float
         Q in m⁴/C²; negative if the film becomes thinner.
 
-        Returns
-        -------
-        symbol or float
+    Returns
+    -------
+    symbol or float
         Strain, dimensionless.
     """
     return coefficient * (VACUUM_PERMITTIVITY * (permittivity - 1) * field) ** 2

@@ -109,18 +109,17 @@ def read_rig(path: str | Path) -> RigFile:
     Parameters
     ----------
     path : str or Path
-        A TOML file with the sections and keys that this module's docstring lists.
+        TOML file; the page "Your own rig file" explains its sections and keys.
 
     Returns
     -------
     RigFile
-        In SI units.
+        Content of the rig file in SI units.
 
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or as `RigFile.from_dict`; where there are several mistakes, with their
-        lines.
+        If the file is missing or not TOML, or a key or value is wrong; the text lists all mistakes with their lines.
     """
     try:
         content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
