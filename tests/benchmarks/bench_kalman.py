@@ -17,7 +17,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from deatwin.ident.kalman import StateSpace, adjoint, kalman_filter, kalman_smoother
+from deatwin.ident.kalman import adjoint, kalman_filter, kalman_smoother
+from deatwin.ident.state_space import StateSpace
 
 STATES, SAMPLES, SHORT = 15, 55_000, 2_000
 

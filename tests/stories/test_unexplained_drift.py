@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, excess
+from deatwin.ident.mismatch import Cause, DetectionSummary, Diagnosis, FitSummary, Interval, Verdict, excess
+from deatwin.ident.mismatch.result import Errors, Output, UnseenErrors
 from deatwin.plant.effects import PrestretchRelaxation
 from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
@@ -38,18 +39,18 @@ from deatwin.studies.sweep import SweepSeal
 def diagnosis(verdict: Verdict, causes: dict[str, dict[str, Interval]], names: tuple[str, ...] = ()) -> Diagnosis:
     after = (1.0, 1.0, 0.5) if causes else (None, None, None)
     return Diagnosis(
-        output={"name": "displacement", "unit": "um"},
+        output=Output(name="displacement", unit="um"),
         verdict=verdict,
         noise=0.6,
         model_error=1.0,
-        detect={},
-        locate={},
+        detection=DetectionSummary(p_value=None, excess=None, smallest_detectable={}),
+        location=None,
         sentence="",
         names=names or tuple(causes),
-        fit={
-            "fitted": {"before": 4.0, "after": after[0]},
-            "unseen": {"before": 5.0, "after": after[1], "gain_low": after[2]},
-        },
+        fit=FitSummary(
+            fitted=Errors(before=4.0, after=after[0]),
+            unseen=UnseenErrors(before=5.0, after=after[1], gain_low=after[2]),
+        ),
         causes=tuple(
             Cause(effect=n, family="film", probability=0.9, share_explained=0.9, parameters=p)
             for n, p in causes.items()

@@ -59,11 +59,11 @@ def test_verdict_and_prediction(case: str, tmp_path: Path) -> None:
     if not truth:
         assert diagnosis.verdict in (Verdict.NONE, Verdict.PARAMETERS)
         assert named == []
-        assert diagnosis.fit["fitted"]["before"] <= 2.6
+        assert diagnosis.fit.fitted.before <= 2.6
     else:
         assert diagnosis.verdict is Verdict.NAMED
         assert sorted(named) == sorted(truth)
-        without, _ = check_error(diagnosis, diagnosis.evidence.base_model, history, check)
+        without, _ = check_error(diagnosis, diagnosis.base_model, history, check)
         assert without >= 2 * error
     assert error <= CHECK
     assert COVERED[0] <= cover <= COVERED[1]

@@ -10,22 +10,16 @@ import ctypes
 from functools import lru_cache
 from math import sqrt
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack, solve_triangular
 
+from deatwin.ident.state_space import StateSpace, covariance_root
 from deatwin.plant.errors import ModelError
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
-if TYPE_CHECKING:
-    from deatwin.ident.kalman import StateSpace
-
-
 Array = NDArray[np.float64]
-
-_NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this are not rounding
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:
@@ -53,18 +47,6 @@ def advance_root(root: Array, transition: Array | None, process_root: Array | No
     stacked[:m] = moved.T
     stacked[m:] = process_root
     return np.asarray(np.tril(lapack.dgeqrf(stacked, overwrite_a=1)[0][:m].T))
-
-
-def covariance_root(covariance: Array) -> Array:
-    """Return G with G G' = covariance. Shapes: `covariance` (n, n); returns (n, n)."""
-    scale = np.sqrt(np.abs(np.einsum("...ii->...i", covariance)))
-    divisor = np.where(scale > 0, scale, 1.0)
-    correlation = covariance / (divisor[..., :, None] * divisor[..., None, :])
-    values, axes = np.linalg.eigh(correlation)
-    even = np.allclose(correlation, correlation.swapaxes(-1, -2), rtol=0, atol=1e-8)
-    if not (even and np.all(np.isfinite(values)) and np.all(values > -_NOT_NEGATIVE * values.shape[-1])):
-        raise ModelError("a covariance must be finite, symmetric and positive semidefinite")
-    return np.asarray(divisor[..., :, None] * axes * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
 def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Array, Array]:

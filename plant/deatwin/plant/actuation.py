@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from deatwin.plant.branch import branch_step, followed
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.rest import RestState, rest_state
@@ -38,8 +38,18 @@ class CurveEnd(Enum):
         return self is CurveEnd.COMMAND
 
 
+def _along_the_command(curve: ActuationCurve) -> Variables:
+    """Watched signals and unknowns, SI, and the readings, which may be one of them."""
+    reading, unit = curve.axes[1]
+    others = {**curve.unknowns, **curve.signals}
+    return {
+        **{name: ("command", values) for name, values in others.items() if name not in (reading, "command")},
+        reading: ("command", curve.readings, unit),
+    }
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ActuationCurve:
+class ActuationCurve(Described):
     """Equilibria of a plant over its command.
 
     Parameters
@@ -62,8 +72,16 @@ class ActuationCurve:
     readings: np.ndarray
     signals: Mapping[str, np.ndarray]
     unknowns: Mapping[str, np.ndarray]
-    end: CurveEnd
+    end: CurveEnd = field(metadata=status_of())
     axes: tuple[tuple[str, str], tuple[str, str]]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "curve": several(_along_the_command),
+        "commands": coordinate("command", name="command", unit=lambda curve: curve.axes[0][1]),
+        "command_name": attribute(of=lambda curve: curve.axes[0][0]),
+        "breakdown_command": attribute(),
+        "slack_command": attribute(),
+    }
 
     @property
     def breakdown_command(self) -> float | None:
@@ -116,25 +134,6 @@ class ActuationCurve:
         ax.set_xlabel(f"{command} ({command_unit})")
         ax.set_ylabel(f"{reading} ({shown})")
         return ax
-
-    def to_xarray(self) -> Any:
-        """Return readings, watched signals and unknowns as an `xarray.Dataset` over the command; SI."""
-        (command, command_unit), (reading, reading_unit) = self.axes
-        others = {**self.unknowns, **self.signals}
-        return dataset(
-            {
-                **{name: ("command", values) for name, values in others.items() if name not in (reading, "command")},
-                reading: ("command", self.readings, reading_unit),
-            },
-            {"command": ("command", self.commands, command_unit)},
-            {
-                "end": self.end.name,
-                "advice": self.end.value,
-                "command_name": command,
-                "breakdown_command": self.breakdown_command,
-                "slack_command": self.slack_command,
-            },
-        )
 
 
 def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:

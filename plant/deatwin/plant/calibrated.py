@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from deatwin.plant.datasets import clock, dataset
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    attribute,
+    clock,
+    coordinate,
+    dataset,
+    document,
+    variable,
+)
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.intake import clipped
@@ -55,8 +65,13 @@ class Prediction:
         )
 
 
+def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
+    """A property of each parameter."""
+    return lambda known: [getattr(parameter, name) for parameter in known.plant.parameters.values()]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedPlant:
+class CalibratedPlant(Described):
     """Plant with fitted parameters, their covariance and the sizes of noise and model error.
 
     Parameters
@@ -76,11 +91,29 @@ class CalibratedPlant:
     """
 
     plant: Plant
-    noise: float
-    model_error: float
+    noise: float = field(metadata=attribute())
+    model_error: float = field(metadata=attribute())
     names: tuple[str, ...] = ()
-    covariance: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    covariance: np.ndarray = field(
+        default_factory=lambda: np.empty((0, 0)), metadata=variable("fitted", "other_fitted")
+    )
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "parameter": coordinate("parameter", of=_known("name")),
+        "value": variable("parameter", of=_known("value")),
+        "lower": variable("parameter", of=_known("lower")),
+        "upper": variable("parameter", of=_known("upper")),
+        "unit": variable("parameter", of=_known("unit")),
+        "fitted": coordinate("fitted", of=lambda known: np.array(known.names, dtype=str)),
+        "other_fitted": coordinate("other_fitted", of=lambda known: np.array(known.names, dtype=str)),
+        "scale": variable(
+            "fitted", of=lambda known: [known.plant.parameters[name].scale.value for name in known.names]
+        ),
+        "units": attribute(of=attrgetter("plant.rig.output_unit")),
+        "effects": attribute(of=lambda known: list(known.plant.effect_names)),
+        "document": document(lambda known: known.to_dict()),
+    }
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
@@ -153,30 +186,6 @@ class CalibratedPlant:
             "calibration": {"names": list(self.names), "covariance": self.covariance.tolist()},
             "provenance": dict(self.provenance),
         }
-
-    def to_xarray(self) -> Any:
-        """Return parameters and covariance as an `xarray.Dataset`; its ``document`` is ``model.json``."""
-        known = self.plant.parameters.values()
-        pair = ("fitted", "other_fitted")
-        return dataset(
-            {
-                **{name: ("parameter", [getattr(p, name) for p in known]) for name in ("value", "lower", "upper")},
-                "unit": ("parameter", [p.unit for p in known]),
-                "covariance": (pair, self.covariance),
-                "scale": ("fitted", [self.plant.parameters[name].scale.value for name in self.names]),
-            },
-            {
-                "parameter": ("parameter", [p.name for p in known]),
-                **{name: (name, np.array(self.names, dtype=str)) for name in pair},
-            },
-            {
-                "noise": self.noise,
-                "model_error": self.model_error,
-                "units": self.plant.rig.output_unit,
-                "effects": list(self.plant.effect_names),
-            },
-            self.to_dict(),
-        )
 
     def save(self, path: Path | str) -> None:
         """Write ``model.json``.

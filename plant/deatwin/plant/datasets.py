@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,6 +20,164 @@ if TYPE_CHECKING:
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]
 """By its name the dimensions of a variable (one or several), its values, and where it has them its unit and meaning."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """How a field, or what is made of a result, stands in its dataset."""
+
+    role: str
+    dims: tuple[str, ...] = ()
+    unit: str | Callable[[Any], str] = ""
+    about: str = ""
+    name: str | None = None
+    of: Callable[[Any], Any] | None = None
+    kind: type | None = None
+
+    def unit_in(self, result: Any) -> str:
+        """The unit, which may depend on the result."""
+        return self.unit if isinstance(self.unit, str) else self.unit(result)
+
+
+Metadata = Mapping[str, Entry]
+_DATASET = "dataset"
+
+
+def variable(*dims: str, **told: Any) -> Metadata:
+    """Metadata of a variable along dimensions, of which an array with fewer axes has the first.
+
+    `unit` is a text or a function of the result, `about` its meaning, `name` its name if that is not the field's, `of`
+    what makes it of the result.
+    """
+    return {_DATASET: Entry(role="variable", dims=dims, **told)}
+
+
+def coordinate(*dims: str, **told: Any) -> Metadata:
+    """Metadata of a coordinate, with the arguments of `variable`."""
+    return {_DATASET: Entry(role="coordinate", dims=dims, **told)}
+
+
+def attribute(**told: Any) -> Metadata:
+    """Metadata of an attribute of the dataset; `name` and `of` as for `variable`."""
+    return {_DATASET: Entry(role="attribute", **told)}
+
+
+def status_of(**told: Any) -> Metadata:
+    """Metadata of a status: its name as an attribute, its text as the attribute ``advice``."""
+    return {_DATASET: Entry(role="status", **told)}
+
+
+def table_along(dimension: str, **told: Any) -> Metadata:
+    """Metadata of records whose fields become variables along a dimension, each with its name after the dimension's.
+
+    With the `kind` of the records these variables are there without any, too.
+    """
+    return {_DATASET: Entry(role="table", dims=(dimension,), **told)}
+
+
+def nested() -> Metadata:
+    """Metadata of a result that stands in the same dataset."""
+    return {_DATASET: Entry(role="nested")}
+
+
+def several(of: Callable[[Any], Variables], role: str = "variables") -> Metadata:
+    """Metadata of variables (or ``coords``) whose names or dimensions the result knows, as `dataset` takes them."""
+    return {_DATASET: Entry(role=role, of=of)}
+
+
+def document(of: Callable[[Any], Mapping[str, Any]]) -> Metadata:
+    """Metadata of the file that the result can be made of again."""
+    return {_DATASET: Entry(role="document", of=of)}
+
+
+PART_COORDINATES: Mapping[str, Metadata] = {
+    "part": coordinate("part", of=lambda _: list(PARTS)),
+    "other_part": coordinate("other_part", of=lambda _: list(PARTS)),
+}
+"""Of a covariance of complex values."""
+
+
+class Described:
+    """A result whose fields say in their metadata how they stand in a dataset."""
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {}
+    """The same of properties, and of what `Entry.of` makes of the result."""
+
+    def to_xarray(self) -> Any:
+        """Return the result as an `xarray.Dataset`, its variables with their units."""
+        made = _Made()
+        made.take(self)
+        return dataset(made.variables, made.coords, made.attributes, made.document)
+
+
+@dataclass(kw_only=True)
+class _Made:
+    """A dataset that is put together."""
+
+    variables: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+    coords: dict[str, tuple[Any, ...]] = field(default_factory=dict)
+    attributes: dict[str, object] = field(default_factory=dict)
+    document: Mapping[str, object] | None = None
+
+    def take(self, result: Any) -> None:
+        """Add what a result tells of itself."""
+        for name, entry in _entries(type(result)).items():
+            value = getattr(result, name) if entry.of is None else entry.of(result)
+            shown = name if entry.name is None else entry.name
+            if entry.role == "nested":
+                self.take(value)
+            elif entry.role == "document":
+                self.document = value
+            elif entry.role == "status":
+                self.attributes |= {shown: value.name, "advice": value.value}
+            elif entry.role == "attribute":
+                self.attributes[shown] = value.value if isinstance(value, Enum) else value
+            elif entry.role == "table":
+                self.variables |= rows(entry, value, result)
+            elif entry.role in ("variables", "coords"):
+                getattr(self, entry.role).update(value)
+            elif value is not None:
+                into = self.coords if entry.role == "coordinate" else self.variables
+                into[shown] = (entry.dims[: np.ndim(value)], value, entry.unit_in(result), entry.about)
+
+
+def _told(kind: type) -> dict[str, Entry]:
+    """What stands in the dataset of a class, by field, property or name."""
+    told = {each.name: each.metadata for each in fields(kind)} if is_dataclass(kind) else {}
+    for base in reversed(kind.__mro__):
+        told |= vars(base).get("DERIVED", {})
+    return {name: metadata[_DATASET] for name, metadata in told.items() if _DATASET in metadata}
+
+
+_entries: Callable[[Any], dict[str, Entry]] = cache(_told)
+
+
+def rows(along: Entry, records: Iterable[Any], owner: Any = None) -> Variables:
+    """Records as the columns of a table, with the units and meanings that their fields tell, or their owner knows."""
+    (dimension,), listed = along.dims, list(records)
+    before = f"{dimension}_" if along.name is None else along.name
+    kind = type(listed[0]) if listed else along.kind
+    entries = {} if kind is None else _entries(kind)
+    told = {before + name: (entry.unit_in(owner), entry.about) for name, entry in entries.items()}
+    if not listed:
+        return {name: (dimension, [], *about) for name, about in told.items()}
+    values = [
+        {**{each.name: getattr(record, each.name) for each in fields(record)}, **_derived(record, entries)}
+        for record in listed
+    ]
+    plain = [{key: value.value if isinstance(value, Enum) else value for key, value in row.items()} for row in values]
+    found = columns(dimension, plain, before=before)
+    return {name: (*given[:2], *told.get(name, ())) for name, given in found.items()}
+
+
+def _derived(record: Any, entries: Mapping[str, Entry]) -> dict[str, Any]:
+    """What is no field, or stands otherwise in a table."""
+    own = {each.name for each in fields(record)}
+    return {
+        name: getattr(record, name) if entry.of is None else entry.of(record)
+        for name, entry in entries.items()
+        if entry.of is not None or name not in own
+    }
 
 
 def dataset(
@@ -33,19 +194,21 @@ def dataset(
     return xarray.Dataset(held, coords={key: _variable(*entry) for key, entry in coords.items()}, attrs=kept)
 
 
-def columns(dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[str, str] | None = None) -> Variables:
-    """The columns of a table as variables along a dimension, each with the dimension's name before its own."""
-    listed = list(rows)
+def columns(
+    dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[str, str] | None = None, before: str | None = None
+) -> Variables:
+    """The columns of a table as variables along a dimension, each with a text, or the dimension's name, before its own."""
+    listed, prefix = list(rows), f"{dimension}_" if before is None else before
     found: dict[str, tuple[Any, ...]] = {}
     for key in dict.fromkeys(key for row in listed for key in row):
         values = [row.get(key) for row in listed]
         known = [value for value in values if value is not None]
         unit = (units or {}).get(key, "")
         if known and all(isinstance(value, str) for value in known):
-            found[f"{dimension}_{key}"] = (dimension, np.array([value or "" for value in values]), unit)
+            found[prefix + key] = (dimension, np.array([value or "" for value in values]), unit)
         elif all(isinstance(value, (bool, int, float, np.number)) for value in known):
             numbers = [np.nan if value is None else float(value) for value in values]
-            found[f"{dimension}_{key}"] = (dimension, np.array(numbers), unit)
+            found[prefix + key] = (dimension, np.array(numbers), unit)
     return found
 
 
@@ -55,6 +218,17 @@ def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
         "time": (dimension, np.concatenate([record.timepts for record in records]), "s"),
         "record": (dimension, np.repeat(np.arange(len(records)), [record.n_samples for record in records])),
     }
+
+
+def one_unit(result: Any) -> str:
+    """The unit of all outputs of a result; empty where they differ."""
+    return str(result.units[0]) if len(set(result.units)) == 1 else ""
+
+
+def gain_unit(result: Any) -> str:
+    """The unit of a gain, output by input."""
+    divided = result.output_unit and result.input_unit
+    return str(f"{result.output_unit}/{result.input_unit}" if divided else result.output_unit)
 
 
 def squared(unit: str) -> str:

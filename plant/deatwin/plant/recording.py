@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
 
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
@@ -204,22 +205,39 @@ class Recording:
         )
 
     def to_pandas(self) -> Any:
-        """Return the recording as a `pandas.DataFrame`; see `deatwin.plant.files.conversion.as_data_frame`."""
-        from deatwin.plant.files.conversion import as_data_frame
+        """Return the recording as a `pandas.DataFrame` over the time in s."""
+        from deatwin.plant.files.formats.description import KEY, describe, header_with_unit, rows_of, signals_of
 
-        return as_data_frame(self)
+        pandas = require("pandas", "a data frame")
+        signals = signals_of(self, header_with_unit, taken=["time_s"])
+        frame = pandas.DataFrame(
+            dict(zip((signal.header for signal in signals), rows_of(self), strict=True)),
+            index=pandas.Index(self.timepts, name="time_s"),
+        )
+        frame.attrs[KEY] = describe(self, signals)
+        return frame
 
     def to_xarray(self) -> Any:
-        """Return the recording as an `xarray.Dataset`; see `deatwin.plant.files.conversion.as_dataset`."""
-        from deatwin.plant.files.conversion import as_dataset
+        """Return the recording as an `xarray.Dataset`, which is also its form in NetCDF files."""
+        from deatwin.plant.files.formats.description import KEY, describe, plain_header, rows_of, signals_of
 
-        return as_dataset(self)
+        xarray = require("xarray", "a dataset")
+        signals = signals_of(self, plain_header, taken=["time"])
+        variables = {}
+        for signal, row in zip(signals, rows_of(self), strict=True):
+            about = {"long_name": signal.name, "role": signal.role, "units": signal.unit}
+            variables[signal.header] = ("time", row, {key: value for key, value in about.items() if value})
+        return xarray.Dataset(
+            variables,
+            coords={"time": ("time", self.timepts, {"units": "s", "long_name": "time on the running clock"})},
+            attrs={KEY: describe(self, signals), "sample_time": self.sample_time},
+        )
 
     def to_input_output_data(self) -> Any:
         """Return the recording as `nonlinear_benchmarks.Input_output_data`, inputs and outputs only."""
-        from deatwin.plant.files.conversion import as_input_output_data
-
-        return as_input_output_data(self)
+        benchmarks = require("nonlinear_benchmarks", "Input_output_data")
+        u, y = (rows[0] if len(rows) == 1 else rows.T for rows in (self.inputs, self.outputs))
+        return benchmarks.Input_output_data(u=u, y=y, sampling_time=self.sample_time, name=label(self))
 
     def __repr__(self) -> str:
         signals = ", ".join(

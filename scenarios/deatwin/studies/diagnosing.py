@@ -46,10 +46,9 @@ class DiagnosisTask:
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
         remove_partial(folder)
-        rivals = diagnosis.evidence.rivals if diagnosis.evidence is not None else {}
-        for effects, rival in rivals.items():
+        for effects, rival in diagnosis.rival_models.items():
             folder.save(f"{RIVALS}/{effects}.json", rival.save)
-        advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
+        advice = None if diagnosis.findings is None else diagnosis.findings.advice
         if advice is not None and advice.recording is not None:
             folder.save(INPUT_FILE, advice.save_input)
         write_report(folder, diagnosis, Origin.of(record))

@@ -73,7 +73,7 @@ class FinishedSteps:
                     "step": step.name,
                     **({"subject": step.subject} if step.subject else {}),
                     **({"model": BASE_MODEL} if step.model is not None else {}),
-                    "result": dict(step.result),
+                    "result": step.to_dict(),
                 }
                 for step in self._steps.values()
             ],

@@ -430,8 +430,8 @@ def test_a_diagnosis_keeps_its_rivals(
     (tmp_path / "rivals" / "delay.json").write_text("of a former run")
     (tmp_path / "run.json").write_text(json.dumps({"outputs": ["rivals/delay.json"]}))
     diagnosis = task.run(ResultFolder(tmp_path), lambda share, text: None)
-    assert diagnosis.verdict.value == "ambiguous" and diagnosis.evidence is not None
-    (name,) = diagnosis.evidence.rivals
+    assert diagnosis.verdict.value == "ambiguous" and diagnosis.rival_models
+    (name,) = diagnosis.rival_models
     assert {name, *(cause.effect for cause in diagnosis.causes)} == {"creep", "mullins"}
     assert [path.name for path in (tmp_path / "rivals").iterdir()] == [f"{name}.json"]
     assert validate("plant", tmp_path / "rivals" / f"{name}.json")["effects"] == [name]
@@ -443,7 +443,7 @@ def test_a_diagnosis_keeps_its_rivals(
     assert set(checking.rival_files(model, tmp_path, [])) == {name}  # the plant to control is no other one
     monkeypatch.chdir(tmp_path)
     assert set(checking.rival_files("model.json", tmp_path, [])) == {name}
-    again, kept = checking.load_rivals({name: files[name]})[name], diagnosis.evidence.rivals[name]
+    again, kept = checking.load_rivals({name: files[name]})[name], diagnosis.rival_models[name]
     np.testing.assert_array_equal(again.plant.free_values, kept.plant.free_values)
     np.testing.assert_array_equal(again.covariance, kept.covariance)
 

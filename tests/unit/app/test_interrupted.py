@@ -25,6 +25,7 @@ from deatwin.plant.files import read_experiment
 from deatwin.studies import partial
 from deatwin.studies.folder import ResultFolder
 
+EMPTY: Any = None
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / "tests" / "recordings" / "open_creep"
 SAMPLES = 800
@@ -245,10 +246,10 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
 
     finished = partial.FinishedSteps(progress)
     finished.tell(0.3, "building in effects")
-    finished.take(Step(name="locate", result={}))
-    finished.take(Step(name="fit", subject="creep", result={}))
+    finished.take(Step(name="locate", result=EMPTY))
+    finished.take(Step(name="fit", subject="creep", result=EMPTY))
     with pytest.raises(KeyboardInterrupt):
-        finished.take(Step(name="fit", subject="creep+slip", result={}))
+        finished.take(Step(name="fit", subject="creep+slip", result=EMPTY))
     assert said == [
         (0.3, "building in effects"),
         (0.3, "building in effects (creep)"),

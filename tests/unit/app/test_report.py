@@ -12,9 +12,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch import CandidateSummary, Cause, Diagnosis, Evidence, Interval, Verdict
-from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.ident.mismatch import (
+    AdviceSummary,
+    CandidateSummary,
+    Cause,
+    DetectionSummary,
+    Diagnosis,
+    FitSummary,
+    FittedParameter,
+    FreeFormSummary,
+    Interval,
+    LocationSummary,
+    Readings,
+    Verdict,
+)
 from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.located import PlaceSummary, Window
+from deatwin.ident.mismatch.result import (
+    Errors,
+    FormSummary,
+    IndistinguishablePair,
+    Output,
+    Statistic,
+    TermSummary,
+    UnseenErrors,
+)
 from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
@@ -29,14 +51,14 @@ from deatwin.studies.report.quantities import in_interval, with_interval
 from deatwin.studies.report.story import Note, StoryPage, write_story
 
 DIAGNOSIS = Diagnosis(
-    output={"name": "displacement", "unit": "um"},
+    output=Output(name="displacement", unit="um"),
     verdict=Verdict.UNKNOWN,
     noise=2.0,
     model_error=1.2,
-    detect={"p_value": 0.0, "excess": 4.0, "smallest_detectable": {}},
-    locate={"time": [], "frequency": [], "region": [], "place": []},
+    detection=DetectionSummary(p_value=0.0, excess=4.0, smallest_detectable={}),
+    location=None,
     sentence="Something is <missing>.",
-    fit={"fitted": {"before": 5.0, "after": None}, "unseen": {"before": 6.0, "after": None, "gain_low": None}},
+    fit=FitSummary(fitted=Errors(before=5.0, after=None), unseen=UnseenErrors(before=6.0, after=None, gain_low=None)),
     warnings=("stretch_limit ended on a bound of its range",),
 )
 
@@ -137,33 +159,32 @@ def with_everything() -> Diagnosis:
     experiment = Experiment(recordings=tuple(records))
     plant = Plant(rig=Diaphragm())
     unseen = (tuple(np.arange(700) >= 490 for _ in records),)
-    step: Any = Step
-    located: Any = SimpleNamespace(region=Step("region"), place=Step("place"), lines=None)
-    evidence = Evidence(
-        experiments=(experiment,),
-        base=(tuple(np.zeros(700) for _ in records),),
-        amended=(tuple(np.zeros(700) for _ in records),),
-        unseen=unseen,
-        noise=2e-6,
-        model_error=1e-6,
+    findings: Any = SimpleNamespace(
+        checked=gate(plant, (experiment,)),
+        detection=Step("detection"),
+        location=SimpleNamespace(region=Step("region"), place=Step("place"), lines=None),
+        discovery=Step("discovery"),
+        advice=Step("advice"),
+        verification=VERIFIED,
+        named=True,
+    )
+    return replace(
+        DIAGNOSIS,
+        verdict=Verdict.NAMED,
+        base_model=CalibratedPlant.nominal(plant),
         candidates=(
             CandidateSummary(effects=(), fitted=9e-6, unseen=10e-6),
             CandidateSummary(effects=("creep",), fitted=2e-6, unseen=2.1e-6, d2=0.0),
             CandidateSummary(effects=("delay",), fitted=8e-6, unseen=8.1e-6, d2=1234.0),
         ),
-        base_model=CalibratedPlant.nominal(plant),
-        checked=gate(plant, (experiment,)),
-        detection=step("detection"),
-        location=located,
-        discovery=step("discovery"),
-        advice=step("advice"),
-        verification=VERIFIED,
-    )
-    return replace(
-        DIAGNOSIS,
-        verdict=Verdict.NAMED,
-        evidence=evidence,
-        verification=VERIFIED.to_dict(),
+        readings=Readings(
+            experiments=(experiment,),
+            base=(tuple(np.zeros(700) for _ in records),),
+            amended=(tuple(np.zeros(700) for _ in records),),
+            unseen=unseen,
+        ),
+        findings=findings,
+        verification=VERIFIED.summary,
         names=("creep",),
         causes=(
             Cause(
@@ -174,44 +195,37 @@ def with_everything() -> Diagnosis:
                 parameters={"time": Interval(value=54.0, low=50.0, high=59.0, unit="s")},
             ),
         ),
-        detect={
-            **DIAGNOSIS.detect,
-            "noise_source": "rests",
-            "practical": 0.61,
-            "taken_up": True,
-            "smallest_detectable": {"creep": 0.4},
-            "statistics": [{"name": "variance", "value": 4.0, "where": "", "score": 3.0, "p_value": 0.0025}],
-        },
-        locate={
-            "time": [{"from_s": 1.0, "to_s": 9.0, "score": 0.9}],
-            "frequency": [],
-            "region": [],
-            "response": None,
-            "place": [{"place": "film", "signal": "stiffness", "score": 0.8}],
-        },
+        detection=replace(
+            DIAGNOSIS.detection,
+            noise_source="rests",
+            practical=0.61,
+            taken_up=True,
+            smallest_detectable={"creep": 0.4},
+            statistics=(Statistic(name="variance", value=4.0, where="", score=3.0, p_value=0.0025),),
+        ),
+        location=LocationSummary(
+            time=(Window(from_s=1.0, to_s=9.0, score=0.9),),
+            frequency=(),
+            region=(),
+            place=(PlaceSummary(place="film", signal="stiffness", score=0.8),),
+        ),
         parameters={
             "shear_modulus": FittedParameter(value=26.4e3, low=25e3, high=27e3, unit="Pa", nominal=30e3, at_bound=True)
         },
-        next_experiment={
-            "file": "next_input.csv",
-            "seconds": 120.0,
-            "confusion_before": 0.3,
-            "confusion_after": 0.02,
-            "waveform": "holds",
-            "added_mass_g": None,
-            "measure": None,
-        },
-        free_form={
-            "place": "ball",
-            "before": 10.2,
-            "after": 4.41,
-            "gain_low": 5.0,
-            "terms": [{"term": "x v", "coefficient": -0.0123, "unit": "N s/m2", "shape": None, "inclusion": 0.94}],
-        },
-        indistinguishable=({"effects": ["creep", "delay"], "d2": 9.1},),
+        advice=AdviceSummary(
+            file="next_input.csv", seconds=120.0, confusion_before=0.3, confusion_after=0.02, waveform="holds"
+        ),
+        free_form=FreeFormSummary(
+            place="ball",
+            before=10.2,
+            after=4.41,
+            gain_low=5.0,
+            terms=(TermSummary(term="x v", coefficient=-0.0123, unit="N s/m2", inclusion=0.94),),
+        ),
+        indistinguishable=(IndistinguishablePair(effects=("creep", "delay"), d2=9.1),),
         forms=(
-            {"form": {"ball": "sliding"}, "fitted": 9.77, "unseen": 10.4},
-            {"form": {}, "fitted": 11.3, "unseen": 12.6},
+            FormSummary(form={"ball": "sliding"}, fitted=9.77, unseen=10.4),
+            FormSummary(form={}, fitted=11.3, unseen=12.6),
         ),
     )
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.kalman import StateSpace, adjoint, kalman_filter, kalman_smoother
+from deatwin.ident.kalman import adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.kalman_loops import advance_root, update_root
+from deatwin.ident.state_space import StateSpace
 from deatwin.plant.errors import ModelError
 
 # Annual flow of the Nile at Aswan, 1871 to 1970, 1e8 m^3 (Cobb, Biometrika 65 (1978) 243-251).

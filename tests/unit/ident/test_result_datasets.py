@@ -27,7 +27,7 @@ from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
-from deatwin.ident.narx.svb import PruningStep
+from deatwin.ident.narx.pruning import PruningStep
 from deatwin.ident.narx.terms import Term
 from deatwin.plant import Diaphragm, Parameter, Plant, ReadingTime, Recording
 from deatwin.plant.effects.base import Place

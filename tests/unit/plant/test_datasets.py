@@ -1,13 +1,28 @@
 """What results look like as datasets, and that NetCDF files keep them."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from operator import attrgetter
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from deatwin.plant import CalibratedPlant, Creep, DataError, Diaphragm, Experiment, Plant, Recording, actuation_curve
-from deatwin.plant.datasets import columns, dataset
+from deatwin.plant.datasets import (
+    Described,
+    attribute,
+    columns,
+    coordinate,
+    dataset,
+    document,
+    nested,
+    several,
+    status_of,
+    table_along,
+    variable,
+)
 
 pytest.importorskip("xarray")
 
@@ -36,6 +51,74 @@ def test_tables_become_columns_with_holes_and_without_what_is_no_cell():
     np.testing.assert_array_equal(found["row_size"][1], [1.0, np.nan])
     np.testing.assert_array_equal(found["row_late"][1], [np.nan, 1.0])
     assert columns("row", []) == {}
+
+
+class End(Enum):
+    """How a run ends."""
+
+    OK = "all is well"
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A row of a table."""
+
+    height: float = field(metadata=variable(unit=attrgetter("unit"), about="above the mean"))
+    name: str
+
+    DERIVED: ClassVar = {"twice": variable(of=lambda peak: 2 * peak.height, unit="dB")}
+
+
+@dataclass(frozen=True, eq=False)
+class Inner(Described):
+    """What stands in another result."""
+
+    level: float = field(metadata=attribute())
+
+
+@dataclass(frozen=True, eq=False)
+class Run(Described):
+    """A result with all that a field can be."""
+
+    unit: str
+    timepts: np.ndarray = field(metadata=coordinate("time", name="time", unit="s"))
+    values: np.ndarray = field(metadata=variable("time", "side", unit=attrgetter("unit"), about="reading"))
+    absent: np.ndarray | None = field(metadata=variable("time"))
+    end: End = field(metadata=status_of())
+    peaks: tuple[Peak, ...] = field(metadata=table_along("peak", kind=Peak))
+    inner: Inner = field(metadata=nested())
+
+    DERIVED: ClassVar = {
+        "mean": attribute(),
+        "double": variable("time", "side", of=lambda run: 2 * run.values),
+        "own": several(lambda run: {"a": ("a", [1.0], "m")}),
+        "document": document(lambda run: {"schema": "run/1", "unit": run.unit}),
+    }
+
+    @property
+    def mean(self) -> float:
+        """Of all values."""
+        return float(np.mean(self.values))
+
+
+def test_a_dataset_follows_from_the_fields_of_a_result(kept):
+    run = Run("V", np.array([0.0, 1.0]), np.array([1.0, 3.0]), None, End.OK, (Peak(2.0, "p"),), Inner(0.5))
+    back = kept(run.to_xarray())
+    assert set(back.variables) == {"time", "values", "double", "a", "document"} | {
+        f"peak_{name}" for name in ("height", "name", "twice")
+    }
+    assert back["values"].dims == ("time",) and back["values"].attrs == {"units": "V", "long_name": "reading"}
+    assert back["time"].attrs["units"] == "s" and back["double"].values.tolist() == [2.0, 6.0]
+    assert back["peak_height"].attrs == {"units": "V", "long_name": "above the mean"}
+    assert back["peak_twice"].values.tolist() == [4.0] and back["peak_name"].values.tolist() == ["p"]
+    assert back.attrs == {"mean": 2.0, "end": "OK", "advice": "all is well", "level": 0.5}
+    assert json.loads(str(back["document"].values)) == {"schema": "run/1", "unit": "V"}
+
+
+def test_values_along_two_axes_have_both_dimensions_and_a_table_may_be_empty():
+    found = Run("V", np.zeros(2), np.zeros((2, 3)), None, End.OK, (), Inner(0.5)).to_xarray()
+    assert found["values"].dims == ("time", "side")
+    assert found["peak_height"].shape == found["peak_twice"].shape == (0,)
 
 
 def test_without_xarray_the_error_says_what_to_install(monkeypatch):

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from math import inf, isfinite
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from deatwin.control.checking.checkfile import SCHEMA, from_document, to_document
 from deatwin.control.checking.operating import OperatingPoint
 from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Verdict
 from deatwin.control.checking.verdict import Finding, worst
 from deatwin.control.controllers.base import Controller
+from deatwin.control.controllers.document import controller_from_dict, controller_to_dict
+from deatwin.control.linear.model import LinearStatus
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
 from deatwin.plant.amplitudes import amount, written_amplitude
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 
@@ -24,8 +27,99 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+SCHEMA = "deatwin/check/1"
+_PLAIN = ("excited_band_Hz", "sine_predicted")
+_RUNS = ("steps", "sine")
+_ALWAYS = ("rms_error", "saturated_share", "effort")
+_MEASURES = {"steps": (*_ALWAYS, "overshoot", "steady_error", "ripple"), "sine": _ALWAYS}
+_MAY_BE_ABSENT = ("time",)  # of a row of margins; where another is null it is infinite
+_UNITS = {"time": "s", "phase_deg": "deg", "phase_low_deg": "deg", "delay": "s", "delay_low": "s", "crossover_Hz": "Hz"}
+
+
+def _tables(check: Check) -> Variables:
+    """Findings and margins as tables, and each run over a time of its own."""
+    found: dict[str, Any] = {
+        **columns("finding", [{**asdict(f), "verdict": f.verdict.value} for f in check.findings]),
+        **columns("margin", map(asdict, check.table), {**_UNITS, "operating_input": check.operating.input_unit}),
+    }
+    for name, run in _runs(check).items():
+        found |= run.variables(f"{name}_time", f"{name}_")
+    if (predicted := check.predicted) is not None:
+        for name in ("middle", "half_width"):
+            found[f"predicted_{name}"] = ("predicted_time", getattr(predicted, name), predicted.output_unit)
+    return found
+
+
+def _times(check: Check) -> Variables:
+    found = {name: run.timepts for name, run in _runs(check).items()}
+    if check.predicted is not None:
+        found["predicted"] = check.predicted.timepts
+    return {f"{name}_time": (f"{name}_time", timepts, "s") for name, timepts in found.items()}
+
+
+def _runs(check: Check) -> dict[str, ClosedLoop]:
+    named = {"steps": check.steps, "sine": check.sine} | {f"other_{k}": r for k, r in enumerate(check.others.values())}
+    return {name: run for name, run in named.items() if run is not None}
+
+
+def to_document(check: Check) -> dict[str, Any]:
+    """A check as JSON can hold it; an infinite margin is null."""
+    runs = {name: run for name in _RUNS if (run := getattr(check, name)) is not None}
+    predicted = check.predicted
+    return {
+        "schema": SCHEMA,
+        "verdict": check.verdict.value,
+        "worst_case": check.worst_case.subject,
+        "reason": check.reason,
+        "sentence": check.sentence,
+        **{name: getattr(check, name) for name in _PLAIN},
+        "operating": {**asdict(check.operating), "status": check.operating.status.name.lower()},
+        "controller": None if check.controller is None else controller_to_dict(check.controller),
+        "margins": None if check.margins is None else _finite(asdict(check.margins)),
+        "least_margins": _finite(check.least_margins) if check.table else None,
+        "table": [_finite(asdict(row)) for row in check.table],
+        "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
+        "caveats": list(check.caveats),
+        "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
+        **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
+        "others": {name: run.to_dict() for name, run in check.others.items()},
+        "predicted": None
+        if predicted is None
+        else {
+            "middle": predicted.middle.tolist(),
+            "half_width": predicted.half_width.tolist(),
+            "diverged": predicted.diverged,
+        },
+    }
+
+
+def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of the check that `to_document` described."""
+    operating, controller, margins = (document[name] for name in ("operating", "controller", "margins"))
+    status = LinearStatus[operating["status"].upper()]
+    return {
+        **{name: document[name] for name in _PLAIN},
+        "caveats": tuple(document["caveats"]),
+        "findings": tuple(Finding(**{**f, "verdict": Verdict(f["verdict"])}) for f in document["findings"]),
+        "operating": OperatingPoint(**{**operating, "status": status}),
+        "controller": None if controller is None else controller_from_dict(controller),
+        "margins": None if margins is None else MarginRow(**_infinite(margins)),
+        "table": tuple(MarginRow(**_infinite(row)) for row in document["table"]),
+        **{name: None if document[name] is None else ClosedLoop.from_dict(document[name]) for name in _RUNS},
+        "others": {name: ClosedLoop.from_dict(run) for name, run in document["others"].items()},
+    }
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in values.items()}
+
+
+def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: inf if v is None and k not in _MAY_BE_ABSENT else v for k, v in values.items()}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Check:
+class Check(Described):
     """What the check found.
 
     Parameters
@@ -60,13 +154,27 @@ class Check:
     controller: Controller | None = None
     margins: MarginRow | None = None
     table: tuple[MarginRow, ...] = ()
-    excited_band_Hz: float | None = None
+    excited_band_Hz: float | None = field(default=None, metadata=attribute())
     steps: ClosedLoop | None = None
     sine: ClosedLoop | None = None
     others: Mapping[str, ClosedLoop] = field(default_factory=dict)
     predicted: PredictedLoop | None = None
     sine_predicted: float | None = None
     caveats: tuple[str, ...] = ()
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "tables": several(_tables),
+        "times": several(_times, "coords"),
+        "verdict": attribute(),
+        "reason": attribute(),
+        "sentence": attribute(),
+        "operating_input": attribute(of=attrgetter("operating.input")),
+        "input_unit": attribute(of=attrgetter("operating.input_unit")),
+        "output_unit": attribute(of=attrgetter("operating.output_unit")),
+        "sample_time": attribute(of=attrgetter("operating.sample_time")),
+        "others": attribute(of=lambda check: list(check.others)),
+        "document": document(to_document),
+    }
 
     @property
     def verdict(self) -> Verdict:
@@ -123,12 +231,6 @@ class Check:
     def _warned(self) -> str:
         """The caveats as sentences."""
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
-
-    def to_xarray(self) -> Any:
-        """Return findings, margins and runs as an `xarray.Dataset`; see `deatwin.control.checking.datasets`."""
-        from deatwin.control.checking.datasets import dataset_of
-
-        return dataset_of(self)
 
     def save(self, path: str | Path) -> None:
         """Write the check as JSON ("deatwin/check/1"), beside the target first and then renamed.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +17,7 @@ from deatwin.control.controllers.law import Law
 from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.plant.amplitudes import amount
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, coordinate, gain_unit, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ _STEPS = 60  # halve a bracket down to rounding; Newton's method needs two or th
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StaticCurve:
+class StaticCurve(Described):
     """Output at rest over a constant input, strictly monotone, and its inverse.
 
     Between the points goes a monotone cubic (Fritsch and Carlson); beyond them the ends are held.
@@ -56,10 +57,23 @@ class StaticCurve:
     238-246.
     """
 
-    inputs: Array
-    outputs: Array
+    inputs: Array = field(
+        metadata=coordinate("input", name="input", unit=attrgetter("input_unit"), about="constant input")
+    )
+    outputs: Array = field(
+        metadata=variable("input", name="output", unit=attrgetter("output_unit"), about="output at rest")
+    )
     input_unit: str = ""
     output_unit: str = ""
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "slope": variable(
+            "input",
+            of=lambda curve: curve.slope(curve.inputs),
+            unit=gain_unit,
+            about="static gain",
+        ),
+    }
 
     def __post_init__(self) -> None:
         require_fields(self, inputs=numbers, outputs=numbers)
@@ -80,19 +94,6 @@ class StaticCurve:
                 f"the static curve turns at {amount(f'{self.inputs[turn]:.4g}', self.input_unit)}: it cannot be "
                 "inverted there; choose a range of the command on one side of it"
             )
-
-    def to_xarray(self) -> Any:
-        """Return outputs and slopes at the points as an `xarray.Dataset` over the input."""
-        divided = self.output_unit and self.input_unit
-        gain = f"{self.output_unit}/{self.input_unit}" if divided else self.output_unit
-        return dataset(
-            {
-                "output": ("input", self.outputs, self.output_unit, "output at rest"),
-                "slope": ("input", self.slope(self.inputs), gain, "static gain"),
-            },
-            {"input": ("input", self.inputs, self.input_unit, "constant input")},
-            {},
-        )
 
     @cached_property
     def _forward(self) -> PchipInterpolator:

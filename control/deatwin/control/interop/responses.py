@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.plant.datasets import PARTS, dataset, squared
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
@@ -28,7 +30,7 @@ _TWO_SIDED = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Frd:
+class Frd(Described):
     """A frequency response of python-control and its covariance.
 
     Parameters
@@ -43,8 +45,16 @@ class Frd:
     """
 
     system: FrequencyResponseData
-    covariance: Array
+    covariance: Array = field(metadata=variable("point", "part", "other_part", unit=lambda frd: squared(frd.unit)))
     unit: str = ""
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "omega": variable("point", unit="rad/s"),
+        "values": variable("point", name="", unit=attrgetter("unit")),
+        "frequency_Hz": coordinate("point", of=lambda frd: frd.omega / (2 * np.pi), unit="Hz"),
+        "name": attribute(of=lambda frd: str(frd.system.name)),
+        **PART_COORDINATES,
+    }
 
     def __post_init__(self) -> None:
         covariance = np.array(self.covariance, dtype=np.float64)
@@ -98,22 +108,6 @@ class Frd:
         axes.set_ylabel(f"gain ({written_unit(self.unit)})" if self.unit else "gain")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return values and covariance as an `xarray.Dataset`, with real and imaginary parts apart."""
-        return dataset(
-            {
-                "": ("point", self.values, self.unit),
-                "covariance": (("point", "part", "other_part"), self.covariance, squared(self.unit)),
-                "omega": ("point", self.omega, "rad/s"),
-            },
-            {
-                "frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"),
-                "part": ("part", list(PARTS)),
-                "other_part": ("other_part", list(PARTS)),
-            },
-            {"name": str(self.system.name)},
-        )
 
 
 @taking(input_name=instance(str), output_name=instance(str), name=instance(str))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.linear.family import LinearFamily
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, gain_unit, several
 from deatwin.plant.drawing import written_unit
 
 if TYPE_CHECKING:
@@ -60,7 +63,7 @@ class Modes:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FamilyBands:
+class FamilyBands(Described):
     """Gain and modes of a family of linear models.
 
     Parameters
@@ -70,6 +73,18 @@ class FamilyBands:
     """
 
     family: LinearFamily
+
+    ALONG: ClassVar[str]  # The dimension of its dataset
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "quantities": several(lambda bands: _quantities(bands)),
+        "n_samples": attribute(of=lambda bands: bands.family.n_samples - 1),
+        "level": attribute(of=lambda _: 0.95),
+        "sample_time": attribute(of=attrgetter("family.sample_time")),
+        "input_name": attribute(of=attrgetter("family.input_name")),
+        "output_name": attribute(of=attrgetter("family.output_name")),
+        "input_unit": attribute(of=attrgetter("family.input_unit")),
+        "output_unit": attribute(of=attrgetter("family.output_unit")),
+    }
 
     @property
     def operating_inputs(self) -> Array:
@@ -234,3 +249,27 @@ def _sorted_out(poles: Complex) -> Complex:
             if before is not None and np.isfinite(here).all():
                 found[point, sample] = here[linear_sum_assignment(np.abs(before[:, None] - here))[1]]
     return found
+
+
+def _quantities(bands: FamilyBands) -> Variables:
+    """Gain, modes and stability along operating points or times."""
+    family, modes, along = bands.family, bands.modes, bands.ALONG
+    each = (along, "mode")
+    quantities = (
+        ("operating_output", along, bands.operating_output, family.output_unit, "output at rest"),
+        ("static_gain", along, bands.static_gain, gain_unit(family), "G(1)"),
+        ("slowest", along, bands.slowest, "s", "time constant of the slowest mode"),
+        ("time_constant", each, modes.time_constant, "s", "in which a mode decays to 1/e"),
+        ("frequency", each, modes.frequency, "Hz", "natural frequency of a mode"),
+        ("damping", each, modes.damping, "", "damping ratio of a mode"),
+    )
+    variables: dict[str, Any] = {
+        "stable": (along, bands.stable, "", "whether the model has a stable equilibrium"),
+        "stable_share": (along, bands.stable_share, "", "share of the samples with a stable equilibrium"),
+        "pole": (each, modes.poles, "", "pole in the z plane"),
+    }
+    for name, dims, banded, unit, meaning in quantities:
+        variables[name] = (dims, banded.value, unit, meaning)
+        variables[f"{name}_low"] = (dims, banded.low, unit, "2.5 % quantile over the samples")
+        variables[f"{name}_high"] = (dims, banded.high, unit, "97.5 % quantile over the samples")
+    return variables

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import finite, instance, number, numbers, positive, require_fields
-from deatwin.control.linear.datasets import linear_dataset
 from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.narx.covariance import covariance_of
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, gain_unit, status_of, variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -59,8 +60,12 @@ def _covariance(values: Array, n_b: int) -> Array:
     return covariance_of(values, names, "the covariance of a linear model is none")
 
 
+def _coefficients(model: LinearModel) -> list[str]:
+    return [f"b_{k}" for k in range(model.numerator.size)] + [f"a_{k}" for k in range(1, model.denominator.size)]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModel:
+class LinearModel(Described):
     """Deviations about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
 
     Parameters
@@ -96,19 +101,29 @@ class LinearModel:
         If the coefficients are not finite or of another shape, or the covariance is none.
     """
 
-    numerator: Array
-    denominator: Array
-    covariance: Array
-    sample_time: float
-    operating_input: float
-    operating_output: float | None
-    status: LinearStatus = LinearStatus.OK
-    detail: str = ""
-    input_name: str = "input"
-    output_name: str = "output"
-    input_unit: str = ""
-    output_unit: str = ""
+    numerator: Array = field(
+        metadata=variable(
+            "b",
+            unit=gain_unit,
+            about="coefficients of z^0, z^-1, ...",
+        )
+    )
+    denominator: Array = field(metadata=variable("a", about="coefficients of z^0, z^-1, ..."))
+    covariance: Array = field(metadata=variable("coefficient", "other_coefficient"))
+    sample_time: float = field(metadata=attribute())
+    operating_input: float = field(metadata=attribute())
+    operating_output: float | None = field(metadata=attribute())
+    status: LinearStatus = field(default=LinearStatus.OK, metadata=status_of())
+    detail: str = field(default="", metadata=attribute())
+    input_name: str = field(default="input", metadata=attribute())
+    output_name: str = field(default="output", metadata=attribute())
+    input_unit: str = field(default="", metadata=attribute())
+    output_unit: str = field(default="", metadata=attribute())
     realisation: Realisation | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        **{name: coordinate(name, of=_coefficients) for name in ("coefficient", "other_coefficient")},
+    }
 
     def __post_init__(self) -> None:
         require_fields(
@@ -224,10 +239,6 @@ class LinearModel:
         if self.operating_output is None:
             raise ModelError(self.status.value + (f" ({self.detail})" if self.detail else ""))
         return self.operating_output
-
-    def to_xarray(self) -> Any:
-        """Return coefficients with their covariance as an `xarray.Dataset`."""
-        return linear_dataset(self)
 
     @cached_property
     def poles(self) -> NDArray[np.complex128]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.control.linear.bands import FamilyBands
-from deatwin.control.linear.datasets import family_dataset
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.plant import draw_plants, linearise_plants
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.datasets import Metadata, coordinate
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
@@ -32,6 +34,13 @@ class GainSchedule(FamilyBands):
     family : LinearFamily
         Over the operating points; its first sample is the model itself.
     """
+
+    ALONG: ClassVar[str] = "operating_input"
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "operating_input": coordinate(
+            "operating_input", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit")
+        ),
+    }
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the static gain over the operating input, with its band.
@@ -82,11 +91,6 @@ class GainSchedule(FamilyBands):
         axes = axes_or_new(ax)
         self._draw_poles(axes, self.operating_inputs, self._input_label)
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return gain, modes and stability as an `xarray.Dataset` over the operating input."""
-        along = "operating_input"
-        return family_dataset(self, along, {along: (along, self.operating_inputs, self.family.input_unit)})
 
     @property
     def _input_label(self) -> str:

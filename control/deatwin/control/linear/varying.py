@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import generator, instance, taking, whole
 from deatwin.control.linear.bands import FamilyBands
-from deatwin.control.linear.datasets import family_dataset
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.plant.datasets import Metadata, coordinate
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -40,7 +41,12 @@ class VaryingLinear(FamilyBands):
         Increasing times on the experiment's clock, s.
     """
 
-    timepts: Array
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+
+    ALONG: ClassVar[str] = "time"
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "operating_input": coordinate("time", of=attrgetter("operating_inputs"), unit=attrgetter("family.input_unit")),
+    }
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the static gain over time, with its band.
@@ -91,11 +97,6 @@ class VaryingLinear(FamilyBands):
         axes = axes_or_new(ax)
         self._draw_poles(axes, self.timepts, "time (s)")
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return gain, modes and stability as an `xarray.Dataset` over time."""
-        inputs = ("time", self.operating_inputs, self.family.input_unit)
-        return family_dataset(self, "time", {"time": ("time", self.timepts, "s"), "operating_input": inputs})
 
 
 @taking(trajectory=instance(ThetaTrajectory), rng=generator, samples=whole(0))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from deatwin.control.arguments import function, generator, instance, not_negativ
 from deatwin.control.controllers.base import Controller
 from deatwin.control.errors import ControlError
 from deatwin.plant.amplitudes import written_amplitude
-from deatwin.plant.datasets import Variables, dataset
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
@@ -46,7 +46,7 @@ class Level:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoop:
+class ClosedLoop(Described):
     """A run of the closed loop on the physics plant.
 
     Parameters
@@ -69,8 +69,8 @@ class ClosedLoop:
         Units.
     """
 
-    status: RunStatus
-    timepts: Array
+    status: RunStatus = field(metadata=status_of())
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
     reference: Array
     output: Array
     measured: Array
@@ -78,6 +78,13 @@ class ClosedLoop:
     command_limits: tuple[float, float]
     input_unit: str
     output_unit: str
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "run": several(lambda loop: loop.variables("time")),
+        "command_min": attribute(of=lambda loop: loop.command_limits[0]),
+        "command_max": attribute(of=lambda loop: loop.command_limits[1]),
+        "rms_error": attribute(),
+    }
 
     def __post_init__(self) -> None:
         for name in _SERIES:
@@ -192,21 +199,6 @@ class ClosedLoop:
         return {
             before + name: (dimension, getattr(self, name), units.get(name, self.output_unit)) for name in _SERIES[1:]
         }
-
-    def to_xarray(self) -> Any:
-        """Return reference, output, reading and command as an `xarray.Dataset` over time."""
-        low, high = self.command_limits
-        return dataset(
-            self.variables("time"),
-            {"time": ("time", self.timepts, "s")},
-            {
-                "status": self.status.name,
-                "advice": self.status.value,
-                "command_min": low,
-                "command_max": high,
-                "rms_error": self.rms_error,
-            },
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data from which `from_dict` makes the same run."""

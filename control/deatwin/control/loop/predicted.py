@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from math import ceil
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +20,7 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.amplitudes import written_amplitude
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.rigs.base import ReadingTime
@@ -39,7 +40,7 @@ _BEYOND = 100.0  # times the range of the training data and the reference: there
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictedLoop:
+class PredictedLoop(Described):
     """Closed loops on draws of a model.
 
     Parameters
@@ -62,15 +63,21 @@ class PredictedLoop:
         Least and largest output of the training data, in the output's unit; None where the model does not know them.
     """
 
-    timepts: Array
-    reference: Array
-    outputs: Array
-    commands: Array
-    diverged: float
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    reference: Array = field(metadata=variable("time", unit=attrgetter("output_unit")))
+    outputs: Array = field(metadata=variable("draw", "time", name="output", unit=attrgetter("output_unit")))
+    commands: Array = field(metadata=variable("draw", "time", name="command", unit=attrgetter("input_unit")))
+    diverged: float = field(metadata=attribute())
     command_limits: tuple[float, float]
     input_unit: str
     output_unit: str
     trained: tuple[float, float] | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "middle": variable("time", unit=attrgetter("output_unit")),
+        "half_width": variable("time", unit=attrgetter("output_unit")),
+        "level": attribute(of=lambda _: LEVEL),
+    }
 
     def __post_init__(self) -> None:
         for name in ("timepts", "reference", "outputs", "commands"):
@@ -99,21 +106,6 @@ class PredictedLoop:
         others = np.sort(count * farthest / np.maximum(count - 1.0 - farthest, 1.0))
         needed = min(ceil(LEVEL * (count + 1)), count)
         return np.asarray(np.sqrt(others[needed - 1] * variance))
-
-    def to_xarray(self) -> Any:
-        """Return the draws, their middle and the half width of their band as an `xarray.Dataset` over time."""
-        unit, each = self.output_unit, ("draw", "time")
-        return dataset(
-            {
-                "reference": ("time", self.reference, unit),
-                "output": (each, self.outputs, unit),
-                "command": (each, self.commands, self.input_unit),
-                "middle": ("time", self.middle, unit),
-                "half_width": ("time", self.half_width, unit),
-            },
-            {"time": ("time", self.timepts, "s")},
-            {"level": LEVEL, "diverged": self.diverged},
-        )
 
     def inside(self, run: ClosedLoop) -> float:
         """Share of the samples of a run that lie inside the band; 1.0 if all of it does.

@@ -7,9 +7,11 @@ which is the least over all crossings, rather than by its deviation, which is th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +20,12 @@ from deatwin.control.arguments import coefficients, number, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.circle import search
-from deatwin.control.stability.datasets import margins_dataset
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, interval_radius
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -54,13 +56,16 @@ class UncertainMargin:
         for the others).
     """
 
-    value: float
-    deviation: float
-    low: float
+    value: float = field(metadata=variable(about="margin of the model itself"))
+    deviation: float = field(metadata=variable(about="standard deviation; of the logarithm for gain and disk"))
+    low: float = field(metadata=variable(about="lower limit"))
+
+
+_MARGINS = {"gain": "", "phase_deg": "deg", "delay": "s", "disk": ""}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MarginBand:
+class MarginBand(Described):
     """What the covariance of a model makes of a loop.
 
     Parameters
@@ -82,10 +87,24 @@ class MarginBand:
     phase_deg: UncertainMargin
     delay: UncertainMargin
     disk: UncertainMargin
-    modulus: float
-    modulus_low: float
+    modulus: float = field(metadata=attribute())
+    modulus_low: float = field(metadata=attribute())
     response: FrequencyResponse
-    level: float
+    level: float = field(metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "margin": coordinate("margin", of=lambda _: list(_MARGINS)),
+        "unit": coordinate("margin", of=lambda _: list(_MARGINS.values())),
+        "margins": table_along("margin", name="", of=lambda band: [getattr(band, name) for name in _MARGINS]),
+        "loop": variable("omega", of=attrgetter("response.values"), about="open loop L"),
+        "covariance": variable(
+            "omega", "part", "other_part", of=attrgetter("response.covariance"), about="of the parts of L"
+        ),
+        "omega": coordinate("omega", of=attrgetter("response.omega"), unit="rad/s"),
+        "frequency_Hz": coordinate("omega", of=lambda band: band.response.omega / (2 * np.pi), unit="Hz"),
+        "radius": attribute(),
+        **PART_COORDINATES,
+    }
 
     @property
     def radius(self) -> float:
@@ -151,10 +170,6 @@ class MarginBand:
         axes.set_ylabel("imaginary part of L")
         axes.legend(fontsize="small", loc="lower left")
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return margins and loop as an `xarray.Dataset` over margin and frequency."""
-        return margins_dataset(self)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

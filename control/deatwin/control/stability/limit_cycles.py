@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import coefficients, function, numbers, positive, taking
 from deatwin.control.errors import ControlError
-from deatwin.control.stability.datasets import cycles_dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -42,13 +42,13 @@ class LimitCycle:
         Whether the loop returns to it (Loeb's criterion); a loop leaves an unstable one, inwards to rest or outwards.
     """
 
-    amplitude: float
-    frequency_Hz: float
-    stable: bool
+    amplitude: float = field(metadata=variable(about="of the sine at the input of the nonlinearity"))
+    frequency_Hz: float = field(metadata=variable(unit="Hz"))
+    stable: bool = field(metadata=variable(about="whether the loop returns to it"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LimitCycles(Sequence[LimitCycle]):
+class LimitCycles(Described, Sequence[LimitCycle]):
     """The limit cycles of a loop, by rising amplitude; a sequence.
 
     Parameters
@@ -65,11 +65,15 @@ class LimitCycles(Sequence[LimitCycle]):
         N there, at the frequency of the first cycle, or of the middle of the band.
     """
 
-    cycles: tuple[LimitCycle, ...]
-    omega: Array
-    loop: Complex
-    amplitudes: Array
-    describing: Complex
+    cycles: tuple[LimitCycle, ...] = field(metadata=table_along("cycle", kind=LimitCycle))
+    omega: Array = field(metadata=coordinate("omega", unit="rad/s"))
+    loop: Complex = field(metadata=variable("omega", about="open loop L"))
+    amplitudes: Array = field(metadata=coordinate("amplitude", name="amplitude"))
+    describing: Complex = field(metadata=variable("amplitude", about="describing function N"))
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "n_cycles": attribute(of=len),
+    }
 
     def __post_init__(self) -> None:
         for array in (self.omega, self.loop, self.amplitudes, self.describing):
@@ -129,10 +133,6 @@ class LimitCycles(Sequence[LimitCycle]):
         axes.set_ylabel("imaginary part")
         axes.legend(fontsize="small")
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return cycles, loop and describing function as an `xarray.Dataset`."""
-        return cycles_dataset(self)
 
     def _loop_at(self, cycle: LimitCycle) -> complex:
         omega = 2 * np.pi * cycle.frequency_Hz

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
 from deatwin.ident.narx.operating import read_only
-from deatwin.plant.files.formats.optional import require
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,7 +95,7 @@ class Pointwise(Frozen):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrequencyResponse(Frozen):
+class FrequencyResponse(Described, Frozen):
     """A complex quantity over frequency at an operating point: H_n, G_n or Y_n.
 
     Parameters
@@ -125,17 +126,25 @@ class FrequencyResponse(Frozen):
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
 
-    symbol: str
-    order: int
-    values: Complex
-    omega: Array
+    symbol: str = field(metadata=attribute())
+    order: int = field(metadata=attribute())
+    values: Complex = field(metadata=variable("point", name="", unit=attrgetter("unit")))
+    omega: Array = field(metadata=variable("point", "tone", unit="rad/s"))
     point: Equilibrium
-    status: FrequencyStatus
+    status: FrequencyStatus = field(metadata=attribute())
     unit: str
     theta_cov: Array
     differentiate: Callable[[], Complex]
     evaluate: Callable[[Array], Evaluated] | None = None
     theta_dof: float = math.inf
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "covariance": variable("point", "part", "other_part", unit=lambda response: squared(response.unit)),
+        "frequency_Hz": coordinate("point", "tone", unit="Hz"),
+        "operating_input": attribute(of=lambda response: _plain(response.point.operating_input)),
+        "operating_output": attribute(of=attrgetter("point.output")),
+        **PART_COORDINATES,
+    }
 
     @cached_property
     def gradient(self) -> Complex:
@@ -280,34 +289,6 @@ class FrequencyResponse(Frozen):
         from deatwin.ident.frequency.drawing import plot_response
 
         return plot_response(self, ax)
-
-    def to_xarray(self) -> Any:
-        """Return values and covariance as an `xarray.Dataset`, with real and imaginary parts apart."""
-        xarray = require("xarray", "a dataset")
-
-        dims = ("point",) if self.omega.ndim == 1 else ("point", "tone")
-        attributes = {"units": self.unit}
-        squared = f"({self.unit})^2" if self.unit else ""
-        return xarray.Dataset(
-            {
-                "real": (("point",), self.values.real, attributes),
-                "imaginary": (("point",), self.values.imag, attributes),
-                "covariance": (("point", "part", "other_part"), self.covariance, {"units": squared}),
-                "omega": (dims, self.omega, {"units": "rad/s"}),
-            },
-            coords={
-                "frequency_Hz": (dims, self.frequency_Hz, {"units": "Hz"}),
-                "part": ["real", "imaginary"],
-                "other_part": ["real", "imaginary"],
-            },
-            attrs={
-                "symbol": self.symbol,
-                "order": self.order,
-                "operating_input": _plain(self.point.operating_input),
-                "operating_output": self.point.output,
-                "status": self.status.value,
-            },
-        )
 
 
 def _rows(response: FrequencyResponse, where: NDArray[np.intp]) -> Complex:

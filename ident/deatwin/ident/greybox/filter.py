@@ -30,7 +30,8 @@ from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
-from deatwin.ident.kalman import Filtered, StateSpace, kalman_filter, kalman_smoother
+from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother
+from deatwin.ident.state_space import StateSpace
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from operator import attrgetter
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
@@ -34,8 +35,12 @@ INVOLVED = 1e-8
 """Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
 
 
+def _fitted(fit: Calibration) -> list[Parameter]:
+    return [fit.plant.parameters[name] for name in fit.names]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Calibration:
+class Calibration(Described):
     """A plant whose free parameters were fitted.
 
     Parameters
@@ -68,16 +73,35 @@ class Calibration:
 
     plant: Plant
     names: tuple[str, ...]
-    covariance: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    status: FitStatus
-    at_bound: tuple[str, ...]
-    evaluations: int
-    starts: int = 1
-    agreed: int = 1
-    equals: tuple[tuple[float, ...], ...] = ()
+    covariance: np.ndarray = field(metadata=variable("parameter", "other_parameter"))
+    residuals: np.ndarray = field(
+        metadata=variable("sample", name="residual", unit=attrgetter("plant.rig.output_unit"))
+    )
+    jacobian: np.ndarray = field(metadata=variable("sample", "parameter", unit=attrgetter("plant.rig.output_unit")))
+    status: FitStatus = field(metadata=status_of())
+    at_bound: tuple[str, ...] = field(metadata=attribute(of=lambda fit: list(fit.at_bound)))
+    evaluations: int = field(metadata=attribute())
+    starts: int = field(default=1, metadata=attribute())
+    agreed: int = field(default=1, metadata=attribute())
+    equals: tuple[tuple[float, ...], ...] = field(
+        default=(), metadata=attribute(of=lambda fit: [value for values in fit.equals for value in values])
+    )
     fault: str = ""
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "parameter": coordinate("parameter", of=lambda fit: np.array(fit.names, dtype=str)),
+        "other_parameter": coordinate("other_parameter", of=lambda fit: np.array(fit.names, dtype=str)),
+        "value": variable("parameter", of=lambda fit: [p.value for p in _fitted(fit)]),
+        "low": variable("parameter", of=lambda fit: [fit.interval(name)[0] for name in fit.names]),
+        "high": variable("parameter", of=lambda fit: [fit.interval(name)[1] for name in fit.names]),
+        "unit": variable("parameter", of=lambda fit: np.array([p.unit for p in _fitted(fit)], dtype=str)),
+        "determined": variable(
+            "parameter", of=lambda fit: np.array([fit.is_determined(name) for name in fit.names], dtype=bool)
+        ),
+        "scale": variable("parameter", of=lambda fit: np.array([p.scale.value for p in _fitted(fit)], dtype=str)),
+        "rms": attribute(),
+        "effects": attribute(of=lambda fit: list(fit.plant.effect_names)),
+    }
 
     def __str__(self) -> str:
         if not self.status.ok:
@@ -167,37 +191,6 @@ class Calibration:
         parameter, (low, high) = self.plant.parameters[name], self.interval(name)
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
         return not (low <= parameter.lower + slack and high >= parameter.upper - slack)
-
-    def to_xarray(self) -> Any:
-        """Return fitted values with 95 % intervals, covariance, residuals and Jacobian as an `xarray.Dataset`; SI."""
-        found = [self.plant.parameters[name] for name in self.names]
-        ends = np.array([self.interval(name) for name in self.names]).reshape(-1, 2)
-        pair, unit = ("parameter", "other_parameter"), self.plant.rig.output_unit
-        return dataset(
-            {
-                "value": ("parameter", [p.value for p in found]),
-                "low": ("parameter", ends[:, 0]),
-                "high": ("parameter", ends[:, 1]),
-                "unit": ("parameter", np.array([p.unit for p in found], dtype=str)),
-                "determined": ("parameter", np.array([self.is_determined(name) for name in self.names], dtype=bool)),
-                "scale": ("parameter", np.array([p.scale.value for p in found], dtype=str)),
-                "covariance": (pair, self.covariance),
-                "residual": ("sample", self.residuals, unit),
-                "jacobian": (("sample", "parameter"), self.jacobian, unit),
-            },
-            {name: (name, np.array(self.names, dtype=str)) for name in pair},
-            {
-                "status": self.status.name,
-                "advice": self.status.value,
-                "at_bound": list(self.at_bound),
-                "evaluations": self.evaluations,
-                "starts": self.starts,
-                "agreed": self.agreed,
-                "equals": [value for values in self.equals for value in values],
-                "rms": self.rms,
-                "effects": list(self.plant.effect_names),
-            },
-        )
 
 
 def calibrate(

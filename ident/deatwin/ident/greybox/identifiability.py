@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from scipy.special import gammaincinv
 from deatwin.ident.greybox.fit import Calibration, calibrate
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.greybox.problem import Problem
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.parameters import Parameter
@@ -36,7 +37,7 @@ MOST_POINTS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Profile:
+class Profile(Described):
     """The likelihood along one parameter, all others fitted anew at each of its values.
 
     Parameters
@@ -55,36 +56,29 @@ class Profile:
     """
 
     parameter: Parameter
-    values: Array
-    deviances: Array
-    low: float
-    high: float
+    values: Array = field(
+        metadata=coordinate("value", name="value", unit=attrgetter("parameter.unit"), about="value that was tried")
+    )
+    deviances: Array = field(metadata=variable("value", name="deviance", about="twice the loss of log likelihood"))
+    low: float = field(metadata=variable(unit=attrgetter("parameter.unit"), about="lower end of the 95 % interval"))
+    high: float = field(metadata=variable(unit=attrgetter("parameter.unit"), about="upper end of the 95 % interval"))
     bounded: tuple[bool, bool]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "calibrated": variable(
+            of=attrgetter("parameter.value"), unit=attrgetter("parameter.unit"), about="calibrated value"
+        ),
+        "parameter": attribute(of=attrgetter("parameter.name")),
+        "bounded_below": attribute(of=lambda found: found.bounded[0]),
+        "bounded_above": attribute(of=lambda found: found.bounded[1]),
+        "level": attribute(of=lambda _: LEVEL),
+        "limit": attribute(of=lambda _: LIMIT),
+    }
 
     @property
     def identifiable(self) -> bool:
         """Whether the recordings bound the parameter from both sides."""
         return all(self.bounded)
-
-    def to_xarray(self) -> Any:
-        """Return the deviance over the values that were tried, with the interval, as an `xarray.Dataset`; SI."""
-        unit = self.parameter.unit
-        return dataset(
-            {
-                "deviance": ("value", self.deviances, "", "twice the loss of log likelihood"),
-                "calibrated": ((), self.parameter.value, unit, "calibrated value"),
-                "low": ((), self.low, unit, "lower end of the 95 % interval"),
-                "high": ((), self.high, unit, "upper end of the 95 % interval"),
-            },
-            {"value": ("value", self.values, unit, "value that was tried")},
-            {
-                "parameter": self.parameter.name,
-                "bounded_below": self.bounded[0],
-                "bounded_above": self.bounded[1],
-                "level": LEVEL,
-                "limit": LIMIT,
-            },
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the deviance over the parameter, with the limit of the interval.

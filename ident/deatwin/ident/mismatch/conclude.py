@@ -2,104 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.advise.advice import Advice
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import Detection
-from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
-from deatwin.ident.mismatch.discover.discovery import Discovery
-from deatwin.ident.mismatch.evidence import CandidateSummary, Evidence
-from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.findings import Findings
+from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
-from deatwin.ident.mismatch.gate.gate import Gate
-from deatwin.ident.mismatch.locate import Location, readings
+from deatwin.ident.mismatch.layout import Readings
+from deatwin.ident.mismatch.locate.track import readings
+from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
-from deatwin.ident.mismatch.refit.base import Base, differences
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
+from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import forms_tried
-from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
-from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 
 MARGIN = 0.05
 """Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
 physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand. That is 0.5 to 14 %
 (95 %): a margin, and no estimate."""
-NOWHERE: Mapping[str, list[Any]] = {"time": [], "frequency": [], "region": [], "place": [], "response": []}
-"""Where nothing is missing."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Findings:
-    """What the steps of a diagnosis found.
-
-    Parameters
-    ----------
-    bench : Bench
-        Plant, effects and recordings.
-    checked : Gate
-        State of the recordings.
-    base : Base
-        The calibrated base plant.
-    detection : Detection
-        Whether anything is missing.
-    location : Location or None
-        Where it is missing; None where nothing is.
-    naming : Naming
-        The explanations that were tried.
-    verification : Verification
-        On unseen data.
-    advice : Advice or None
-        The experiment that would tell rivals apart.
-    discovery : Discovery or None
-        A free form of what no effect explains.
-    verdict : Verdict
-        The conclusion.
-    answer : Candidate
-        The explanation, or the base plant.
-    final : Calibration
-        The answer, fitted to all sound samples.
-    """
-
-    bench: Bench
-    checked: Gate
-    base: Base
-    detection: Detection
-    location: Location | None
-    naming: Naming
-    verification: Verification
-    advice: Advice | None
-    discovery: Discovery | None
-    verdict: Verdict
-    answer: Candidate
-    final: Calibration
-
-    @property
-    def named(self) -> bool:
-        """Whether the answer has causes."""
-        return bool(self.answer.effects)
-
-    @property
-    def calibrated(self) -> Calibration:
-        """The base plant as it is reported: fitted to all recordings where that took up what seemed to be missing."""
-        taken_up = self.detection.taken_up
-        return self.base.chosen.calibration if taken_up is None else taken_up
-
-    @property
-    def unit(self) -> tuple[str, float]:
-        """Unit of amplitudes, and its SI size."""
-        return amplitude_unit(self.final.plant.rig.output_unit)
 
 
 def conclude(findings: Findings) -> Diagnosis:
@@ -127,22 +57,21 @@ def conclude(findings: Findings) -> Diagnosis:
     causes = _causes(findings) if findings.named else ()
     rivals = findings.naming.rivals if findings.named else ()
     names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
-    fit = _fit_table(findings)
     diagnosis = Diagnosis(
-        output={"name": rig.output_name, "unit": unit},
+        output=Output(name=rig.output_name, unit=unit),
         verdict=findings.verdict,
         noise=base.noise / size,
         model_error=rig.model_error / size,
-        detect=findings.detection.to_dict(),
-        locate=NOWHERE if findings.location is None else {**findings.location.to_dict(), "place": _places(findings)},
-        free_form=None if findings.discovery is None else findings.discovery.to_dict(),
+        detection=findings.detection.summary,
+        location=_location(findings),
+        free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
         rivals=tuple(rival.effects for rival in rivals),
         indistinguishable=_indistinguishable(findings) if findings.named else (),
-        next_experiment=findings.advice.to_dict() if findings.advice is not None else None,
+        advice=None if findings.advice is None else findings.advice.summary,
         sentence="",
-        fit=fit,
+        fit=_fit_summary(findings),
         warnings=(
             *findings.checked.findings,
             *findings.checked.notes,
@@ -155,12 +84,16 @@ def conclude(findings: Findings) -> Diagnosis:
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
             *_held_back(findings),
         ),
-        verification=findings.verification.to_dict() if findings.verification.ablations else None,
+        verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
         parameters=fitted_parameters(findings.bench.nominal, findings.calibrated),
         forms=forms_tried(findings.bench, base),
         model=model,
-        evidence=_evidence(findings, model),
+        base_model=_base_model(findings),
+        rival_models=_rival_models(findings) if findings.named else {},
+        candidates=_candidates(findings),
+        readings=_readings(findings, model),
+        findings=findings,
     )
     return replace(diagnosis, sentence=say(diagnosis))
 
@@ -197,10 +130,10 @@ def _beyond(rms: float, noise: float) -> float:
     return float(np.sqrt(max(rms**2 - noise**2, 0.0)))
 
 
-def _indistinguishable(findings: Findings) -> tuple[dict[str, Any], ...]:
+def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
     rivals = {"+".join(rival.effects) for rival in findings.naming.rivals}
     return tuple(
-        {"effects": list(pair.effects), "d2": pair.d2}
+        IndistinguishablePair(effects=pair.effects, d2=pair.d2)
         for pair in findings.naming.distances
         if pair.effects[1] in rivals
     )
@@ -267,23 +200,25 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
 
 
-def _fit_table(findings: Findings) -> dict[str, dict[str, float | None]]:
+def _fit_summary(findings: Findings) -> FitSummary:
     checks, size = findings.verification, findings.unit[1]
     after = (checks.fitted_after, checks.unseen_after, checks.gain_low) if findings.named else (None, None, None)
     fitted, unseen, gain = (None if value is None else value / size for value in after)
-    return {
-        "fitted": {"before": checks.fitted_before / size, "after": fitted},
-        "unseen": {"before": checks.unseen_before / size, "after": unseen, "gain_low": gain},
-    }
+    return FitSummary(
+        fitted=Errors(before=checks.fitted_before / size, after=fitted),
+        unseen=UnseenErrors(before=checks.unseen_before / size, after=unseen, gain_low=gain),
+    )
 
 
-def _places(findings: Findings) -> list[dict[str, Any]]:
-    """The places, the one first whose effects take up most of the mismatch, each at best and alone.
+def _location(findings: Findings) -> LocationSummary | None:
+    """Where the mismatch is, the place first whose effects take up most of it, each at best and alone.
 
     Where no effect was tried at a place, its score is the share that something unknown there explains.
     """
-    opened = [] if findings.location is None else findings.location.place.to_dict()
-    found = {place["place"]: place for place in opened}
+    if findings.location is None:
+        return None
+    located = findings.location.summary
+    found = {place.place: place for place in located.place}
     place_of = {effect.name: effect.place.value for effect in findings.bench.effects}
     base = findings.base.chosen
     missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
@@ -294,45 +229,37 @@ def _places(findings: Findings) -> list[dict[str, Any]]:
             share = float(np.clip((base.losses.mean() - candidate.losses.mean()) / missing, 0.0, 1.0))
             shares[place] = max(shares.get(place, 0.0), share)
     for place, share in shares.items():
-        found[place] = {**found.get(place, {"place": place}), "score": share}
-    return sorted(found.values(), key=lambda entry: -entry["score"])
+        found[place] = replace(found[place], score=share) if place in found else PlaceSummary(place=place, score=share)
+    return replace(located, place=tuple(sorted(found.values(), key=lambda entry: -entry.score)))
 
 
-def _evidence(findings: Findings, model: CalibratedPlant) -> Evidence:
-    base, experiments = findings.base, findings.checked.experiments
-    calibration = findings.calibrated
-    return Evidence(
+def _readings(findings: Findings, model: CalibratedPlant) -> Readings:
+    plant, experiments = findings.calibrated.plant, findings.checked.experiments
+    return Readings(
         experiments=experiments,
-        base=readings(calibration.plant, experiments),
-        amended=readings(model.plant, experiments) if model.plant.effects != calibration.plant.effects else None,
+        base=readings(plant, experiments),
+        amended=readings(model.plant, experiments) if model.plant.effects != plant.effects else None,
         unseen=tuple(part.masks for part in findings.bench.unseen),
-        candidates=tuple(
-            CandidateSummary(
-                effects=c.effects,
-                fitted=c.calibration.rms,
-                unseen=c.unseen_test.rms,
-                d2=_distance_to(c, findings.naming),
-            )
-            for c in findings.naming.candidates
-        ),
-        noise=base.noise,
-        model_error=calibration.plant.rig.model_error,
-        base_model=CalibratedPlant(
-            plant=calibration.plant,
-            noise=base.noise,
-            model_error=_base_error(findings),
-            names=calibration.names,
-            covariance=calibration.covariance,
-        ),
-        at_bound=calibration.at_bound,
-        noise_source=findings.detection.sensor.source.value,
-        checked=findings.checked,
-        detection=findings.detection,
-        location=findings.location,
-        discovery=findings.discovery,
-        advice=findings.advice,
-        verification=findings.verification if findings.named else None,
-        rivals=_rivals(findings) if findings.named else {},
+    )
+
+
+def _candidates(findings: Findings) -> tuple[CandidateSummary, ...]:
+    return tuple(
+        CandidateSummary(
+            effects=c.effects, fitted=c.calibration.rms, unseen=c.unseen_test.rms, d2=_distance_to(c, findings.naming)
+        )
+        for c in findings.naming.candidates
+    )
+
+
+def _base_model(findings: Findings) -> CalibratedPlant:
+    calibration = findings.calibrated
+    return CalibratedPlant(
+        plant=calibration.plant,
+        noise=findings.base.noise,
+        model_error=_base_error(findings),
+        names=calibration.names,
+        covariance=calibration.covariance,
     )
 
 
@@ -345,7 +272,7 @@ def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
     return next((pair.d2 for pair in naming.distances if pair.effects[1] == name), None)
 
 
-def _rivals(findings: Findings) -> dict[str, CalibratedPlant]:
+def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
     """The rivals as plants, each with what it leaves of the unseen data as its model error."""
     noise, stated = findings.base.noise, findings.bench.stated_error
     return {

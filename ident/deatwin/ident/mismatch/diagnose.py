@@ -9,11 +9,12 @@ import numpy as np
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.conclude import Findings, conclude
+from deatwin.ident.mismatch.conclude import conclude
 from deatwin.ident.mismatch.detect import Detection, detect
-from deatwin.ident.mismatch.diagnosis import Diagnosis, Verdict
+from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
+from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate import locate, readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -24,6 +25,7 @@ from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
+from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Refinable
 from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import Rig
 
 BENT = 1.5
 """Largest ratio by which a plant may raise the error that is expected of its rig. What is missing bends the base plant,
@@ -67,3 +70,21 @@ def with_model_error(plant: Plant, error: float) -> Plant:
     Plant
     """
     return plant.with_rig(replace(plant.rig, model_error=error))
+
+
+def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
+    """What rigs state differently, their model errors aside: those are found, not stated.
+
+    Parameters
+    ----------
+    rigs : sequence of Rig
+        Forms of one rig.
+
+    Returns
+    -------
+    tuple of dict
+        For each rig the fields in which they are not all equal, as `Rig.to_dict` has them.
+    """
+    stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
+    names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
+    return tuple({name: each[name] for name in names} for each in stated)

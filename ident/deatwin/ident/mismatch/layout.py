@@ -1,4 +1,4 @@
-"""The evidence of a diagnosis laid out along one axis of time, ready to be drawn and written."""
+"""Recordings beside simulations laid out along one axis of time, ready to be drawn and written."""
 
 from __future__ import annotations
 
@@ -8,15 +8,36 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.plant.amplitudes import reported_size
+from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch.evidence import Evidence
-
 
 SPACE = 0.02
 """Space between experiments that are drawn one after another, as a share of all."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """Recordings beside simulations; all in SI.
+
+    Parameters
+    ----------
+    experiments : tuple of Experiment
+        The recordings.
+    base : tuple of tuple of ndarray, each of shape (n,)
+        The calibrated base plant's readings, for each experiment and record.
+    amended : same shape, or None
+        The amended plant's, where there are causes.
+    unseen : tuple of tuple of ndarray of bool
+        Samples that no fit saw before the verdict.
+    """
+
+    experiments: tuple[Experiment, ...]
+    base: tuple[tuple[np.ndarray, ...], ...]
+    amended: tuple[tuple[np.ndarray, ...], ...] | None
+    unseen: tuple[tuple[np.ndarray, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,12 +73,12 @@ class Stretch:
     sample_time: float
 
 
-def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
-    """Lay out the evidence.
+def laid_out(readings: Readings, unit: str) -> tuple[Stretch, ...]:
+    """Lay out recordings beside simulations.
 
     Parameters
     ----------
-    evidence : Evidence
+    readings : Readings
         Of a diagnosis.
     unit : str
         In which readings are reported.
@@ -67,15 +88,15 @@ def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
     tuple of Stretch
         One for each record. One experiment keeps its clock; several are drawn one after another.
     """
-    size = reported_size(unit, evidence.experiments[0].recordings[0].output_units[0])
-    many = len(evidence.experiments) > 1
-    space = SPACE * sum(e.end - e.start for e in evidence.experiments)
+    size = reported_size(unit, readings.experiments[0].recordings[0].output_units[0])
+    many = len(readings.experiments) > 1
+    space = SPACE * sum(e.end - e.start for e in readings.experiments)
     found: list[Stretch] = []
     shift = 0.0
-    for number, experiment in enumerate(evidence.experiments):
+    for number, experiment in enumerate(readings.experiments):
         offset = shift - experiment.start if many else 0.0
         for place, record in enumerate(experiment.recordings):
-            amended = None if evidence.amended is None else evidence.amended[number][place] / size
+            amended = None if readings.amended is None else readings.amended[number][place] / size
             found.append(
                 Stretch(
                     experiment=number + 1,
@@ -83,9 +104,9 @@ def laid_out(evidence: Evidence, unit: str) -> tuple[Stretch, ...]:
                     axis=record.timepts + offset,
                     command=record.inputs[0],
                     measured=record.outputs[0] / size,
-                    base=evidence.base[number][place] / size,
+                    base=readings.base[number][place] / size,
                     amended=amended,
-                    unseen=evidence.unseen[number][place],
+                    unseen=readings.unseen[number][place],
                     sample_time=record.sample_time,
                 )
             )
@@ -110,12 +131,12 @@ def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def draw_residuals(evidence: Evidence, unit: str, axes: Axes) -> None:
+def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
     """Draw what the calibrated and the amended plant leave of the readings; the unseen part is shaded.
 
     Parameters
     ----------
-    evidence : Evidence
+    readings : Readings
         Of a diagnosis.
     unit : str
         In which readings are reported.
@@ -123,7 +144,7 @@ def draw_residuals(evidence: Evidence, unit: str, axes: Axes) -> None:
         Where to draw.
     """
     first = True
-    for each in laid_out(evidence, unit):
+    for each in laid_out(readings, unit):
         hide = "" if first else "_"
         axes.plot(each.axis, each.measured - each.base, color="C1", linewidth=0.8, label=f"{hide}calibrated plant")
         if each.amended is not None:
@@ -136,6 +157,6 @@ def draw_residuals(evidence: Evidence, unit: str, axes: Axes) -> None:
     axes.axhline(0.0, color="0.4", linewidth=0.6)
     shown = "µm" if unit == "um" else unit
     axes.set_ylabel(f"measured − simulated ({shown})" if shown else "measured − simulated")
-    several = len(evidence.experiments) > 1
+    several = len(readings.experiments) > 1
     axes.set_xlabel("time, experiments one after another (s)" if several else "time (s)")
     axes.legend(loc="upper left", ncols=3)

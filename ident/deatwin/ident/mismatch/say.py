@@ -8,12 +8,14 @@ worth its digits.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
-from deatwin.ident.mismatch.diagnosis import Cause, Diagnosis, Interval, Verdict
+from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.result import Fault
+from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
 from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import resolving
 
 SMALL_SHARE = 0.5
@@ -88,7 +90,7 @@ def _none(diagnosis: Diagnosis) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
-    taken_up = "; fitted to all recordings, it leaves nothing that counts" if diagnosis.detect.get("taken_up") else ""
+    taken_up = "; fitted to all recordings, it leaves nothing that counts" if diagnosis.detection.taken_up else ""
     return (
         f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
     )
@@ -131,7 +133,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
         if form is None
         else (
             "; a free-form term, which is a description and not physics, lowers the error on unseen data from "
-            f"{_rounded(form['before'])} to {_amplitude(form['after'], diagnosis)}"
+            f"{_rounded(form.before)} to {_amplitude(form.after, diagnosis)}"
         )
     )
     return (
@@ -141,8 +143,8 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:
-    origin = diagnosis.detect.get("origin")
-    back = "" if origin is None else f", {_part(origin['share'])} which comes back with the command"
+    origin = diagnosis.detection.origin
+    back = "" if origin is None else f", {_part(origin.share)} which comes back with the command"
     return (
         "The mismatch does not repeat with input and state, so it is a disturbance and no missing physics of the "
         f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
@@ -151,7 +153,7 @@ def _disturbance(diagnosis: Diagnosis) -> str:
 
 def _data_fault(diagnosis: Diagnosis) -> str:
     faults = diagnosis.faults
-    many = any(fault["experiment"] > 1 for fault in faults)
+    many = any(fault.experiment > 1 for fault in faults)
     said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
     more = "; and more" if len(faults) > MOST_FAULTS else ""
     where = f": {'; '.join(said)}{more}" if said else ""
@@ -179,13 +181,8 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 
 def _left(diagnosis: Diagnosis) -> str:
     """What the calibrated plant leaves."""
-    fitted, unseen = (diagnosis.fit[part]["before"] for part in ("fitted", "unseen"))
-    said = [
-        f"{_amplitude(value, diagnosis)} on {what} data"
-        for value, what in ((fitted, "fitted"), (unseen, "unseen"))
-        if value is not None
-    ]
-    return " and ".join(said) or "a residual that was not judged"
+    fitted, unseen = (_amplitude(part.before, diagnosis) for part in (diagnosis.fit.fitted, diagnosis.fit.unseen))
+    return f"{fitted} on fitted data and {unseen} on unseen data"
 
 
 def _within(diagnosis: Diagnosis) -> str:
@@ -194,10 +191,12 @@ def _within(diagnosis: Diagnosis) -> str:
 
 
 def _gain(diagnosis: Diagnosis) -> str:
-    before, after, low = (diagnosis.fit["unseen"][which] for which in ("before", "after", "gain_low"))
-    alone = "" if low > 0 else ", which alone could be chance"
+    unseen = diagnosis.fit.unseen
+    if unseen.after is None or unseen.gain_low is None:
+        raise ModelError("a diagnosis with causes needs the error that they leave on unseen data")
+    alone = "" if unseen.gain_low > 0 else ", which alone could be chance"
     return (
-        f"the error on unseen data falls from {_rounded(before)} to {_amplitude(after, diagnosis)}{alone}, "
+        f"the error on unseen data falls from {_rounded(unseen.before)} to {_amplitude(unseen.after, diagnosis)}{alone}, "
         f"with {_noise(diagnosis)}"
     )
 
@@ -207,7 +206,7 @@ def _noise(diagnosis: Diagnosis) -> str:
 
 
 def _amplitude(value: float, diagnosis: Diagnosis) -> str:
-    unit = diagnosis.output["unit"]
+    unit = diagnosis.output.unit
     return f"{_rounded(value)} {'µm' if unit == 'um' else unit}".rstrip()
 
 
@@ -237,39 +236,37 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
 def _with_interval(parameter: Interval) -> str:
     shown = parameter.shown
     digits = resolving(parameter.low, parameter.high)
-    value, low, high = (number(shown[which], digits) for which in ("value", "low", "high"))
-    unit = shown["unit"].removeprefix("1")  # the 1 of 1/K is no number
+    value, low, high = (number(each, digits) for each in (shown.value, shown.low, shown.high))
+    unit = shown.unit.removeprefix("1")  # the 1 of 1/K is no number
     return f"{value} {unit} ({low} to {high})".replace("  ", " ")
 
 
 def _next(diagnosis: Diagnosis) -> str:
     """What the advised experiment would decide."""
-    advised = diagnosis.next_experiment
+    advised = diagnosis.advice
     if advised is None:
         return ""
-    if advised["file"] is None:
-        measure = advised.get("measure")
+    seconds, shares = advised.seconds, (advised.confusion_before, advised.confusion_after)
+    before, after = ("" if share is None else risk(share) for share in shares)
+    if seconds is None:
+        measure = advised.measure
         return "" if measure is None else f"; no input that the rig bears tells them apart, so measure {measure}"
-    mass = advised.get("added_mass_g")
+    mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"
-    before, after = (risk(advised[which]) for which in ("confusion_before", "confusion_after"))
-    rest = f"; what it leaves open takes a measurement of {advised['measure']}" if advised.get("undecided") else ""
+    rest = f"; what it leaves open takes a measurement of {advised.measure}" if advised.undecided else ""
     return (
-        f"; {number(advised['seconds'])} s of the input in {advised['file']}{load} would lower the risk of confusing "
+        f"; {number(seconds)} s of the input in {advised.file}{load} would lower the risk of confusing "
         f"them from {before} to {after} %{rest}"
     )
 
 
 def _refuted(diagnosis: Diagnosis) -> bool:
-    return diagnosis.verification is not None and not diagnosis.verification["holds"]
+    return diagnosis.verification is not None and not diagnosis.verification.holds
 
 
-def _fault(fault: Mapping[str, Any], many: bool) -> str:
-    which = f"recording {fault['recording']}" + (f" of experiment {fault['experiment']}" if many else "")
-    return (
-        f"in {which} {fault['fault']}, {fault['samples']} samples between {fault['from_s']:.2f} and "
-        f"{fault['to_s']:.2f} s"
-    )
+def _fault(fault: Fault, many: bool) -> str:
+    which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
+    return f"in {which} {fault.fault}, {fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
 
 
 def _first_up(text: str) -> str:

@@ -1,30 +1,84 @@
-"""What each step of a diagnosis found, as plain data: what there is to keep where the later ones do not run."""
+"""What each step of a diagnosis found: what there is to keep where the later ones do not run."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import with_model_error
+from deatwin.ident.mismatch.floor import differences, with_model_error
 from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.refit.base import Base, differences
+from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
+from deatwin.ident.mismatch.result import (
+    AdviceSummary,
+    DetectionSummary,
+    Fault,
+    FormSummary,
+    FreeFormSummary,
+    VerificationSummary,
+)
+from deatwin.ident.mismatch.verdict import FittedParameter
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.records import Json, plain
 
 
-class _Found(Protocol):
-    """What a step found, that a diagnosis file holds as it is."""
+@dataclass(frozen=True, kw_only=True)
+class GateSummary:
+    """The state of the recordings."""
 
-    def to_dict(self) -> dict[str, Any]: ...
+    soundness: str
+    findings: tuple[str, ...]
+    notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedPlant:
+    """What was fitted, what it leaves, and the values."""
+
+    effects: tuple[str, ...]
+    form: Mapping[str, Json]  # How the rig is read, where its file is read otherwise or is silent
+    fitted: float  # Rms residuals in the unit that a diagnosis reports
+    unseen: float | None  # None before it was judged there
+    parameters: Mapping[str, FittedParameter]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaseSummary(FittedPlant):
+    """The calibrated base plant, and its rival forms."""
+
+    noise: float
+    model_error: float
+    rivals: tuple[FormSummary, ...]
+
+
+StepResult = (
+    GateSummary
+    | FittedPlant
+    | DetectionSummary
+    | LocationSummary
+    | VerificationSummary
+    | AdviceSummary
+    | FreeFormSummary
+)
+_Summary = TypeVar("_Summary", bound=StepResult, covariant=True)
+
+
+class _Found(Protocol[_Summary]):
+    """What a step found."""
+
+    @property
+    def summary(self) -> _Summary: ...
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,8 +89,9 @@ class Step:
     ----------
     name : str
         ``gate``, ``base``, ``detect``, ``locate``, ``fit``, ``verify``, ``advise`` or ``discover``.
-    result : mapping
-        Plain data, its amplitudes in the unit that a diagnosis reports.
+    result : GateSummary, FittedPlant, DetectionSummary, LocationSummary, VerificationSummary, AdviceSummary or \
+FreeFormSummary
+        What it found, its amplitudes in the unit that a diagnosis reports.
     subject : str
         Of a fit, what was fitted; a later step of the same name and subject replaces this one.
     model : CalibratedPlant or None
@@ -44,9 +99,14 @@ class Step:
     """
 
     name: str
-    result: Mapping[str, Any]
+    result: StepResult
     subject: str = ""
     model: CalibratedPlant | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as a file holds it, with None for a number that no fit determines."""
+        found: dict[str, Any] = _finite(plain(self.result))
+        return found
 
 
 def gate_step(checked: Gate) -> Step:
@@ -61,12 +121,12 @@ def gate_step(checked: Gate) -> Step:
     -------
     Step
     """
-    result = {
-        "soundness": checked.soundness.name.lower(),
-        "findings": list(checked.findings),
-        "notes": list(checked.notes),
-        "faults": list(faults_of(checked)),
-    }
+    result = GateSummary(
+        soundness=checked.soundness.name.lower(),
+        findings=tuple(checked.findings),
+        notes=tuple(checked.notes),
+        faults=faults_of(checked),
+    )
     return Step(name="gate", result=result)
 
 
@@ -87,12 +147,12 @@ def base_step(bench: Bench, base: Base) -> Step:
     """
     chosen, size = base.chosen, _size(bench)
     fit = chosen.calibration
-    result = {
-        **_fit(bench, fit, chosen.unseen),
-        "noise": base.noise / size,
-        "model_error": fit.plant.rig.model_error / size,
-        "rivals": list(forms_tried(bench, base)[1:]),
-    }
+    result = BaseSummary(
+        **vars(_fit(bench, fit, chosen.unseen)),
+        noise=base.noise / size,
+        model_error=fit.plant.rig.model_error / size,
+        rivals=forms_tried(bench, base)[1:],
+    )
     model = CalibratedPlant(
         plant=with_model_error(fit.plant, bench.stated_error),
         noise=base.noise,
@@ -104,7 +164,7 @@ def base_step(bench: Bench, base: Base) -> Step:
     return Step(name="base", result=result, model=model)
 
 
-def forms_tried(bench: Bench, base: Base) -> tuple[dict[str, Any], ...]:
+def forms_tried(bench: Bench, base: Base) -> tuple[FormSummary, ...]:
     """How each form of the base plant reads the rig file, and what it leaves.
 
     Parameters
@@ -116,9 +176,8 @@ def forms_tried(bench: Bench, base: Base) -> tuple[dict[str, Any], ...]:
 
     Returns
     -------
-    tuple of dict
-        The one chosen first; ``form`` has what is read otherwise than in the file, or where the file is silent, and
-        ``fitted`` and ``unseen`` the rms residuals.
+    tuple of FormSummary
+        The one chosen first.
     """
     return tuple(_remainder(bench, form) for form in (base.chosen, *base.rivals))
 
@@ -140,11 +199,11 @@ def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
     Step
     """
     result = _fit(bench, fit, unseen)
-    form = [f"{name} = {value!r}" for name, value in result["form"].items()]
-    return Step(name="fit", subject=", ".join(["+".join(result["effects"]), *form]), result=result)
+    form = [f"{name} = {value!r}" for name, value in result.form.items()]
+    return Step(name="fit", subject=", ".join(["+".join(result.effects), *form]), result=result)
 
 
-def found_step(name: str, found: _Found | None) -> Step | None:
+def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
     """What a step found, as ``diagnosis.json`` would hold it.
 
     Parameters
@@ -159,27 +218,27 @@ def found_step(name: str, found: _Found | None) -> Step | None:
     Step or None
         None where the step had nothing to find.
     """
-    return None if found is None else Step(name=name, result=found.to_dict())
+    return None if found is None else Step(name=name, result=found.summary)
 
 
-def _fit(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> dict[str, Any]:
-    """What was fitted, what it leaves, and the values."""
+def _fit(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> FittedPlant:
     size = _size(bench)
     with np.errstate(invalid="ignore", over="ignore"):  # of a fit that is not through an interval may be endless
-        parameters = {name: asdict(p) for name, p in fitted_parameters(bench.nominal, fit).items()}
-    return {
-        "effects": [name for name in fit.plant.effect_names if name not in bench.nominal.effect_names],
-        "form": _form(bench, fit),
-        "fitted": _finite(fit.rms / size),
-        "unseen": None if unseen is None else _finite(float(np.sqrt(np.mean(unseen**2))) / size),
-        "parameters": {name: {key: _finite(value) for key, value in p.items()} for name, p in parameters.items()},
-    }
+        parameters = fitted_parameters(bench.nominal, fit)
+    return FittedPlant(
+        effects=tuple(name for name in fit.plant.effect_names if name not in bench.nominal.effect_names),
+        form=_form(bench, fit),
+        fitted=fit.rms / size,
+        unseen=None if unseen is None else float(np.sqrt(np.mean(unseen**2))) / size,
+        parameters=parameters,
+    )
 
 
-def _remainder(bench: Bench, form: Candidate) -> dict[str, Any]:
+def _remainder(bench: Bench, form: Candidate) -> FormSummary:
     size = _size(bench)
-    left = {"fitted": form.fitted_test.rms / size, "unseen": form.unseen_test.rms / size}
-    return {"form": _form(bench, form.calibration), **left}
+    return FormSummary(
+        form=_form(bench, form.calibration), fitted=form.fitted_test.rms / size, unseen=form.unseen_test.rms / size
+    )
 
 
 def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
@@ -188,7 +247,10 @@ def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
 
 
 def _finite(value: Any) -> Any:
-    """The value; None for a number that no fit determines, which a file cannot hold."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
     return None if isinstance(value, float) and not isfinite(value) else value
 
 

@@ -19,6 +19,7 @@ from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.ident.narx.predictive import PredictiveBand, free_run_band, one_step_band
+from deatwin.ident.narx.pruning import PruningStep
 from deatwin.ident.narx.random_walk import ThetaSmoother
 from deatwin.ident.narx.recursive import Rls
 from deatwin.ident.narx.refine import extend, prune, refine
@@ -30,7 +31,7 @@ from deatwin.ident.narx.robust import robust, robust_covariance
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.semp_search import SempStep
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
-from deatwin.ident.narx.svb import CleanUpMove, PruningStep, SvbNarx
+from deatwin.ident.narx.svb import CleanUpMove, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.unstable import Unstable

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Lags, Rule, Term
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -32,14 +32,22 @@ _SAMPLES = 4096  # standardised at once
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LassoPath:
+class LassoPath(Described):
     """Where the LASSO's path bends: a term enters or leaves at each knot."""
 
     terms: tuple[Term, ...]  # The candidates that take part; the constant does not, for it is not penalised
-    penalties: Array
-    coefficients: Array
-    errors: Array
-    chosen: int  # The knot of the model
+    penalties: Array = field(metadata=coordinate("knot", name="penalty"))
+    coefficients: Array = field(
+        metadata=variable("term", "knot", name="coefficient", about="for standardised regressors and output")
+    )
+    errors: Array = field(
+        metadata=variable("knot", name="error", about="RMS of the free run over held-out samples, in the output's unit")
+    )
+    chosen: int = field(metadata=attribute())  # The knot of the model
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "term": coordinate("term", of=lambda found: [str(term) for term in found.terms]),
+    }
 
     def plot(self, ax: Axes | None = None, *, most: int = 10) -> Axes:
         """Draw the coefficients over the penalty, with the chosen knot."""
@@ -59,17 +67,6 @@ class LassoPath:
         if named:
             axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return coefficients and errors as an `xarray.Dataset` over term and knot."""
-        return dataset(
-            {
-                "coefficient": (("term", "knot"), self.coefficients, "", "for standardised regressors and output"),
-                "error": ("knot", self.errors, "", "RMS of the free run over held-out samples, in the output's unit"),
-            },
-            {"term": ("term", [str(term) for term in self.terms]), "penalty": ("knot", self.penalties)},
-            {"chosen": self.chosen},
-        )
 
 
 class Lasso(NarxIdentifier):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,13 +25,19 @@ from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 
+def _variance_unit(model: NarxModel) -> str:
+    units = {squared(unit) for unit in model.output_units}
+    return units.pop() if len(units) == 1 else ""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxModel:
+class NarxModel(Described):
     """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
 
     In the terms y and u are the signals less their origins. Powers of a signal that is far from zero compared with its
@@ -89,6 +95,22 @@ class NarxModel:
     output_origin: Array = field(default_factory=lambda: np.empty(0))
     operating: OperatingRange | None = None
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "term": coordinate("term", of=lambda model: [str(term) for term in model.terms]),
+        "other_term": coordinate("other_term", of=lambda model: [str(term) for term in model.terms]),
+        "theta": variable("term"),
+        "theta_cov": variable("term", "other_term"),
+        "equations": variable("term", name="equation", of=lambda model: list(model.equations)),
+        "noise_variance": variable("output", of=lambda model: np.atleast_1d(model.noise_variance), unit=_variance_unit),
+        "output": coordinate("output", of=lambda model: list(model.output_names)),
+        "sample_time": attribute(),
+        "theta_dof": attribute(),
+        "input_units": attribute(of=lambda model: list(model.input_units)),
+        "input_names": attribute(of=lambda model: list(model.input_names)),
+        "output_units": attribute(of=lambda model: list(model.output_units)),
+        "document": document(to_document),
+    }
 
     def __post_init__(self) -> None:
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
@@ -376,12 +398,6 @@ class NarxModel:
             first=first,
             fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
         )
-
-    def to_xarray(self) -> Any:
-        """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.model_dataset`."""
-        from deatwin.ident.narx.datasets import model_dataset
-
-        return model_dataset(self)
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/narx/1"), beside the target first and then renamed.

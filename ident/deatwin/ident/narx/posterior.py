@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -140,12 +142,10 @@ class ThetaPosterior:
         -------
         list of matplotlib Axes
         """
-        from deatwin.ident.narx.svb_plots import draw_densities
-
-        return draw_densities(self, axes, truth, level)
+        return _draw_densities(self, axes, truth, level)
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
-        """Return draws as ArviZ knows them; see `deatwin.ident.narx.arviz_export.to_arviz`.
+        """Return draws as ArviZ knows them; needs the extra ``bayes``.
 
         Parameters
         ----------
@@ -158,9 +158,7 @@ class ThetaPosterior:
         -------
         arviz.InferenceData, or xarray.DataTree from ArviZ 1 on
         """
-        from deatwin.ident.narx.arviz_export import to_arviz
-
-        return to_arviz(self.model, rng, **options)
+        return _to_arviz(self, rng, **options)
 
 
 def quantile(level: float, dof: float) -> float:
@@ -171,3 +169,102 @@ def quantile(level: float, dof: float) -> float:
         raise ModelError(f"level = {level}; it must lie between 0 and 1")
     share = (1 + level) / 2
     return float(special.ndtri(share) if math.isinf(dof) else special.stdtrit(dof, share))
+
+
+def regressors(model: NarxModel, recording: Recording) -> Array:
+    """Return the terms of a model over a recording. Shapes: returns (n_terms, n - max_lag)."""
+    noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
+    signals = model.about_origin(recording.inputs, recording.outputs)
+    return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
+
+
+def _draw_densities(
+    posterior: ThetaPosterior, axes: Sequence[Axes] | None, truth: Array | None, level: float
+) -> list[Axes]:
+    """Draw the marginal density of each parameter, its central interval shaded. Shapes: `truth` (n_terms,)."""
+    model = posterior.model
+    panels = panels_or_new(axes, len(model.terms), height=1.3)
+    intervals = posterior.interval(level)
+    reach = quantile(0.9999, model.theta_dof)
+    for m, panel in enumerate(panels):
+        middle, scale = model.theta[m], posterior.scale[m]
+        ends = [middle - reach * scale, middle + reach * scale]
+        if truth is not None:
+            ends = [min(ends[0], truth[m]), max(ends[1], truth[m])]
+        values = np.linspace(ends[0], ends[1], 401)
+        density = posterior.density(m, values)
+        panel.plot(values, density, color="C0")
+        inside = (values >= intervals[m, 0]) & (values <= intervals[m, 1])
+        panel.fill_between(
+            values[inside], density[inside], color="C0", alpha=0.3, linewidth=0, label=f"{100 * level:g} %"
+        )
+        if truth is not None:
+            panel.axvline(truth[m], color="C3", linestyle="--", label="true")
+        panel.set_yticks([])
+        panel.set_ylabel(str(model.terms[m]), rotation=0, horizontalalignment="right", verticalalignment="center")
+    if panels:
+        panels[0].legend(fontsize="small")
+        panels[-1].set_xlabel("parameter")
+    return panels
+
+
+def _to_arviz(
+    posterior: ThetaPosterior,
+    rng: np.random.Generator,
+    *,
+    recording: Recording | None = None,
+    n_chains: int = 4,
+    n_draws: int = 500,
+) -> Any:
+    """Return independent draws of the posterior, and with a recording what they say of it one step ahead."""
+    try:
+        import arviz
+    except ImportError as error:
+        raise ModelError('export to ArviZ needs ArviZ: pip install "arviz>=0.18"') from error
+    model, draws = posterior.model, posterior.sample(rng, n_chains * n_draws)
+    groups = {"posterior": {"theta": draws.theta, "noise_variance": draws.noise_variance}}
+    coords: dict[str, Any] = {"term": _labels(model), "output": list(model.output_names)}
+    dims = {"theta": ["term"], "noise_variance": ["output"]}
+    if recording is not None:
+        groups |= _one_step(model, recording, draws.theta, draws.noise_variance, rng)
+        coords["time_s"] = recording.timepts[model.table.max_lag :]
+        dims["y"] = ["output", "time_s"]
+    shaped = {
+        group: {
+            name: values if group == "observed_data" else values.reshape(n_chains, n_draws, *values.shape[1:])
+            for name, values in variables.items()
+        }
+        for group, variables in groups.items()
+    }
+    if int(arviz.__version__.split(".")[0]) >= 1:
+        return arviz.from_dict(shaped, coords=coords, dims=dims)
+    return arviz.from_dict(**shaped, coords=coords, dims=dims)
+
+
+def _labels(model: NarxModel) -> list[str]:
+    """Return the terms as they print, with the output whose equation they stand in where there are several."""
+    if model.n_outputs == 1:
+        return [str(term) for term in model.terms]
+    names = model.output_names
+    return [f"{names[row]}: {term}" for row, term in zip(model.equations, model.terms, strict=True)]
+
+
+def _one_step(
+    model: NarxModel, recording: Recording, theta: Array, variance: Array, rng: np.random.Generator
+) -> dict[str, dict[str, Array]]:
+    """Return new outputs and the log-likelihood of the measured ones, (n_draws, n_outputs, n), and these."""
+    origin = model.output_origin[:, None]
+    rows, measured = regressors(model, recording), recording.outputs[:, model.table.max_lag :]
+    belongs = np.array(model.equations)
+    mean = origin + np.stack(
+        [theta[:, belongs == row] @ rows[belongs == row] for row in range(model.n_outputs)], axis=1
+    )
+    spread = variance[:, :, None]
+    if not np.all(spread > 0):
+        raise ModelError("the model has no noise variance, so that the recording has no likelihood")
+    error = measured - mean
+    return {
+        "posterior_predictive": {"y": mean + np.sqrt(spread) * rng.standard_normal(mean.shape)},
+        "log_likelihood": {"y": -0.5 * (error**2 / spread + np.log(2 * math.pi * spread))},
+        "observed_data": {"y": measured},
+    }

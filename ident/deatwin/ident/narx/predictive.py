@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.posterior import ThetaPosterior, quantile
-from deatwin.plant.datasets import dataset
+from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -43,7 +44,7 @@ class BandStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictiveBand:
+class PredictiveBand(Described):
     """Where a new measurement lies with a given probability, sample by sample.
 
     Parameters
@@ -67,16 +68,20 @@ class PredictiveBand:
         Draws of the posterior that were run free, and how many of them diverged; 0 one step ahead.
     """
 
-    outputs: Array
-    lower: Array
-    upper: Array
-    level: float
-    measured: Array
-    timepts: Array
-    first: int
-    units: tuple[str, ...]
-    draws: int = 0
-    diverged: int = 0
+    outputs: Array = field(metadata=variable("output", "time", name="middle", unit=one_unit))
+    lower: Array = field(metadata=variable("output", "time", unit=one_unit))
+    upper: Array = field(metadata=variable("output", "time", unit=one_unit))
+    level: float = field(metadata=attribute())
+    measured: Array = field(metadata=variable("output", "time", unit=one_unit))
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    first: int = field(metadata=attribute())
+    units: tuple[str, ...] = field(metadata=coordinate("output", name="unit"))
+    draws: int = field(default=0, metadata=attribute())
+    diverged: int = field(default=0, metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "status": status_of(),
+    }
 
     @property
     def status(self) -> BandStatus:
@@ -120,23 +125,6 @@ class PredictiveBand:
         axes.set_ylabel(f"output ({unit})" if unit else "output")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return the band, its middle and the measured outputs as an `xarray.Dataset` over output and time."""
-        dims, unit = ("output", "time"), self.units[0] if len(set(self.units)) == 1 else ""
-        names = {"middle": "outputs", "lower": "lower", "upper": "upper", "measured": "measured"}
-        return dataset(
-            {name: (dims, getattr(self, field), unit) for name, field in names.items()},
-            {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
-            {
-                "first": self.first,
-                "level": self.level,
-                "draws": self.draws,
-                "diverged": self.diverged,
-                "status": self.status.name,
-                "advice": self.status.value,
-            },
-        )
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
@@ -242,13 +230,6 @@ def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_dr
         if failed is None:
             runs.append(run + model.output_origin[:, None])
     return runs
-
-
-def regressors(model: NarxModel, recording: Recording) -> Array:
-    """Return the terms of a model over a recording. Shapes: returns (n_terms, n - max_lag)."""
-    noise = recording.outputs - model.predict(recording).outputs if model.table.channels("e") else None
-    signals = model.about_origin(recording.inputs, recording.outputs)
-    return model.table.rows(*signals, model.table.max_lag, recording.n_samples, noise)
 
 
 def _band(

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from deatwin.ident.kalman import StateSpace, kalman_filter
+from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
@@ -16,6 +16,7 @@ from deatwin.ident.narx.operating import Array
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.state_space import StateSpace
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 

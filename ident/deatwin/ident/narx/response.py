@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class ResponseStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxResponse:
+class NarxResponse(Described):
     """Outputs of a model over a recording, some steps ahead or in free run.
 
     Parameters
@@ -66,13 +66,13 @@ class NarxResponse:
         Unit of each output.
     """
 
-    outputs: Array
-    measured: Array
-    timepts: Array
-    first: int
-    status: ResponseStatus = ResponseStatus.OK
-    failed_at_s: float | None = None
-    units: tuple[str, ...] = ("",)
+    outputs: Array = field(metadata=variable("output", "time", name="computed", unit=one_unit))
+    measured: Array = field(metadata=variable("output", "time", unit=one_unit))
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    first: int = field(metadata=attribute())
+    status: ResponseStatus = field(default=ResponseStatus.OK, metadata=status_of())
+    failed_at_s: float | None = field(default=None, metadata=attribute())
+    units: tuple[str, ...] = field(default=("",), metadata=coordinate("output", name="unit"))
 
     @property
     def residuals(self) -> Array:
@@ -107,20 +107,6 @@ class NarxResponse:
         axes.set_ylabel(f"output ({', '.join(units)})" if units else "output")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return computed and measured outputs as an `xarray.Dataset` over output and time."""
-        dims, unit = ("output", "time"), _one(self.units)
-        return dataset(
-            {"computed": (dims, self.outputs, unit), "measured": (dims, self.measured, unit)},
-            {"time": ("time", self.timepts, "s"), "unit": ("output", list(self.units))},
-            {
-                "first": self.first,
-                "status": self.status.name,
-                "advice": self.status.value,
-                "failed_at_s": self.failed_at_s,
-            },
-        )
 
 
 def _one(units: tuple[str, ...]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,6 @@ from deatwin.ident.narx.neighbours import CompressedRegression, Neighbours
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.response import DIVERGED
 from deatwin.ident.narx.terms import Term
-
-if TYPE_CHECKING:
-    from deatwin.ident.narx.semp import Semp
-
 
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -56,10 +52,20 @@ class SempStep:
     msse: float
 
 
+class SempSettings(Protocol):
+    """The settings of `Semp` that its search follows."""
+
+    max_terms: int
+    threshold: float | None
+    level: float
+    significance: float | None
+    max_exchanges: int
+
+
 class SempSearch:
     """The search of `Semp`, step by step."""
 
-    def __init__(self, settings: Semp, data: Regression) -> None:
+    def __init__(self, settings: SempSettings, data: Regression) -> None:
         self.settings = settings
         self.data = data
         self.regression = CompressedRegression.of(data)

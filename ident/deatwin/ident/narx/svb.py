@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,9 @@ from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_rest
+from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.svb_plots import draw_bounds, draw_relevance
 from deatwin.ident.narx.terms import Lags, Rule, Term
-from deatwin.plant.datasets import dataset
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
@@ -29,62 +28,6 @@ Array = NDArray[np.float64]
 
 _CLEAN_UPS = ("none", "evidence")
 _PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PruningStep:
-    """One step of the pruning loop.
-
-    Parameters
-    ----------
-    terms : tuple of Term
-        The terms fitted in this step.
-    indices : ndarray of int, shape (n_terms,)
-        Their positions among the candidates.
-    relevance : ndarray, shape (n_terms,)
-        1 / E[alpha] of each, for regressors of root mean square about 1.
-    threshold : float
-        Terms whose relevance does not exceed it are pruned next.
-    bounds : tuple of float
-        Lower bound after each update.
-    """
-
-    terms: tuple[Term, ...]
-    indices: NDArray[np.intp]
-    relevance: Array
-    threshold: float
-    bounds: tuple[float, ...]
-
-    @property
-    def lower_bound(self) -> float:
-        """Converged lower bound in nats."""
-        return self.bounds[-1]
-
-    def to_xarray(self) -> Any:
-        """Return the relevance of each term and the bound after each update as an `xarray.Dataset`."""
-        return dataset(
-            {
-                "relevance": ("term", self.relevance, "", "1 / E[alpha], for regressors of root mean square about 1"),
-                "index": ("term", self.indices, "", "position among the candidates"),
-                "bound": ("update", list(self.bounds), "nat", "lower bound of the log evidence"),
-            },
-            {"term": ("term", np.array([str(term) for term in self.terms], dtype=str))},
-            {"threshold": self.threshold},
-        )
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the relevance of each term, with the threshold and those that it prunes.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
-        return draw_relevance(self, ax)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,7 +276,7 @@ class SvbNarx(NarxIdentifier):
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the lower bound over the pruning steps, with the largest marked.
 
-        The other pictures are in `deatwin.ident.narx.svb_plots`.
+        The other pictures are in `deatwin.ident.narx.pruning`.
 
         Parameters
         ----------

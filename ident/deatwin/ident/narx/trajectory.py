@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,9 @@ from deatwin.ident.narx.operating import Array, read_only
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.datasets import Described, Metadata, coordinate, variable
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ThetaTrajectory:
+class ThetaTrajectory(Described):
     """A NARX model of fixed terms whose parameters change with time.
 
     Parameters
@@ -58,11 +58,16 @@ class ThetaTrajectory:
     """
 
     model: NarxModel
-    timepts: Array
-    theta: Array
-    theta_cov: Array
-    drift_variance: Array
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    theta: Array = field(metadata=variable("term", "time"))
+    theta_cov: Array = field(metadata=variable("time", "term", "other_term"))
+    drift_variance: Array = field(metadata=variable("term"))
     log_likelihood: float | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "term": coordinate("term", of=lambda found: [str(term) for term in found.terms]),
+        "other_term": coordinate("other_term", of=lambda found: [str(term) for term in found.terms]),
+    }
 
     def __post_init__(self) -> None:
         m, n = len(self.model.terms), np.size(self.timepts)
@@ -223,20 +228,6 @@ class ThetaTrajectory:
             ax.set_title(str(term), loc="left", fontsize="small")
         panels[-1].set_xlabel("time (s)")
         return panels
-
-    def to_xarray(self) -> Any:
-        """Return theta and theta_cov as an `xarray.Dataset` over term and time."""
-        xarray = require("xarray", "a dataset")
-
-        names = [str(term) for term in self.terms]
-        return xarray.Dataset(
-            {
-                "theta": (("term", "time"), self.theta),
-                "theta_cov": (("time", "term", "other_term"), self.theta_cov),
-                "drift_variance": (("term",), self.drift_variance),
-            },
-            coords={"time": ("time", self.timepts, {"units": "s"}), "term": names, "other_term": names},
-        )
 
     def save(self, path: str | Path) -> None:
         """Write the trajectory as JSON ("deatwin/theta/1"); thin a long one before.

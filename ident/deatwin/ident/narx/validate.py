@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,16 @@ from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
 from deatwin.ident.narx.unstable import Unstable, unstable_model
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    coordinate,
+    several,
+    status_of,
+    variable,
+)
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError, nearest
 
@@ -57,8 +67,33 @@ class ValidationStatus(Enum):
         return self in (ValidationStatus.PASSED, ValidationStatus.EXACT)
 
 
+def _fits(found: Validation) -> Variables:
+    return {
+        f"{run}_{name}": ("output", getattr(getattr(found, run), name))
+        for run in ("one_step", "free_run")
+        for name in ("mean_square", "nrmse", "percent")
+    }
+
+
+def _lags(found: Validation) -> Array:
+    return np.unique(np.concatenate([test.lags for test in found.tests] or [np.zeros(0, dtype=np.int64)]))
+
+
+def _correlations(found: Validation) -> Variables:
+    """The tests over all lags; NaN at lags that one has not."""
+    lags = _lags(found)
+    values = np.full((len(found.tests), lags.size), np.nan)
+    for row, test in zip(values, found.tests, strict=True):
+        row[np.searchsorted(lags, test.lags)] = test.values
+    return {
+        "correlation": (("test", "lag"), values),
+        "band": ("test", [test.band for test in found.tests]),
+        "p_value": ("test", [test.p_value for test in found.tests]),
+    }
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Validation:
+class Validation(Described):
     """What `validate` found.
 
     Parameters
@@ -97,6 +132,21 @@ class Validation:
     output_names: tuple[str, ...] = ("output",)
     output_units: tuple[str, ...] = ("",)
     unstable: Unstable | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "fits": several(_fits),
+        "tests": several(_correlations),
+        "whiteness_p_value": variable("whiteness", of=lambda found: [each.p_value for each in found.whiteness]),
+        "output": coordinate("output", of=lambda found: list(found.output_names)),
+        "unit": coordinate("output", of=lambda found: list(found.output_units)),
+        "test": coordinate("test", of=lambda found: np.array([found._label(each) for each in found.tests], dtype=str)),
+        "lag": coordinate("lag", of=lambda found: _lags(found)),
+        "n_samples": attribute(),
+        "level": attribute(),
+        "exact": attribute(),
+        "status": status_of(),
+        "diverged_at_s": attribute(of=lambda found: [time for _, time in found.diverged]),
+    }
 
     @property
     def mspe(self) -> Array:
@@ -178,12 +228,6 @@ class Validation:
             test.plot(ax)
             ax.set_xlabel("" if test is not drawn[-1] else ax.get_xlabel())
         return panels
-
-    def to_xarray(self) -> Any:
-        """Return the validation as an `xarray.Dataset`; see `deatwin.ident.narx.datasets.validation_dataset`."""
-        from deatwin.ident.narx.datasets import validation_dataset
-
-        return validation_dataset(self)
 
     def __str__(self) -> str:
         lines = [f"{self.n_samples} samples: {self.status.value}"]

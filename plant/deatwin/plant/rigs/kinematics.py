@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import AnyFilm, FilmPoint
@@ -23,6 +23,26 @@ class Kinematics:
     points: Sequence[FilmPoint]  # Where stretches are taken, in terms of the coordinates
     coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
     film: Callable[..., AnyFilm]
+
+
+class BallInFilm(Protocol):
+    """A rig with a ball at the centre of a film in a ring, as `Diaphragm` has it; lengths in m."""
+
+    @property
+    def ball(self) -> str: ...
+    @property
+    def thickness(self) -> float: ...
+    @property
+    def prestretch(self) -> float: ...
+    @property
+    def frame_radius(self) -> float: ...
+    @property
+    def electrode_radius(self) -> float: ...
+    @property
+    def contact_radius(self) -> float: ...
+    @property
+    def elements(self) -> int: ...
+    def sag(self, radius: float, build: Builder) -> Symbol: ...
 
 
 def electrode_share(build: Builder) -> Symbol:

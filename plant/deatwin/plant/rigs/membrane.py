@@ -22,17 +22,16 @@ import numpy as np
 
 from deatwin.plant.effects.smooth import smooth_step
 from deatwin.plant.film import FilmPoint, PointwiseFilm
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.kinematics import BallInFilm, Kinematics, electrode_share
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
-    from deatwin.plant.rigs.diaphragm import Diaphragm
 
 
 Symbol = Any
 
 
-def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
+def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     """Elements from the ball to the frame: `Diaphragm.elements` under the electrode, half as many in the annulus."""
     edges = np.array([rig.contact_radius, rig.electrode_radius, rig.frame_radius]) / rig.prestretch
     rings = (_Ring.of(edges[0], edges[1], rig.elements), _Ring.of(edges[1], edges[2], (rig.elements + 1) // 2))
@@ -78,7 +77,7 @@ def membrane(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
     return Kinematics(points=points, coordinates=[*free["stretch"], *free["drop"]], film=PointwiseFilm)
 
 
-def _free_nodes(rig: Diaphragm, nodes: np.ndarray, edge: int, build: Builder) -> dict[str, list[Symbol]]:
+def _free_nodes(rig: BallInFilm, nodes: np.ndarray, edge: int, build: Builder) -> dict[str, list[Symbol]]:
     """Coordinates of the free nodes from the ball outwards, each looked for in a slightly sagging flat film."""
     free: dict[str, list[Symbol]] = {"stretch": [], "drop": []}
     for node, reference in enumerate(nodes[:-1]):

@@ -32,11 +32,10 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.kinematics import BallInFilm, Kinematics, electrode_share
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
-    from deatwin.plant.rigs.diaphragm import Diaphragm
 
 
 Symbol = Any
@@ -46,7 +45,7 @@ POINTS = 4
 or 0.5 µm (bonded, at 3 kV), less than a tenth of the error of the shape functions."""
 
 
-def reduced(rig: Diaphragm, deflection: Symbol, build: Builder) -> Kinematics:
+def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     """Stretch at the electrode's edge, drop of the annulus, and bow."""
     numbers = _Geometry.of(rig)
     geometry = numbers.as_symbols(build)
@@ -77,13 +76,13 @@ class _Support:
     bow: Symbol
 
 
-def _sliding(rig: Diaphragm, build: Builder) -> _Support:
+def _sliding(rig: BallInFilm, build: Builder) -> _Support:
     contact = build.coordinate("contact_stretch", scale=1.0)
     build.guess(contact, rig.prestretch)
     return _Support(coordinate=contact, contact=contact, bow=0.0)
 
 
-def _bonded(rig: Diaphragm, build: Builder) -> _Support:
+def _bonded(rig: BallInFilm, build: Builder) -> _Support:
     bow = build.coordinate("bow", scale=1e-3)
     return _Support(coordinate=bow, contact=build.constant("clamped_stretch", rig.prestretch), bow=bow)
 
@@ -91,7 +90,7 @@ def _bonded(rig: Diaphragm, build: Builder) -> _Support:
 SUPPORTS = {"sliding": _sliding, "bonded": _bonded}
 
 
-def _relaxed(rig: Diaphragm, geometry: _Geometry, xi: Symbol) -> list[tuple[Symbol, Symbol]]:
+def _relaxed(rig: BallInFilm, geometry: _Geometry, xi: Symbol) -> list[tuple[Symbol, Symbol]]:
     """Stretches at each point of a flat film that is relaxed at the viscous stretch `xi`."""
     contact = xi if rig.ball == "sliding" else geometry.contact / geometry.contact_reference
     zones = enumerate(geometry.zones(contact, xi))
@@ -154,7 +153,7 @@ class _Geometry:
     area: tuple[Any, Any]
 
     @classmethod
-    def of(cls, rig: Diaphragm) -> Self:
+    def of(cls, rig: BallInFilm) -> Self:
         edges = np.array([rig.contact_radius, rig.electrode_radius, rig.frame_radius]) / rig.prestretch
         return cls._between(rig.frame_radius, rig.contact_radius, tuple(edges))
 

@@ -77,8 +77,8 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis in words."""
     from deatwin.studies.report.quantities import with_interval
 
-    unit = diagnosis.output["unit"]
-    fit = {part: diagnosis.fit.get(part) or {} for part in ("fitted", "unseen")}
+    unit = diagnosis.output.unit
+    fitted, unseen = diagnosis.fit.fitted, diagnosis.fit.unseen
     causes = (
         Left(
             effect=cause.effect,
@@ -97,7 +97,8 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise": diagnosis.noise,
         "causes": tuple(causes),
         "possible": tuple(diagnosis.names),
-        **{part: (errors.get("before"), errors.get("after")) for part, errors in fit.items()},
+        "fitted": (fitted.before, fitted.after),
+        "unseen": (unseen.before, unseen.after),
     }
 
 

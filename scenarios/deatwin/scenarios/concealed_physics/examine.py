@@ -87,10 +87,9 @@ def check_rms(plant: Plant, specimen: Specimen) -> float | None:
 
 def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
     """The base plant of the diagnosis, fitted to all samples as its answer is."""
-    if diagnosis.evidence is None:
-        raise SimulationError("the diagnosis kept no evidence: there is no base plant to compare with")
-    plant = diagnosis.evidence.base_model.plant
-    found = calibrate(plant, parts, starts=1)
+    if diagnosis.base_model is None:
+        raise SimulationError("the diagnosis kept no base plant to compare with")
+    found = calibrate(diagnosis.base_model.plant, parts, starts=1)
     if not found.status.ok:
         raise SimulationError("the base plant of the diagnosis cannot be fitted to the whole recordings")
     return found
@@ -114,10 +113,12 @@ def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
         "warnings",
         "next_experiment",
     )
-    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
     return {
         **{name: data[name] for name in kept},
-        "tried": [{"effects": list(c.effects), "fitted": c.fitted, "unseen": c.unseen, "d2": c.d2} for c in tried],
+        "tried": [
+            {"effects": list(c.effects), "fitted": c.fitted, "unseen": c.unseen, "d2": c.d2}
+            for c in diagnosis.candidates
+        ],
     }
 
 
@@ -169,7 +170,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
     """What a second diagnosis says when the advised experiment is there as well; of ties only."""
-    advice = diagnosis.evidence.advice if diagnosis.evidence is not None else None
+    advice = None if diagnosis.findings is None else diagnosis.findings.advice
     if spec.kind != "tie" or advice is None:
         return None
     if advice.recording is None:

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from deatwin.plant.records import Json
 from deatwin.studies.sweep.seal import Sealed, digest
 
 SCHEMA = "deatwin/concealed-seal/1"
@@ -33,7 +34,7 @@ class Seal(Sealed):
     size: str
     seed: int
     key: str  # SHA-256 of all labels: the cases with what is concealed in each, and which names are right for it
-    thresholds: Mapping[str, Any]  # Every number that decides, by module and name
+    thresholds: Mapping[str, Json]  # Every number that decides, by module and name
     code: str  # SHA-256 of the sources of plant, identification, generator and runner
     scoring: str
     version: str

@@ -78,13 +78,18 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
     seen = recorded(true, band_limited_noise(rng, SECONDS, h, band=BAND), rng)
     diagnosis = diagnose(nominal, [Experiment(recordings=(seen,))], jobs=jobs, seed=seed)
     recording = recorded(true, excitation(rng, h), rng)
-    evidence, amended = diagnosis.evidence, diagnosis.model
-    if evidence is None or amended is None:
-        raise RuntimeError("a diagnosis that has just been made has evidence and a model")
+    base, amended = diagnosis.base_model, diagnosis.model
+    if base is None or amended is None:
+        raise RuntimeError("a diagnosis that has just been made has both models")
     bench = _Bench(
-        true=true, recording=recording, model=identified(recording), amended=amended, rivals=evidence.rivals, rng=rng
+        true=true,
+        recording=recording,
+        model=identified(recording),
+        amended=amended,
+        rivals=diagnosis.rival_models,
+        rng=rng,
     )
-    sources = (("base", evidence.base_model), ("amended", amended))
+    sources = (("base", base), ("amended", amended))
     first, *more = (
         tuple(bench.designed(source, known, time) for source, known in sources)
         for time in (CLOSED_LOOP_TIME, *OTHER_TIMES)

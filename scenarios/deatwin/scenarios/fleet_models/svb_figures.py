@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.ident.narx.predictive import free_run_band, regressors
+from deatwin.ident.narx.posterior import ThetaPosterior, regressors
+from deatwin.ident.narx.predictive import free_run_band
 from deatwin.scenarios.fleet_models.choice import THRESHOLDS, Choice
 from deatwin.scenarios.fleet_models.figures import (
     STEADIEST,

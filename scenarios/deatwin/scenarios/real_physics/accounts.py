@@ -57,7 +57,7 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
 
 def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
     """Effects that the diagnosis built in, with what each left."""
-    tried = diagnosis.evidence.candidates if diagnosis.evidence is not None else ()
+    tried = diagnosis.candidates
     rows = [
         [
             " and ".join(c.effects).replace("_", " ") or "none",

@@ -150,10 +150,10 @@ def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Di
 
 def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
     """Run the plants, and black boxes that learned from the same samples, over the held-out recordings."""
-    seen, model = diagnosis.evidence, diagnosis.model
-    if seen is None or model is None:
-        raise ModelError("a diagnosis without its evidence cannot be judged")
-    base = calibrate(seen.base_model.plant, case.fitted, starts=1).plant
+    known, model = diagnosis.base_model, diagnosis.model
+    if known is None or model is None:
+        raise ModelError("a diagnosis without its models cannot be judged")
+    base = calibrate(known.plant, case.fitted, starts=1).plant
     amended = model.plant
     tasks = [(method, held.rival) for held in case.held_out if held.rival is not None for method in reversed(RIVALS)]
     outcomes = run_jobs(attempt, tasks, workers=jobs)

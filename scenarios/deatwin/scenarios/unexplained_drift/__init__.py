@@ -109,8 +109,8 @@ def _about(scores: Sequence[Judged], seal: SweepSeal) -> Note:
 def _answers(scores: Sequence[Judged]) -> Table:
     rows = []
     for score in scores:
-        diagnosis, unseen = score.diagnosis, score.diagnosis.fit["unseen"]
-        after = "–" if unseen["after"] is None else f"{unseen['after']:.2f}"
+        diagnosis, unseen = score.diagnosis, score.diagnosis.fit.unseen
+        after = "–" if unseen.after is None else f"{unseen.after:.2f}"
         causes = ", ".join(f"{c.effect} ({c.probability:.2f})" for c in diagnosis.causes) or "–"
         rows.append(
             [
@@ -119,7 +119,7 @@ def _answers(scores: Sequence[Judged]) -> Table:
                 diagnosis.verdict.value.replace("_", " "),
                 _plain(causes),
                 _words(diagnosis.names) or "–",
-                f"{unseen['before']:.2f}",
+                f"{unseen.before:.2f}",
                 after,
                 score.mark.value,
             ]

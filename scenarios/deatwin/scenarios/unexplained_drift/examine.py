@@ -55,11 +55,11 @@ def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tupl
     own = ResultFolder(folder)
     task = DiagnosisTask(plant=case.plant, experiments=case.experiments, files=(), command=command, seed=seed)
     diagnosis = task.run(own, lambda share, text: None)
-    evidence, model = diagnosis.evidence, diagnosis.model
-    if evidence is None or model is None:
+    readings, model = diagnosis.readings, diagnosis.model
+    if readings is None or model is None:
         raise ModelError(f"{case.name}: the diagnosis has no model")
     tracks = []
-    for experiment, base in zip(case.experiments, evidence.base, strict=True):
+    for experiment, base in zip(case.experiments, readings.base, strict=True):
         predicted = model.predict(experiment)
         tracks += [
             Track(timepts=r.timepts, measured=r.outputs[0], base=b, answer=mean, deviation=deviation)

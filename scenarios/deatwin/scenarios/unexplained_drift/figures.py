@@ -139,6 +139,6 @@ def _title(score: Judged) -> str:
 
 def _errors(score: Judged) -> tuple[float, float, float]:
     """Before, after (NaN where nothing is built in), and what no plant can get below, µm."""
-    unseen = score.diagnosis.fit["unseen"]
-    after = np.nan if unseen["after"] is None else unseen["after"]
-    return unseen["before"], after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))
+    unseen = score.diagnosis.fit.unseen
+    after = np.nan if unseen.after is None else unseen.after
+    return unseen.before, after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))

@@ -8,6 +8,7 @@ from enum import Enum
 from typing import Any
 
 from deatwin.ident.mismatch import Diagnosis, Verdict
+from deatwin.plant.records import plain
 from deatwin.scenarios.unexplained_drift.examine import Finding
 from deatwin.scenarios.unexplained_drift.sealed import Key
 from deatwin.studies.report.story import Row
@@ -77,7 +78,7 @@ class Judged:
             "causes": [c.effect for c in self.diagnosis.causes],
             "set": list(self.diagnosis.names),
             "mark": self.mark.value,
-            "fit": dict(self.diagnosis.fit),
+            "fit": plain(self.diagnosis.fit),
             "estimates": [vars(e) | {"covered": e.covered} for e in self.estimates],
         }
 
@@ -117,8 +118,9 @@ def measures(scores: Sequence[Judged]) -> list[Row]:
     wrong = sum(s.mark is Mark.WRONG for s in scores)
     offered = [{*s.diagnosis.names, *(c.effect for c in s.diagnosis.causes)} for s in scores]
     inside = sum(set(s.truth) - OUTSIDE <= names for s, names in zip(scores, offered, strict=True))
-    claimed = [s for s in scores if s.diagnosis.fit["unseen"]["after"] is not None]
-    better = sum(s.diagnosis.fit["unseen"]["after"] < s.diagnosis.fit["unseen"]["before"] for s in claimed)
+    unseen = [score.diagnosis.fit.unseen for score in scores]
+    claimed = [(errors.before, errors.after) for errors in unseen if errors.after is not None]
+    better = sum(after < before for before, after in claimed)
     estimates = [e for s in scores if s.mark is Mark.RIGHT for e in s.estimates]
     covered = sum(e.covered for e in estimates)
     allowed = int(binom.ppf(0.025, len(estimates), 0.95)) if estimates else 0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from deatwin.studies.report.tracks import envelope
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch import Diagnosis
+    from deatwin.ident.mismatch import Diagnosis, LocationSummary
 
 
 Array = np.ndarray
@@ -38,7 +38,7 @@ class _View:
     command: str
     time: str
     noise: float
-    located: Mapping[str, Any]
+    located: LocationSummary | None
 
     @property
     def models(self) -> list[tuple[str, str, str]]:
@@ -49,22 +49,22 @@ class _View:
 
 def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, Array]]]:
     """Draw the figures of a diagnosis."""
-    if diagnosis.evidence is None:
+    if diagnosis.readings is None:
         return [], {}
-    unit = diagnosis.output["unit"]
-    tracks = laid_out(diagnosis.evidence, unit)
-    record = diagnosis.evidence.experiments[0].recordings[0]
+    name, unit = diagnosis.output.name, diagnosis.output.unit
+    tracks = laid_out(diagnosis.readings, unit)
+    record = diagnosis.readings.experiments[0].recordings[0]
     shown = "µm" if unit == "um" else unit
     input_unit = f" ({record.input_units[0]})" if record.input_units[0] not in ("", "1") else ""
     view = _View(
         tracks=tracks,
         amendment=_amendment(diagnosis) if tracks[0].amended is not None else "",
         unit=shown,
-        reading=f"{diagnosis.output['name']} ({shown})" if shown else diagnosis.output["name"],
+        reading=f"{name} ({shown})" if shown else name,
         command=f"{record.input_names[0].replace('_', ' ')}{input_unit}",
         time="time (s)" if tracks[-1].experiment == 1 else "time, experiments one after another (s)",
         noise=diagnosis.noise,
-        located=diagnosis.locate,
+        located=diagnosis.location,
     )
     suffix = f"_{unit}" if unit else ""
     spectrum = _spectrum(view, suffix)
@@ -110,13 +110,12 @@ def _shade(axes: Axes, view: _View) -> None:
             end = track.axis[last - 1] + track.sample_time
             axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
             label = "_unseen"
-    windows = view.located.get("time") or []
     if view.tracks[-1].experiment > 1:  # the windows do not say of which experiment they are
         return
     label = "located"
-    for window in windows:
-        strength = 0.32 * min(1.0, max(0.1, float(window["score"])))
-        axes.axvspan(window["from_s"], window["to_s"], color=MARK, alpha=strength, linewidth=0, label=label)
+    for window in () if view.located is None else view.located.time:
+        strength = 0.32 * min(1.0, max(0.1, window.score))
+        axes.axvspan(window.from_s, window.to_s, color=MARK, alpha=strength, linewidth=0, label=label)
         label = "_located"
 
 
@@ -129,9 +128,9 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
         floor = view.noise * np.sqrt(2 * view.tracks[0].sample_time)
         axes.axhline(floor, color=INK, linestyle=":", label="sensor noise")
         low, high = frequency[0], frequency[-1]
-        for band in view.located.get("frequency") or []:
-            if band["to_Hz"] > low:
-                axes.axvspan(max(band["from_Hz"], low), min(band["to_Hz"], high), color=MARK, alpha=0.18, linewidth=0)
+        for band in () if view.located is None else view.located.frequency:
+            if band.to_Hz > low:
+                axes.axvspan(max(band.from_Hz, low), min(band.to_Hz, high), color=MARK, alpha=0.18, linewidth=0)
         axes.set(
             xscale="log",
             yscale="log",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.amplitudes import reported_size
@@ -11,10 +11,10 @@ from deatwin.studies.report.figures import drawings
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import with_interval
 from deatwin.studies.report.rendering import write_page
-from deatwin.studies.report.steps import forms, noise_source, parameters, step_drawings, verification
+from deatwin.studies.report.steps import forms, noise_source, parameters, shams, step_drawings
 
 if TYPE_CHECKING:
-    from deatwin.ident.mismatch import Diagnosis
+    from deatwin.ident.mismatch import Diagnosis, LocationSummary
 
 
 LEAST_SHARE = 0.05
@@ -30,7 +30,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
     steps, tables = step_drawings(diagnosis)
     for name, table in tables.items():
         folder.text(name, table)
-    unit = diagnosis.output["unit"]
+    unit = diagnosis.output.unit
     write_page(
         folder,
         "diagnosis.html.j2",
@@ -43,10 +43,10 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         noise_source=noise_source(diagnosis),
         parameters=parameters(diagnosis),
         forms=forms(diagnosis),
-        verified=verification(diagnosis.verification),
+        shams=shams(diagnosis.verification),
         causes=_causes(diagnosis),
         candidates=_candidates(diagnosis),
-        located=_located(diagnosis.locate),
+        located=_located(diagnosis.location),
     )
 
 
@@ -59,25 +59,24 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return rows
 
 
-def _located(found: Mapping[str, Any]) -> dict[str, list[Any]]:
+def _located(found: LocationSummary | None) -> LocationSummary | None:
     """The entries worth a line: the file has them all."""
-    windows = [w for w in found.get("time") or [] if w["score"] >= LEAST_SHARE]
-    regions = sorted(found.get("region") or [], key=lambda r: -abs(r["mean_residual"]))
-    return {
-        "time": windows,
-        "frequency": list(found.get("frequency") or [])[:MOST_LINES],
-        "response": list(found.get("response") or [])[:MOST_LINES],
-        "region": regions[:MOST_LINES],
-        "place": list(found.get("place") or []),
-    }
+    if found is None:
+        return None
+    return replace(
+        found,
+        time=tuple(w for w in found.time if w.score >= LEAST_SHARE),
+        frequency=found.frequency[:MOST_LINES],
+        response=(found.response or ())[:MOST_LINES],
+        region=tuple(sorted(found.region, key=lambda r: -abs(r.mean_residual)))[:MOST_LINES],
+    )
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Rows of the table of candidates, the best on unseen data first."""
-    evidence = diagnosis.evidence
-    if evidence is None:
+    if diagnosis.readings is None:
         return []
-    size = reported_size(diagnosis.output["unit"], evidence.experiments[0].recordings[0].output_units[0])
+    size = reported_size(diagnosis.output.unit, diagnosis.readings.experiments[0].recordings[0].output_units[0])
     chosen = {cause.effect for cause in diagnosis.causes}
     rows = [
         {
@@ -87,6 +86,6 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "d2": c.d2,
             "chosen": set(c.effects) == chosen,
         }
-        for c in evidence.candidates
+        for c in diagnosis.candidates
     ]
     return sorted(rows, key=lambda row: row["unseen"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
-from deatwin.ident.mismatch.diagnosis import Interval
+from deatwin.ident.mismatch.verdict import Interval
 from deatwin.plant.prefixes import prefixed, resolving
 
 
@@ -42,8 +42,8 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
     ('25.01 s', '24.98 to 25.04 s')
     """
     shown = Interval(value=value, low=low, high=high, unit=unit).shown
-    middle, ends = _in_interval(shown["value"], shown["low"], shown["high"])
-    return f"{middle} {shown['unit']}".rstrip(), f"{ends} {shown['unit']}".rstrip()
+    middle, ends = _in_interval(shown.value, shown.low, shown.high)
+    return f"{middle} {shown.unit}".rstrip(), f"{ends} {shown.unit}".rstrip()
 
 
 def in_interval(value: float, low: float, high: float) -> str:

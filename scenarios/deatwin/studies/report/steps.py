@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.gate.noise import NoiseSource
@@ -14,7 +14,7 @@ from deatwin.studies.report.tabulated import drawn_table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from deatwin.ident.mismatch import Diagnosis, Evidence
+    from deatwin.ident.mismatch import Diagnosis, Findings, VerificationSummary
 
 
 STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
@@ -27,10 +27,9 @@ def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict
     """Draw the result of each step that was taken."""
     found: dict[str, Drawing | None] = dict.fromkeys(STEPS)
     tables: dict[str, str] = {}
-    evidence = diagnosis.evidence
-    if evidence is None:
+    if diagnosis.findings is None:
         return found, tables
-    for step, (size, title, caption, into) in _drawable(evidence).items():
+    for step, (size, title, caption, into) in _drawable(diagnosis.findings).items():
         with draw(size) as figure:
             into(figure)
             found[step] = drawing = Drawing.of(figure, step, title, caption)
@@ -41,25 +40,22 @@ def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict
 Drawable = tuple[tuple[float, float], str, str, Callable[["Figure"], object]]
 
 
-def _drawable(evidence: Evidence) -> dict[str, Drawable]:
+def _drawable(findings: Findings) -> dict[str, Drawable]:
     """Size, title and caption of each step's figure, and what draws it."""
     found: dict[str, Drawable] = {}
-    if (checked := evidence.checked) is not None:
-        found["checked"] = (
-            (WIDTH, 3.2),
-            "The readings",
-            "As recorded, with whatever was found in them.",
-            lambda figure: checked.plot(figure.add_subplot()),
-        )
-    if (detection := evidence.detection) is not None:
-        found["detection"] = (
-            (WIDTH, 8.4),
-            "Beyond chance",
-            "Spectrum, cumulated periodogram and correlations of the calibrated plant's residual, beside what chance "
-            "allows.",
-            lambda figure: detection.plot(list(figure.subplots(3, 1))),
-        )
-    if (location := evidence.location) is not None:
+    found["checked"] = (
+        (WIDTH, 3.2),
+        "The readings",
+        "As recorded, with whatever was found in them.",
+        lambda figure: findings.checked.plot(figure.add_subplot()),
+    )
+    found["detection"] = (
+        (WIDTH, 8.4),
+        "Beyond chance",
+        "Spectrum, cumulated periodogram and correlations of the calibrated plant's residual, beside what chance allows.",
+        lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
+    )
+    if (location := findings.location) is not None:
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
@@ -80,21 +76,22 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
                 "The mismatch on its lines and between them.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
-    if (discovery := evidence.discovery) is not None:
+    if (discovery := findings.discovery) is not None:
         found["free_form"] = (
             (WIDTH, 4.0),
             "The free form",
             "A description of what is missing, not physics: force against state.",
             lambda figure: discovery.plot(figure.add_subplot()),
         )
-    if (advice := evidence.advice) is not None:
+    if (advice := findings.advice) is not None:
         found["advice"] = (
             (WIDTH, 4.4),
             "The next experiment",
             "The input, and what the rivals predict for it.",
             lambda figure: advice.plot(figure.add_subplot()),
         )
-    if (held := evidence.verification) is not None:
+    if findings.named:
+        held = findings.verification
         rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
@@ -108,7 +105,7 @@ def _drawable(evidence: Evidence) -> dict[str, Drawable]:
 
 def noise_source(diagnosis: Diagnosis) -> str:
     """Where the noise floor is known from, in words; empty where the file does not say."""
-    name = str(diagnosis.detect.get("noise_source") or "").upper()
+    name = (diagnosis.detection.noise_source or "").upper()
     return NoiseSource[name].value if name in NoiseSource.__members__ else ""
 
 
@@ -129,22 +126,14 @@ def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
         return []
     rows = []
     for place, form in enumerate(diagnosis.forms):
-        read = ", ".join(f"{name} = {value}" for name, value in form["form"].items())
-        rows.append({**form, "read": read or "as the rig file says", "chosen": place == 0})
+        read = ", ".join(f"{name} = {value}" for name, value in form.form.items()) or "as the rig file says"
+        rows.append({"read": read, "fitted": form.fitted, "unseen": form.unseen, "chosen": place == 0})
     return rows
 
 
-def verification(found: Mapping[str, Any] | None) -> dict[str, Sequence[Mapping[str, Any]]]:
-    """Rows of the tables of the verification."""
-    if found is None:
-        return {"transfer": [], "ablation": [], "shams": [], "constancy": []}
-    shams = [
-        {**sham, "shown": sham["skipped"] if sham["share"] is None else f"{three_digits(100 * sham['share'])} %"}
-        for sham in found["shams"]
+def shams(found: VerificationSummary | None) -> list[dict[str, Any]]:
+    """Rows of the table of shams, each with what is shown of its gain."""
+    return [
+        {"sham": sham, "shown": sham.skipped if sham.share is None else f"{three_digits(100 * sham.share)} %"}
+        for sham in (() if found is None else found.shams)
     ]
-    return {
-        "transfer": found["transfer"],
-        "ablation": found["ablation"],
-        "shams": shams,
-        "constancy": found.get("constancy", []),  # former versions did not look
-    }

@@ -156,7 +156,7 @@ class SweepSeal(Sealed):
     """
 
     schema: str
-    parts: Mapping[str, Any]
+    parts: Mapping[str, object]
 
     @property
     def content(self) -> dict[str, Any]:

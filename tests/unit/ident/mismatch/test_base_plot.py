@@ -8,7 +8,7 @@ import pytest
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch import Base, Candidate
-from deatwin.ident.mismatch.refit.base import differences
+from deatwin.ident.mismatch.floor import differences
 from deatwin.plant import Diaphragm, Plant, ReadingTime, Rig
 
 mpl.use("Agg")

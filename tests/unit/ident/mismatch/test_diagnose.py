@@ -83,22 +83,22 @@ def test_its_parameters_are_found(creeping):
 
 
 def test_the_amended_plant_is_as_good_as_the_sensor(creeping):
-    fit = creeping.fit
-    assert fit["unseen"]["after"] == pytest.approx(2.0, rel=0.05)  # the sensor alone is 2.0 µm
-    assert fit["unseen"]["before"] > 1.5 * fit["unseen"]["after"]
-    assert fit["unseen"]["gain_low"] > 0
+    unseen = creeping.fit.unseen
+    assert unseen.after == pytest.approx(2.0, rel=0.05)  # the sensor alone is 2.0 µm
+    assert unseen.before > 1.5 * unseen.after
+    assert unseen.gain_low > 0
     assert creeping.model.plant.effect_names == ("creep",)
 
 
 def test_locations_and_smallest_sizes_are_reported(creeping):
-    assert creeping.locate["time"]
-    assert creeping.locate["frequency"][0]["from_Hz"] < 0.1
-    places = {place["place"]: place["score"] for place in creeping.locate["place"]}
+    assert creeping.location.time
+    assert creeping.location.frequency[0].from_Hz < 0.1
+    places = {place.place: place.score for place in creeping.location.place}
     assert places["film"] == max(places.values()) > 0.9
     assert {"film", "drive", "parameter"} <= set(places)
-    assert set(creeping.detect["smallest_detectable"]) == {"creep", "electrode_rc", "permittivity_drift"}
+    assert set(creeping.detection.smallest_detectable) == {"creep", "electrode_rc", "permittivity_drift"}
     # a refit can only make an effect harder to see than the model error it must exceed
-    assert all(size >= 1.0 for size in creeping.detect["smallest_detectable"].values() if size is not None)
+    assert all(size >= 1.0 for size in creeping.detection.smallest_detectable.values() if size is not None)
 
 
 def test_clean_data_only_want_other_parameters(clean):
@@ -106,7 +106,7 @@ def test_clean_data_only_want_other_parameters(clean):
     assert clean.causes == ()
     assert clean.names == ()
     assert clean.model.plant.effect_names == ()
-    assert clean.fit["unseen"]["after"] is None
+    assert clean.fit.unseen.after is None
 
 
 def test_clean_data_of_the_nominal_plant_lack_nothing():
@@ -242,9 +242,9 @@ def doubted() -> Diagnosis:
 def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert doubted.verdict is Verdict.AMBIGUOUS
     assert {cause.effect for cause in doubted.causes} == {"creep", "electrode_rc"}
-    assert doubted.verification["failures"] == ["without creep the error on unseen data does not return for certain"]
-    assert doubted.verification["holds"] is False
-    assert doubted.verification["failures"][0] in doubted.warnings
+    assert doubted.verification.failures == ("without creep the error on unseen data does not return for certain",)
+    assert doubted.verification.holds is False
+    assert doubted.verification.failures[0] in doubted.warnings
     certain = {cause.effect: cause.probability for cause in doubted.causes}
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
@@ -264,11 +264,11 @@ def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     assert "sensor_lag explains the recordings on a rig with reading = 'start of hold'" in found.warnings
     (pair,) = found.indistinguishable
     # that of the lag on the rig of the file is above 100: it was told apart, and is no rival
-    assert pair["d2"] < 16
-    assert found.next_experiment["confusion_before"] >= confusion(pair["d2"])
-    lags = [c for c in found.evidence.candidates if c.effects == ("sensor_lag",)]
+    assert pair.d2 < 16
+    assert found.advice.confusion_before >= confusion(pair.d2)
+    lags = [c for c in found.candidates if c.effects == ("sensor_lag",)]
     elsewhere, filed = sorted(lags, key=lambda c: c.fitted)
-    assert (elsewhere.d2, filed.d2) == (pair["d2"], None)
+    assert (elsewhere.d2, filed.d2) == (pair.d2, None)
 
 
 def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
@@ -329,16 +329,16 @@ def test_a_dataset_holds_tables_readings_and_the_whole_file(creeping, kept):
 
 
 def test_each_step_has_a_dataset_of_its_own(creeping, kept):
-    evidence = creeping.evidence
-    sound = kept(evidence.checked.to_xarray())
+    findings = creeping.findings
+    sound = kept(findings.checked.to_xarray())
     assert bool(sound["sound"].all()) and sound.attrs["soundness"] == "SOUND"
-    detected = kept(evidence.detection.to_xarray())
-    assert detected.attrs["p_value"] == creeping.detect["p_value"]
-    np.testing.assert_array_equal(detected["statistic_p_value"], [s.p_value for s in evidence.detection.statistics])
+    detected = kept(findings.detection.to_xarray())
+    assert detected.attrs["p_value"] == creeping.detection.p_value
+    np.testing.assert_array_equal(detected["statistic_p_value"], [s.p_value for s in findings.detection.statistics])
     density = float(detected["spectrum"].integrate("frequency"))
-    assert density == pytest.approx(float(evidence.detection.size**2 + evidence.noise**2), rel=0.5)
-    located = kept(evidence.location.to_xarray())
-    assert str(located["locate_place_place"][0].values) == creeping.locate["place"][0]["place"]
+    assert density == pytest.approx(float(findings.detection.size**2 + findings.base.noise**2), rel=0.5)
+    located = kept(findings.location.to_xarray())
+    assert str(located["locate_place_place"][0].values) == creeping.location.place[0].place
     assert located["locate_time_from_s"].attrs["units"] == "s"
 
 
@@ -381,10 +381,10 @@ def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkey
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), 0.02),))
     experiment = NOMINAL.with_values({"stretch_limit": 200.0}).record(blank, np.random.default_rng(1))
     found = diagnose(NOMINAL, experiment, effects=CATALOGUE[:1])
-    assert (found.verdict, found.detect["taken_up"]) == (Verdict.PARAMETERS, True)
+    assert (found.verdict, found.detection.taken_up) == (Verdict.PARAMETERS, True)
     fitted = found.model.plant.parameters
     assert {n: p.value for n, p in found.parameters.items()} == {n: fitted[n].value for n in found.parameters}
     assert found.parameters["stretch_limit"].low < 200.0 < found.parameters["stretch_limit"].high
-    assert found.evidence.base_model.plant.free_values == pytest.approx(found.model.plant.free_values, rel=1e-12)
+    assert found.base_model.plant.free_values == pytest.approx(found.model.plant.free_values, rel=1e-12)
     # the same equations made the data: over 3000 samples the power of the noise scatters by 2.6 %
-    assert found.model.model_error == found.evidence.base_model.model_error < np.sqrt(3 * 0.026) * found.model.noise
+    assert found.model.model_error == found.base_model.model_error < np.sqrt(3 * 0.026) * found.model.noise

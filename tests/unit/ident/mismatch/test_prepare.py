@@ -64,9 +64,9 @@ def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
     detection = detect(base.chosen, bench, spawn_generators(0, 5)[0], known=known)
     assert detection.mismatch
     whole = diagnose(NOMINAL, experiment, effects=effects)
-    assert detection.to_dict() == whole.detect
-    assert base.chosen.unseen_test.rms == pytest.approx(whole.fit["unseen"]["before"] * 1e-6, rel=1e-12)
-    assert whole.forms[0]["unseen"] == whole.fit["unseen"]["before"]
+    assert detection.summary == whole.detection
+    assert base.chosen.unseen_test.rms == pytest.approx(whole.fit.unseen.before * 1e-6, rel=1e-12)
+    assert whole.forms[0].unseen == whole.fit.unseen.before
 
 
 def test_what_is_no_effect_is_refused_with_where_it_stands():

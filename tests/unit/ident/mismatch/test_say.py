@@ -9,12 +9,28 @@ import jsonschema
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch import Cause, Diagnosis, Interval, Verdict, diagnose
-from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.ident.mismatch import (
+    AdviceSummary,
+    Cause,
+    DetectionSummary,
+    Diagnosis,
+    FitSummary,
+    FittedParameter,
+    FreeFormSummary,
+    Interval,
+    LocationSummary,
+    Verdict,
+    VerificationSummary,
+    diagnose,
+)
+from deatwin.ident.mismatch.located import Window
+from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
 from deatwin.ident.mismatch.say import number, risk, say
+from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
@@ -71,33 +87,29 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
     after, gain_low = 2.0961 * size, fields.pop("gain_low", 7.4) * size
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
     diagnosis = Diagnosis(
-        output={"name": "displacement", "unit": unit},
+        output=Output(name="displacement", unit=unit),
         verdict=verdict,
         noise=2.0 * size,
         model_error=1.1873 * size,
-        detect=fields.pop(
-            "detect",
-            {"p_value": 1e-9, "excess": 4.1 * size, "smallest_detectable": {"creep": 0.4 * size, "leakage": None}},
+        detection=fields.pop(
+            "detection",
+            DetectionSummary(
+                p_value=1e-9, excess=4.1 * size, smallest_detectable={"creep": 0.4 * size, "leakage": None}
+            ),
         ),
-        locate={
-            "time": [{"from_s": 118.0, "to_s": 240.0, "score": 0.9}],
-            "frequency": [],
-            "region": [],
-            "place": [],
-            "response": None,
-        },
+        location=LocationSummary(
+            time=(Window(from_s=118.0, to_s=240.0, score=0.9),), frequency=(), region=(), place=()
+        ),
         sentence="",
         causes=causes,
         names=(*(c.effect for c in causes), *rivals),
         rivals=tuple((name,) for name in rivals),
-        fit={
-            "fitted": {"before": 9.8123 * size, "after": after if causes else None},
-            "unseen": {
-                "before": 10.2419 * size,
-                "after": after if causes else None,
-                "gain_low": gain_low if causes else None,
-            },
-        },
+        fit=FitSummary(
+            fitted=Errors(before=9.8123 * size, after=after if causes else None),
+            unseen=UnseenErrors(
+                before=10.2419 * size, after=after if causes else None, gain_low=gain_low if causes else None
+            ),
+        ),
         parameters={"shear_modulus": FittedParameter(value=26e3, low=25e3, high=27e3, unit="Pa", nominal=3e4)},
         **fields,
     )
@@ -135,74 +147,66 @@ RC = Cause(
     },
 )
 FAULTS = tuple(
-    {
-        "experiment": e,
-        "recording": r,
-        "file": f"run_{r}_2026-11.csv",
-        "fault": "the reading is stuck",
-        "samples": 317,
-        "from_s": 1203.48,
-        "to_s": 1209.8,
-    }
+    Fault(
+        experiment=e,
+        recording=r,
+        file=f"run_{r}_2026-11.csv",
+        fault="the reading is stuck",
+        samples=317,
+        from_s=1203.48,
+        to_s=1209.8,
+    )
     for e, r in ((1, 1), (1, 2), (2, 1), (2, 2))
 )
-ADVICE = {"file": "next_input.csv", "seconds": 120.0, "confusion_before": 0.3014, "confusion_after": 0.0193}
-NO_INPUT = {
-    "file": None,
-    "seconds": None,
-    "confusion_before": 0.3,
-    "confusion_after": None,
-    "waveform": None,
-    "added_mass_g": None,
-    "measure": "the current",
-}
-DETECTED = {
-    "p_value": 0.0025,
-    "excess": 4.1,
-    "smallest_detectable": {},
-    "practical": 0.52,
-    "moved": 141.0,
-    "noise_source": "sheet",
-    "repeatability": None,
-    "statistics": [{"name": "variance", "value": 4.2, "where": "", "score": 9.0, "p_value": 0.0025}],
-    "origin": {"by": "repeats", "share": 0.0412, "low": 0.0, "high": 0.1, "left": 4.0, "conclusion": "disturbance"},
-}
-REFUTED = {
-    "holds": False,
-    "failures": ["creep backwards in time does as well"],
-    "gain_low": -0.2,
-    "ablation": [],
-    "shams": [],
-    "transfer": [],
-}
+ADVICE = AdviceSummary(file="next_input.csv", seconds=120.0, confusion_before=0.3014, confusion_after=0.0193)
+NO_INPUT = AdviceSummary(file=None, seconds=None, confusion_before=0.3, measure="the current")
+ORIGIN = OriginSummary(by="repeats", share=0.0412, low=0.0, high=0.1, left=4.0, conclusion="disturbance")
+DETECTED = DetectionSummary(
+    p_value=0.0025,
+    excess=4.1,
+    smallest_detectable={},
+    practical=0.52,
+    moved=141.0,
+    noise_source="sheet",
+    statistics=(Statistic(name="variance", value=4.2, where="", score=9.0, p_value=0.0025),),
+    origin=ORIGIN,
+)
+REFUTED = VerificationSummary(
+    holds=False,
+    failures=("creep backwards in time does as well",),
+    gain_low=-0.2,
+    ablation=(),
+    shams=(),
+    transfer=(),
+)
 DIAGNOSES = {
     "none": made_up(Verdict.NONE),
     "parameters": made_up(Verdict.PARAMETERS),
-    "parameters, once all is fitted": made_up(Verdict.PARAMETERS, detect=DETECTED | {"taken_up": True}),
+    "parameters, once all is fitted": made_up(Verdict.PARAMETERS, detection=replace(DETECTED, taken_up=True)),
     "named": made_up(Verdict.NAMED, CREEP),
     "named, weakly": made_up(Verdict.NAMED, RC),
     "named, by too few": made_up(Verdict.NAMED, CREEP, gain_low=-0.31),
     "two causes": made_up(Verdict.NAMED, CREEP, JUMP),
     "three causes": made_up(Verdict.NAMED, CREEP, JUMP, RC),
     "ambiguous": made_up(Verdict.AMBIGUOUS, CREEP),
-    "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, next_experiment=ADVICE),
-    "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, next_experiment={**ADVICE, "added_mass_g": 4.5}),
-    "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment={**ADVICE, "confusion_after": 1e-269}),
+    "ambiguous, two and advice": made_up(Verdict.AMBIGUOUS, CREEP, RC, advice=ADVICE),
+    "ambiguous, heavier": made_up(Verdict.AMBIGUOUS, JUMP, advice=replace(ADVICE, added_mass_g=4.5)),
+    "ambiguous, surely": made_up(Verdict.AMBIGUOUS, CREEP, advice=replace(ADVICE, confusion_after=1e-269)),
     "ambiguous, in part": made_up(
         Verdict.AMBIGUOUS,
         CREEP,
-        next_experiment={**ADVICE, "undecided": ["creep", "leakage"], "measure": "the current"},
+        advice=replace(ADVICE, undecided=("creep", "leakage"), measure="the current"),
     ),
-    "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, next_experiment=NO_INPUT),
+    "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, advice=NO_INPUT),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
     "unknown, free form": made_up(
-        Verdict.UNKNOWN, free_form={"place": "ball", "terms": [], "before": 10.2419, "after": 4.4123, "gain_low": 5.1}
+        Verdict.UNKNOWN, free_form=FreeFormSummary(place="ball", terms=(), before=10.2419, after=4.4123, gain_low=5.1)
     ),
     "disturbance": made_up(Verdict.DISTURBANCE),
-    "disturbance, known": made_up(Verdict.DISTURBANCE, detect=DETECTED),
+    "disturbance, known": made_up(Verdict.DISTURBANCE, detection=DETECTED),
     "disturbance, all of it": made_up(
-        Verdict.DISTURBANCE, detect={**DETECTED, "origin": {**DETECTED["origin"], "share": -0.031}}
+        Verdict.DISTURBANCE, detection=replace(DETECTED, origin=replace(ORIGIN, share=-0.031))
     ),
     "data_fault": made_up(Verdict.DATA_FAULT, faults=FAULTS),
     "data_fault, one experiment": made_up(Verdict.DATA_FAULT, faults=FAULTS[:2]),
@@ -254,13 +258,13 @@ def test_each_verdict_says_only_what_it_may():
     for diagnosis in DIAGNOSES.values():
         said = diagnosis.sentence
         assert ("the error on unseen data falls" in said) is bool(diagnosis.causes)
-        low = diagnosis.fit["unseen"]["gain_low"]
+        low = diagnosis.fit.unseen.gain_low
         assert ("which alone could be chance" in said) is (low is not None and low <= 0.0)
         assert ("which the model does not have" in said or "missing from the model" in said) is (
             diagnosis.verdict is Verdict.NAMED
         )
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
-        assert ("fitted to all recordings" in said) is bool(diagnosis.detect.get("taken_up"))
+        assert ("fitted to all recordings" in said) is bool(diagnosis.detection.taken_up)
 
 
 @pytest.mark.parametrize(
@@ -303,7 +307,7 @@ def test_the_sentence_of_one_cause():
 def test_a_risk_below_a_thousandth_is_said_as_a_bound():
     assert "from 30 to below 0.1 %." in DIAGNOSES["ambiguous, surely"].sentence
     data = DIAGNOSES["ambiguous, surely"].to_dict()
-    assert foreign_numbers({**data, "next_experiment": ADVICE}) == ["0.1"]  # a bound of nothing is no field
+    assert foreign_numbers({**data, "next_experiment": plain(ADVICE)}) == ["0.1"]  # a bound of nothing is no field
     assert [risk(share) for share in (0.3014, 0.0193, 0.00123, 0.001, 0.000999, 0.0)] == [
         "30",
         "1.9",
@@ -367,13 +371,13 @@ def test_numbers_are_rounded_to_significant_digits():
 
 def test_a_value_that_is_nothing_beside_its_interval_is_written_as_none():
     on_bound = Interval(value=6.58e-31, low=0.0, high=0.0093, unit="s")
-    assert on_bound.shown == {"value": 0.0, "low": 0.0, "high": pytest.approx(9.3), "unit": "ms"}
+    assert on_bound.shown == Shown(value=0.0, low=0.0, high=pytest.approx(9.3), unit="ms")
     below = Interval(value=-1e-9, low=-5e-6, high=0.0, unit="m")
-    assert below.shown == {"value": 0.0, "low": pytest.approx(-5.0), "high": 0.0, "unit": "µm"}
+    assert below.shown == Shown(value=0.0, low=pytest.approx(-5.0), high=0.0, unit="µm")
     wide = Interval(value=1.0, low=1e-4, high=1e4, unit="s")  # of a logarithmic parameter, which is never 0
-    assert wide.shown["value"] == 1.0
+    assert wide.shown.value == 1.0
     near = Interval(value=6e-6, low=0.0, high=0.005, unit="1")  # a thousandth of the interval and more is a value
-    assert near.shown["value"] == 6e-6
+    assert near.shown.value == 6e-6
 
 
 @pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")

@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from deatwin.ident.narx import NarxModel, SvbNarx
-from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.ident.narx.predictive import BandStatus, free_run_band, one_step_band, regressors
+from deatwin.ident.narx.posterior import ThetaPosterior, regressors
+from deatwin.ident.narx.predictive import BandStatus, free_run_band, one_step_band
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

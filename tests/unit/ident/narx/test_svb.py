@@ -241,7 +241,7 @@ def test_several_outputs_have_an_equation_each():
 
 def test_pictures_mark_the_choice():
     pyplot = pytest.importorskip("matplotlib.pyplot")
-    from deatwin.ident.narx.svb_plots import draw_iterations, draw_relevance, draw_relevance_paths
+    from deatwin.ident.narx.pruning import draw_iterations, draw_relevance, draw_relevance_paths
 
     svb = SvbNarx(clean_up="none").fit(bilinear())
     line, mark = svb.plot().get_lines()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,8 +16,8 @@ from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
 from deatwin.ident.frequency.comparison.equality import Equality, equality, holm
 from deatwin.ident.frequency.linear import operating_input_of
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,8 +125,14 @@ class Drift:
         return self.test.p_value
 
 
+def _each(name: str) -> Callable[[Comparison], Any]:
+    """A property of each difference, by pair and column."""
+    values = attrgetter(name)
+    return lambda found: np.reshape([values(d) for d in found.differences], (len(found.pairs), len(found.columns)))
+
+
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class Comparison(Described):
     """A table of where two or more responses differ.
 
     Parameters
@@ -139,8 +146,19 @@ class Comparison:
     """
 
     differences: tuple[Difference, ...]
-    level: float
+    level: float = field(metadata=attribute())
     drifts: tuple[Drift, ...] = ()
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "p_value": variable("pair", "column", of=_each("p_value")),
+        "adjusted": variable("pair", "column", of=_each("adjusted")),
+        "size": variable("pair", "column", of=_each("size")),
+        "agreement": variable("pair", "column", of=_each("agreement.name")),
+        "pair": coordinate("pair", of=lambda found: [f"{first}, {second}" for first, second in found.pairs]),
+        "order": coordinate("column", of=lambda found: [order for order, _, _ in found.columns]),
+        "from_Hz": coordinate("column", of=lambda found: [low for _, low, _ in found.columns], unit="Hz"),
+        "to_Hz": coordinate("column", of=lambda found: [high for _, _, high in found.columns], unit="Hz"),
+    }
 
     @property
     def ok(self) -> bool:
@@ -186,35 +204,7 @@ class Comparison:
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.comparison.plot import plot_comparison
-
-        return plot_comparison(self, ax)
-
-    def to_xarray(self) -> Any:
-        """Return p-values, sizes and agreements as an `xarray.Dataset` over pairs and columns."""
-        xarray = require("xarray", "a dataset")
-
-        shape = (len(self.pairs), len(self.columns))
-        orders, low, high = zip(*self.columns, strict=True)
-
-        def table(values: Iterable[Any]) -> tuple[tuple[str, str], Any]:
-            return ("pair", "column"), np.array(list(values)).reshape(shape)
-
-        return xarray.Dataset(
-            {
-                "p_value": table(d.p_value for d in self.differences),
-                "adjusted": table(d.adjusted for d in self.differences),
-                "size": table(d.size for d in self.differences),
-                "agreement": table(d.agreement.name for d in self.differences),
-            },
-            coords={
-                "pair": [f"{first}, {second}" for first, second in self.pairs],
-                "order": ("column", list(orders)),
-                "from_Hz": ("column", list(low), {"units": "Hz"}),
-                "to_Hz": ("column", list(high), {"units": "Hz"}),
-            },
-            attrs={"level": self.level},
-        )
+        return _plot(self, ax)
 
 
 def compare(
@@ -314,3 +304,45 @@ def _require_alike(first: NarxModel, second: NarxModel) -> None:
         one, other = getattr(first, what), getattr(second, what)
         if one != other:
             raise ModelError(f"the models have the {what.replace('_', ' ')} {one} and {other}: they must be the same")
+
+
+def _plot(comparison: Comparison, ax: Axes | None) -> Axes:
+    """Draw a table of differences: a row for each pair, a column for each order and band."""
+    pairs, columns = comparison.pairs, comparison.columns
+    shape = len(pairs), len(columns)
+    rows = [f"{first} – {second}" for first, second in pairs]
+    axes = _new_axes(shape, max(map(len, rows))) if ax is None else ax
+    sizes = np.array([100 * d.size if d.differs else np.nan for d in comparison.differences]).reshape(shape)
+    most = max(float(np.nanmax(sizes, initial=0.0)), 1.0)
+    image = axes.imshow(sizes, cmap="YlOrBr", vmin=0.0, vmax=most, aspect="auto")
+    for number, difference in enumerate(comparison.differences):
+        if difference.differs:
+            percent = 100 * difference.size
+            text = f"{percent:.0f}" if percent >= 10 else f"{percent:.1f}"
+            row, column = divmod(number, shape[1])
+            axes.text(
+                column,
+                row,
+                f"({text})" if difference.agreement is Agreement.DRIFT else text,
+                ha="center",
+                va="center",
+                fontsize="x-small",
+                color="white" if percent > 0.6 * most else "black",
+            )
+    axes.set_yticks(range(shape[0]), rows, fontsize="small")
+    names = [f"$H_{order}$\n{low:g}–{high:g}" for order, low, high in columns]
+    axes.set_xticks(range(shape[1]), names, fontsize="small")
+    axes.set_xlabel("order and band of output frequencies (Hz)")
+    for edge in np.flatnonzero(np.diff([order for order, _, _ in columns])):
+        axes.axvline(edge + 0.5, color="0.4", linewidth=0.8)
+    axes.figure.colorbar(image, ax=axes, label="difference (% of gain); in brackets: may be drift")
+    return axes
+
+
+def _new_axes(shape: tuple[int, int], longest: int) -> Axes:
+    """Axes of a figure in which rows, columns, and names of so many letters have room."""
+    from matplotlib import pyplot
+
+    size = max(6.4, 1.6 + 0.6 * shape[1] + 0.075 * longest), max(4.0, 1.2 + 0.25 * shape[0])  # inches
+    axes: Axes = pyplot.subplots(figsize=size, layout="constrained")[1]
+    return axes

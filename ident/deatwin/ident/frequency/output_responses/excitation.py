@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +16,7 @@ from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
 from deatwin.ident.frequency.output_responses.ranges import checked_band, checked_sample_time
 from deatwin.ident.narx.operating import OperatingRange, read_only
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
@@ -30,7 +32,7 @@ _EDGE = 1e-9  # relative: lines that close to an end of the band are in it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class TestSignal(Frozen):
+class TestSignal(Described, Frozen):
     """One period of a test signal; it is taken as an array wherever an excitation is.
 
     Parameters
@@ -45,10 +47,17 @@ class TestSignal(Frozen):
         Unit of the values.
     """
 
-    values: Array
-    sample_time: float
-    band_Hz: tuple[float, float]
+    values: Array = field(
+        metadata=variable("time", name="value", unit=attrgetter("unit"), about="deviation from the operating input")
+    )
+    sample_time: float = field(metadata=attribute())
+    band_Hz: tuple[float, float] = field(metadata=attribute(of=lambda signal: list(signal.band_Hz)))
     unit: str
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "time": coordinate("time", of=lambda signal: signal.sample_time * np.arange(signal.values.size), unit="s"),
+        "crest_factor": attribute(),
+    }
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", read_only(self.values))
@@ -103,14 +112,6 @@ class TestSignal(Frozen):
             The power, at least 1.
         """
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
-
-    def to_xarray(self) -> Any:
-        """Return one period over time as an `xarray.Dataset`, with the pulse at the first sample."""
-        return dataset(
-            {"value": ("time", self.values, self.unit, "deviation from the operating input")},
-            {"time": ("time", self.sample_time * np.arange(self.values.size), "s")},
-            {"sample_time": self.sample_time, "band_Hz": list(self.band_Hz), "crest_factor": self.crest_factor},
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw one period, with the pulse in the middle.

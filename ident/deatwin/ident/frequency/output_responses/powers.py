@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +14,9 @@ from deatwin.ident.frequency.checks import whole_order
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.output_responses.ranges import checked_sample_time
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, spectrum_of
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +35,7 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class InputSpectrum(Frozen):
+class InputSpectrum(Described, Frozen):
     """The spectrum U_n of the n-th power of an input.
 
     The nonlinear output frequency response G_n = Y_n / U_n is a mean of H_n over all combinations of lines that add
@@ -56,12 +58,17 @@ class InputSpectrum(Frozen):
         Unit of the values.
     """
 
-    order: int
-    values: Complex
-    in_phase: Array
-    in_range: Flags
+    order: int = field(metadata=attribute())
+    values: Complex = field(metadata=variable("frequency", name="", unit=attrgetter("unit")))
+    in_phase: Array = field(metadata=variable("frequency", unit=attrgetter("unit")))
+    in_range: Flags = field(metadata=variable("frequency"))
     omega: Array
     unit: str
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "amplification": variable("frequency"),
+        "frequency": coordinate("frequency", of=attrgetter("frequency_Hz"), unit="Hz"),
+    }
 
     @property
     def frequency_Hz(self) -> Array:
@@ -116,22 +123,6 @@ class InputSpectrum(Frozen):
         axes.set_ylabel(f"input spectrum ({written_unit(self.unit)})" if self.unit else "input spectrum")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return U_n, what it would be in phase, and where it is reached, as an `xarray.Dataset` over frequency."""
-        xarray = require("xarray", "a dataset")
-
-        return xarray.Dataset(
-            {
-                "real": ("frequency", self.values.real, {"units": self.unit}),
-                "imaginary": ("frequency", self.values.imag, {"units": self.unit}),
-                "in_phase": ("frequency", self.in_phase, {"units": self.unit}),
-                "in_range": ("frequency", self.in_range),
-                "amplification": ("frequency", self.amplification),
-            },
-            coords={"frequency": ("frequency", self.frequency_Hz, {"units": "Hz"})},
-            attrs={"order": self.order},
-        )
 
 
 def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, unit: str = "") -> InputSpectrum:

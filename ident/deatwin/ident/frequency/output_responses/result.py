@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,9 @@ from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.powers import InputSpectrum
 from deatwin.ident.frequency.response import FrequencyResponse
 from deatwin.ident.frequency.spectrum import representable
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,7 +74,7 @@ class NofrfStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Nofrf(Frozen):
+class Nofrf(Described, Frozen):
     """Nonlinear output frequency responses G_1, ..., G_N by least squares over levels of an excitation.
 
     Parameters
@@ -115,14 +115,22 @@ class Nofrf(Frozen):
     orders: tuple[FrequencyResponse, ...]
     outputs: tuple[FrequencyResponse, ...]
     inputs: tuple[InputSpectrum, ...]
-    levels: Array
+    levels: Array = field(metadata=coordinate("level", name="level"))
     lost_levels: Array
-    condition: float
-    residual: Array
+    condition: float = field(metadata=attribute())
+    residual: Array = field(metadata=variable("level", "order"))
     left_out: Array
     truncation: tuple[Array, ...]
     advisable_level: float
-    status: NofrfStatus
+    status: NofrfStatus = field(metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "by_line": several(lambda found: _by_line(found)),
+        "order": coordinate("order", of=lambda found: np.arange(1, found.highest + 1)),
+        "unit": coordinate("order", of=lambda found: [response.unit for response in found.orders]),
+        "input_unit": coordinate("order", of=lambda found: [power.unit for power in found.inputs]),
+        "frequency": coordinate("frequency", of=lambda found: found.inputs[0].frequency_Hz, unit="Hz"),
+    }
 
     @property
     def response(self) -> FrequencyResponse:
@@ -242,39 +250,6 @@ class Nofrf(Frozen):
             axes.legend()
         return axes
 
-    def to_xarray(self) -> Any:
-        """Return G_n, U_n and what the fit leaves as an `xarray.Dataset`; NaN at lines where a G_n does not exist.
-
-        Covariances are in those of the orders, as ``response.to_xarray()``.
-        """
-        xarray = require("xarray", "a dataset")
-
-        shape = self.highest, self.inputs[0].omega.size
-        g, truncation = np.full(shape, np.nan, dtype=np.complex128), np.full(shape, np.nan)
-        for n, (response, power) in enumerate(zip(self.orders, self.inputs, strict=True)):
-            g[n, power.defined] = response.values
-            truncation[n, power.defined] = self.truncation[n]
-        u = np.array([power.values for power in self.inputs])
-        by_line = ("order", "frequency")
-        return xarray.Dataset(
-            {
-                "real": (by_line, g.real),
-                "imaginary": (by_line, g.imag),
-                "truncation": (by_line, truncation),
-                "input_real": (by_line, u.real),
-                "input_imaginary": (by_line, u.imag),
-                "residual": (("level", "order"), self.residual),
-            },
-            coords={
-                "order": np.arange(1, self.highest + 1),
-                "unit": ("order", [response.unit for response in self.orders]),
-                "input_unit": ("order", [power.unit for power in self.inputs]),
-                "frequency": ("frequency", self.inputs[0].frequency_Hz, {"units": "Hz"}),
-                "level": self.levels,
-            },
-            attrs={"condition": self.condition, "status": self.status.value},
-        )
-
 
 def _summed_gradient(outputs: Sequence[FrequencyResponse], shares: Array) -> Complex:
     return np.asarray(np.tensordot(shares, [y.gradient for y in outputs], axes=1), dtype=np.complex128)
@@ -284,3 +259,14 @@ def _summed(evaluates: Sequence[Callable[[Array], Evaluated]], shares: Array, th
     """The sum at other parameters; which of them have an equilibrium is the same for all orders."""
     found = [evaluate(thetas) for evaluate in evaluates]
     return replace(found[0], values=np.tensordot(shares, [each.values for each in found], axes=1))
+
+
+def _by_line(found: Nofrf) -> Variables:
+    """G_n, U_n and what the fit leaves; NaN at lines where a G_n does not exist."""
+    shape, along = (found.highest, found.inputs[0].omega.size), ("order", "frequency")
+    g, truncation = np.full(shape, np.nan, dtype=np.complex128), np.full(shape, np.nan)
+    for n, (response, power) in enumerate(zip(found.orders, found.inputs, strict=True)):
+        g[n, power.defined] = response.values
+        truncation[n, power.defined] = found.truncation[n]
+    inputs = np.array([power.values for power in found.inputs])
+    return {"": (along, g), "truncation": (along, truncation), "input": (along, inputs)}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Any
+from operator import attrgetter
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,7 @@ from deatwin.ident.frequency.uncertainty.parameters import (
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.datasets import Metadata, attribute, variable
 
 Array = NDArray[np.float64]
 
@@ -89,8 +92,13 @@ class Propagated(Uncertain):
         Share of the probed parameters that have no equilibrium or another stability.
     """
 
-    nonlinearity: Array
-    lost: float
+    nonlinearity: Array = field(metadata=variable("point"))
+    lost: float = field(metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "law": attribute(of=attrgetter("status.name")),
+        "advice": attribute(),
+    }
 
     linearised = True
 
@@ -232,13 +240,6 @@ class Propagated(Uncertain):
             ends[bent] = np.stack([turned.min(axis=1), turned.max(axis=1)], axis=-1)
         low, high = self.phase_deg + np.degrees(ends).T
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
-
-    def to_xarray(self) -> Any:
-        """Return values, covariance, bands and nonlinearity as an `xarray.Dataset`."""
-        dataset = super().to_xarray()
-        dataset["nonlinearity"] = (("point",), self.nonlinearity)
-        dataset.attrs |= {"law": self.status.name, "advice": self.advice, "lost": self.lost}
-        return dataset
 
 
 def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propagated:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -11,21 +12,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import whole_number
+from deatwin.ident.frequency.drawing import drawn_points
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.response import Band, FrequencyResponse
 from deatwin.ident.frequency.uncertainty.gain_phase import Ellipses, region_radius
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, nested, several, variable
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from deatwin.ident.frequency.response import Band
 
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+_MOST_ELLIPSES = 24  # more of them cover each other
+_MOST_POINTS = 300
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertain(Frozen, ABC):
+class Uncertain(Described, Frozen, ABC):
     """A frequency response and its uncertainty.
 
     Parameters
@@ -38,11 +48,16 @@ class Uncertain(Frozen, ABC):
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     """
 
-    response: FrequencyResponse
-    level: float
-    dof: float
+    response: FrequencyResponse = field(metadata=nested())
+    level: float = field(metadata=attribute())
+    dof: float = field(metadata=attribute())
 
     linearised: ClassVar[bool]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "covariance": variable("point", "part", "other_part"),
+        "bands": several(lambda found: _bands(found)),
+    }
 
     @property
     @abstractmethod
@@ -197,9 +212,7 @@ class Uncertain(Frozen, ABC):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty.drawing import plot_plane
-
-        return plot_plane(self, ax)
+        return _plot_plane(self, ax)
 
     def plot_gain(self, ax: Axes | None = None) -> Axes:
         """Draw the gain with its band over frequency.
@@ -218,9 +231,7 @@ class Uncertain(Frozen, ABC):
         ModelError
             If there are several frequencies for each value, and their sums do not go one way.
         """
-        from deatwin.ident.frequency.uncertainty.drawing import plot_gain
-
-        return plot_gain(self, ax)
+        return _plot_gain(self, ax)
 
     def plot_phase(self, ax: Axes | None = None) -> Axes:
         """Draw the phase with its band over frequency.
@@ -239,18 +250,136 @@ class Uncertain(Frozen, ABC):
         ModelError
             If there are several frequencies for each value, and their sums do not go one way.
         """
-        from deatwin.ident.frequency.uncertainty.drawing import plot_phase
+        return _plot_phase(self, ax)
 
-        return plot_phase(self, ax)
 
-    def to_xarray(self) -> Any:
-        """Return values, covariance and bands as an `xarray.Dataset`."""
-        dataset = self.response.to_xarray()
-        dataset["covariance"] = (("point", "part", "other_part"), self.covariance)
-        bands = (("gain", self.gain_band(), self.unit), ("phase", self.phase_band(), "deg"))
-        for name, band, unit in bands:
-            dataset[f"{name}_low"] = (("point",), band.low, {"units": unit})
-            dataset[f"{name}_high"] = (("point",), band.high, {"units": unit})
-            dataset[f"{name}_linear_law"] = (("point",), band.linear_law)
-        dataset.attrs |= {"level": self.level, "dof": self.dof}
-        return dataset
+def _bands(found: Uncertain) -> Variables:
+    variables: dict[str, Any] = {}
+    for name, band, unit in (("gain", found.gain_band(), found.unit), ("phase", found.phase_band(), "deg")):
+        variables[f"{name}_low"] = ("point", band.low, unit)
+        variables[f"{name}_high"] = ("point", band.high, unit)
+        variables[f"{name}_linear_law"] = ("point", band.linear_law)
+    return variables
+
+
+def _plot_plane(uncertain: Uncertain, ax: Axes | None) -> Axes:
+    """Draw a response in the complex plane with its ellipses, dashed where the linear law does not hold."""
+    from matplotlib.collections import LineCollection
+
+    axes = axes_or_new(ax)
+    color = f"C{len(axes.collections)}"
+    if uncertain.label not in axes.get_legend_handles_labels()[1]:
+        some = uncertain.values[drawn_points(uncertain.response)]
+        axes.plot(
+            some.real, some.imag, color=color, linewidth=1.2, markersize=4, label=uncertain.label, **_style(uncertain)
+        )
+    shown = shown_points(uncertain)
+    outlines = uncertain.ellipse()[shown]
+    segments = np.stack([outlines.real, outlines.imag], axis=-1)
+    holds = uncertain.linear_law[shown]
+    name = f"{_percent(uncertain.level)} ellipses {uncertain.source}"
+    for chosen, style, text in ((holds, "-", name), (~holds, "--", f"{name}, where the linear law fails")):
+        if chosen.any():
+            lines = LineCollection(
+                list(segments[chosen]), colors=color, linewidths=0.9, linestyles=style, alpha=0.8, label=text
+            )
+            axes.add_collection(lines)
+    axes.autoscale_view()
+    unit = f" ({written_unit(uncertain.unit)})" if uncertain.unit else ""
+    axes.set_xlabel(f"real part{unit}")
+    axes.set_ylabel(f"imaginary part{unit}")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(fontsize="small")
+    return axes
+
+
+def shown_points(uncertain: Uncertain) -> NDArray[np.int64]:
+    """Return which of many frequencies get an ellipse: evenly some of those where the gain is more than rounding."""
+    there = np.flatnonzero(drawn_points(uncertain.response))
+    return there[np.unique(np.linspace(0, there.size - 1, min(there.size, _MOST_ELLIPSES)).round().astype(np.int64))]
+
+
+def plot_draws(uncertain: Uncertain, draws: Complex, axes: Axes) -> None:
+    """Draw some draws as points under the ellipses. Shapes: `draws` (n_draws, n)."""
+    some = draws[:_MOST_POINTS, shown_points(uncertain)]
+    axes.plot(some.real.ravel(), some.imag.ravel(), ".", color="0.6", markersize=1.5, alpha=0.4, zorder=1)
+
+
+def _plot_gain(uncertain: Uncertain, ax: Axes | None) -> Axes:
+    """Draw the gain of a response with its band."""
+    axes = axes_or_new(ax)
+    _draw_band(axes, uncertain, uncertain.gain, uncertain.gain_band(), f"$|{uncertain.label.strip('$')}|$")
+    axes.set_yscale("log")
+    axes.set_ylabel(f"gain ({written_unit(uncertain.unit)})" if uncertain.unit else "gain")
+    return axes
+
+
+def _plot_phase(uncertain: Uncertain, ax: Axes | None) -> Axes:
+    """Draw the phase of a response with its band, which has gaps where the phase is undefined."""
+    axes = axes_or_new(ax)
+    _draw_band(axes, uncertain, uncertain.phase_deg, uncertain.phase_band(), f"phase of {uncertain.label}")
+    axes.set_ylabel("phase (°)")
+    return axes
+
+
+def _draw_band(axes: Axes, uncertain: Uncertain, values: Array, band: Band, label: str) -> None:
+    frequency, name = _axis(uncertain)
+    color = f"C{len(axes.collections)}"
+    drawn = drawn_points(uncertain.response)
+    if label not in axes.get_legend_handles_labels()[1]:
+        axes.plot(frequency, np.where(drawn, values, np.nan), color=color, label=label, **_style(uncertain))
+    text = f"{_percent(band.level)} band {uncertain.source}"
+    if _is_line(uncertain):
+        axes.fill_between(frequency, band.low, band.high, where=drawn, color=color, alpha=0.25, linewidth=0, label=text)
+    else:
+        axes.vlines(frequency[drawn], band.low[drawn], band.high[drawn], color=color, alpha=0.5, label=text)
+    exact = drawn & ~band.linear_law
+    if uncertain.linearised and exact.any():
+        axes.plot(
+            np.tile(np.where(exact, frequency, np.nan), 2),
+            np.concatenate([band.low, band.high]),
+            ".",
+            color=color,
+            markersize=3,
+            label="range of the ellipse",
+        )
+    if np.all(frequency > 0):
+        axes.set_xscale("log")
+    axes.set_xlabel(name)
+    axes.legend(fontsize="small")
+
+
+def _percent(level: float) -> str:
+    return f"{100 * level:g} %"
+
+
+def _axis(uncertain: Uncertain) -> tuple[Array, str]:
+    """Frequency of the output in Hz: the sum of those of the tones."""
+    if uncertain.omega.ndim == 1:
+        return uncertain.frequency_Hz, "frequency (Hz)"
+    if not _goes_one_way(_sums(uncertain)):
+        raise ModelError(
+            f"the points of {uncertain.label} are no line, the sums of their frequencies going up and down; draw gain "
+            "and doubt as a map, `response.plot()` (plot_map), or take points along a line with `at_points`"
+        )
+    return _sums(uncertain), "frequency of the output, sum of the tones' (Hz)"
+
+
+def _is_line(uncertain: Uncertain) -> bool:
+    """Whether neighbours belong together: lines of a spectrum do not, nor do points of a grid."""
+    if uncertain.response.symbol == "Y":
+        return False
+    return uncertain.omega.ndim == 1 or _goes_one_way(_sums(uncertain))
+
+
+def _style(uncertain: Uncertain) -> dict[str, Any]:
+    return {} if _is_line(uncertain) else {"linestyle": "none", "marker": "."}
+
+
+def _sums(uncertain: Uncertain) -> Array:
+    return np.asarray(uncertain.frequency_Hz.sum(axis=1))
+
+
+def _goes_one_way(frequency: Array) -> bool:
+    steps = np.diff(frequency)
+    return bool(np.all(steps > 0) or np.all(steps < 0))

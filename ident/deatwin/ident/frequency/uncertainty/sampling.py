@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +24,9 @@ from deatwin.ident.frequency.uncertainty.parameters import (
     require_memory,
     response_of,
 )
-from deatwin.ident.frequency.uncertainty.regions import Uncertain
+from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -69,9 +72,13 @@ class Sampled(Uncertain):
         Draws left out because the stability of their operating point is not the model's.
     """
 
-    draws: Complex
-    n_without: int
-    n_other: int
+    draws: Complex = field(metadata=variable("draw", "point", unit=attrgetter("unit")))
+    n_without: int = field(metadata=attribute())
+    n_other: int = field(metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "status": attribute(name="draws", of=attrgetter("status.name")),
+    }
 
     linearised = False
 
@@ -92,8 +99,6 @@ class Sampled(Uncertain):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.uncertainty.drawing import plot_draws
-
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)
         return axes
@@ -173,14 +178,6 @@ class Sampled(Uncertain):
         low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0)
         nowhere = np.zeros(low.shape, dtype=np.bool_)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=nowhere)
-
-    def to_xarray(self) -> Any:
-        """Return values, covariance, bands and draws as an `xarray.Dataset`."""
-        dataset = super().to_xarray()
-        dataset["draws_real"] = (("draw", "point"), self.draws.real, {"units": self.unit})
-        dataset["draws_imaginary"] = (("draw", "point"), self.draws.imag, {"units": self.unit})
-        dataset.attrs |= {"draws": self.status.name, "n_without": self.n_without, "n_other": self.n_other}
-        return dataset
 
 
 def sample(

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,13 @@ from numpy.typing import NDArray
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import levels, motion
 from deatwin.ident.frequency.response import Band, FrequencyResponse
+from deatwin.ident.frequency.uncertainty.gain_phase import interval_radius
+from deatwin.ident.frequency.varying.plots import colours, edges, first_tone
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, attribute, coordinate, squared, variable
+from deatwin.plant.drawing import axes_or_new, written_unit
 from deatwin.plant.errors import ModelError
-from deatwin.plant.files.formats.optional import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,8 +50,11 @@ class VaryingStatus(Enum):
         return self is VaryingStatus.OK
 
 
+_DECADES = 20.0  # from the lowest to the highest frequency: the axis is logarithmic
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VaryingResponse(Frozen):
+class VaryingResponse(Described, Frozen):
     """H_n, G_n or Y_n along time: at each time that of a model whose parameters and operating input stay as they are.
 
     Parameters
@@ -64,11 +71,31 @@ class VaryingResponse(Frozen):
         Returns ``frozen_correction``.
     """
 
-    timepts: Array
-    operating_inputs: Array
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    operating_inputs: Array = field(
+        metadata=variable("time", name="operating_input", unit=lambda found: found._model.input_units[0])
+    )
     models: tuple[NarxModel | None, ...]
     responses: tuple[FrequencyResponse | None, ...]
     correct: Callable[[], Complex]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "values": variable("time", "point", name="", unit=attrgetter("unit")),
+        "covariance": variable("time", "point", "part", "other_part", unit=lambda found: squared(found.unit)),
+        "frozen_error": variable("time", "point", unit=attrgetter("unit")),
+        "omega": variable("point", "tone", unit="rad/s"),
+        "frequency_Hz": coordinate("point", "tone", unit="Hz"),
+        "equilibria": variable("time", name="equilibrium", unit=lambda found: found._model.output_units[0]),
+        "equilibrium_std": variable("time", unit=lambda found: found._model.output_units[0]),
+        "status": variable("time", of=lambda found: [each.name for each in found.statuses]),
+        "symbol": attribute(),
+        "order": attribute(),
+        **PART_COORDINATES,
+    }
+
+    @property
+    def _model(self) -> NarxModel:
+        return next(model for model in self.models if model is not None)
 
     @property
     def _first(self) -> FrequencyResponse:
@@ -231,9 +258,7 @@ class VaryingResponse(Frozen):
         ModelError
             If the frequencies do not lie on a line.
         """
-        from deatwin.ident.frequency.varying.plots import plot_map
-
-        return plot_map(self, ax)
+        return _plot_map(self, ax)
 
     def plot_equilibria(self, ax: Axes | None = None) -> Axes:
         """Draw the equilibrium over time with the 95 % band that the parameters give it.
@@ -247,38 +272,7 @@ class VaryingResponse(Frozen):
         -------
         matplotlib Axes
         """
-        from deatwin.ident.frequency.varying.plots import plot_equilibria
-
-        return plot_equilibria(self, ax)
-
-    def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` over time and point: values, covariance, error, equilibria and statuses."""
-        xarray = require("xarray", "a dataset")
-
-        model = next(model for model in self.models if model is not None)
-        dims, output = ("time", "point"), {"units": model.output_units[0]}
-        units, squared = {"units": self.unit}, {"units": f"({self.unit})^2" if self.unit else ""}
-        parts, points = ["real", "imaginary"], ("point",) if self.omega.ndim == 1 else ("point", "tone")
-        return xarray.Dataset(
-            {
-                "real": (dims, self.values.real, units),
-                "imaginary": (dims, self.values.imag, units),
-                "covariance": ((*dims, "part", "other_part"), self.covariance, squared),
-                "frozen_error": (dims, self.frozen_error, units),
-                "omega": (points, self.omega, {"units": "rad/s"}),
-                "equilibrium": (("time",), self.equilibria, output),
-                "equilibrium_std": (("time",), self.equilibrium_std, output),
-                "operating_input": (("time",), self.operating_inputs, {"units": model.input_units[0]}),
-                "status": (("time",), [status.name for status in self.statuses]),
-            },
-            coords={
-                "time": ("time", self.timepts, {"units": "s"}),
-                "frequency_Hz": (points, self.frequency_Hz, {"units": "Hz"}),
-                "part": parts,
-                "other_part": parts,
-            },
-            attrs={"symbol": self.symbol, "order": self.order},
-        )
+        return _plot_equilibria(self, ax)
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
         """Stack what the responses have; NaN where there is none."""
@@ -295,3 +289,67 @@ def _std_of(model: NarxModel, response: FrequencyResponse) -> float:
     moves = motion(model, levels(model, response.point.operating_input, response.point.output))
     variance = float(moves @ model.theta_cov @ moves)
     return max(variance, 0.0) ** 0.5
+
+
+def _plot_map(response: VaryingResponse, ax: Axes | None) -> Axes:
+    """Draw the gain as a map over time and frequency."""
+    axes = axes_or_new(ax)
+    borders, gain, label = _along_line(response)
+    low, norm = colours(gain)
+    mesh = axes.pcolormesh(edges(response.timepts), borders, np.maximum(gain, low).T, norm=norm, rasterized=True)
+    gaps = np.isnan(gain).all(axis=0)
+    if borders[0] > 0 and borders[-1] > _DECADES * borders[0] and not gaps.any():
+        axes.set_yscale("log")
+    spans = _unstable(response)
+    for first, last in spans:
+        span = axes.axvspan(first, last, facecolor="none", edgecolor="white", hatch="//", linewidth=0)
+        span.set_label("unstable" if (first, last) == spans[0] else "")
+    if spans:
+        axes.legend(loc="upper left", frameon=True, facecolor="0.6", labelcolor="black")
+    name = response.label.strip("$")
+    bar = axes.figure.colorbar(mesh, ax=axes, extend="min" if np.nanmin(gain) < low else "neither")
+    bar.set_label(f"$|{name}|$ ({written_unit(response.unit)})" if response.unit else f"$|{name}|$")
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel(label)
+    return axes
+
+
+def _plot_equilibria(response: VaryingResponse, ax: Axes | None) -> Axes:
+    """Draw the equilibrium over time with its 95 % band."""
+    axes = axes_or_new(ax)
+    dof = [np.inf if model is None else model.theta_dof for model in response.models]
+    half = response.equilibrium_std * [interval_radius(0.95, each) for each in dof]
+    low, high = response.equilibria - half, response.equilibria + half
+    (line,) = axes.plot(response.timepts, response.equilibria, label="equilibrium")
+    axes.fill_between(response.timepts, low, high, color=line.get_color(), alpha=0.25, linewidth=0, label="95 % band")
+    axes.set_xlabel("time (s)")
+    unit = next(model.output_units[0] for model in response.models if model is not None)
+    axes.set_ylabel(f"equilibrium ({unit})" if unit else "equilibrium")
+    axes.legend()
+    return axes
+
+
+def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:
+    """Return borders of increasing frequencies in Hz, the gain between, and what the axis is called."""
+    frequency, gain = response.frequency_Hz, response.gain
+    label = "frequency (Hz)"
+    if frequency.ndim == 2:
+        frequency, label = first_tone(frequency)
+    order = np.argsort(frequency, kind="stable")
+    frequency, gain = frequency[order], gain[:, order]
+    if response.symbol != "G" or frequency.size == 1:
+        return edges(frequency), gain, label
+    half = np.diff(frequency).min() / 2
+    gaps = np.flatnonzero(np.diff(frequency) > 2.001 * half)
+    borders = np.concatenate([frequency[:1] - half, frequency + half])
+    borders = np.insert(borders, gaps + 2, frequency[gaps + 1] - half)
+    return borders, np.insert(gain, gaps + 1, np.nan, axis=1), label
+
+
+def _unstable(response: VaryingResponse) -> list[tuple[float, float]]:
+    """Return the spans of time in s in which the equilibrium is unstable."""
+    borders = edges(response.timepts)
+    marked = np.array([status is VaryingStatus.UNSTABLE for status in response.statuses], dtype=int)
+    change = np.diff(np.concatenate([[0], marked, [0]]))
+    starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return [(float(borders[i]), float(borders[j])) for i, j in zip(starts, ends, strict=True)]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.checks import probability, real_number
 from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.datasets import Described, attribute, coordinate, variable
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.formats.optional import require
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class SlidingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SlidingStatistics:
+class SlidingStatistics(Described):
     """Mean and gain of a record in sliding windows.
 
     Parameters
@@ -77,20 +78,20 @@ class SlidingStatistics:
         For the labels.
     """
 
-    timepts: Array
-    window_s: float
-    level: float
-    mean: Array
-    mean_low: Array
-    mean_high: Array
-    gain: Array
-    gain_low: Array
-    gain_high: Array
-    p_mean: float
-    p_gain: float
+    timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
+    window_s: float = field(metadata=attribute())
+    level: float = field(metadata=attribute())
+    mean: Array = field(metadata=variable("time", unit=attrgetter("output_unit")))
+    mean_low: Array = field(metadata=variable("time", unit=attrgetter("output_unit")))
+    mean_high: Array = field(metadata=variable("time", unit=attrgetter("output_unit")))
+    gain: Array = field(metadata=variable("time", unit=attrgetter("gain_unit")))
+    gain_low: Array = field(metadata=variable("time", unit=attrgetter("gain_unit")))
+    gain_high: Array = field(metadata=variable("time", unit=attrgetter("gain_unit")))
+    p_mean: float = field(metadata=attribute())
+    p_gain: float = field(metadata=attribute())
     mean_correlation: float
     gain_correlation: float
-    status: SlidingStatus
+    status: SlidingStatus = field(metadata=attribute())
     output_name: str = "output"
     output_unit: str = ""
     input_unit: str = ""
@@ -136,26 +137,6 @@ class SlidingStatistics:
         panels[0].legend(fontsize="small")
         panels[-1].set_xlabel("time (s)")
         return panels
-
-    def to_xarray(self) -> Any:
-        """Return mean and gain with their bands as an `xarray.Dataset` over time."""
-        xarray = require("xarray", "a dataset")
-
-        units = {"mean": self.output_unit, "gain": self.gain_unit}
-        return xarray.Dataset(
-            {
-                name: (("time",), getattr(self, name), {"units": units[name.partition("_")[0]]})
-                for name in ("mean", "mean_low", "mean_high", "gain", "gain_low", "gain_high")
-            },
-            coords={"time": ("time", self.timepts, {"units": "s"})},
-            attrs={
-                "window_s": self.window_s,
-                "level": self.level,
-                "p_mean": self.p_mean,
-                "p_gain": self.p_gain,
-                "status": self.status.value,
-            },
-        )
 
 
 def sliding_mean_and_gain(

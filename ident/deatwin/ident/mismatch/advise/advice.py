@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.result import AdviceSummary
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.datasets import Variables, dataset
+from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
@@ -24,7 +25,7 @@ INPUT_FILE = "next_input.csv"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Advice:
+class Advice(Described):
     """The next experiment.
 
     Parameters
@@ -56,18 +57,40 @@ class Advice:
         Name and SI unit of the reading.
     """
 
-    rivals: tuple[str, ...]
+    rivals: tuple[str, ...] = field(
+        metadata=coordinate("rival", name="rival", of=lambda advice: np.array(advice.rivals, dtype=str))
+    )
     recording: Recording | None
-    waveform: str
-    added_mass: float | None
-    measure: str | None
-    confusion_before: float
-    confusion_after: float
-    undecided: tuple[str, ...]
-    tried: Mapping[str, float]
+    waveform: str = field(metadata=attribute(name="advised", of=lambda advice: advice.waveform or None))
+    added_mass: float | None = field(metadata=attribute(name="added_mass_kg"))
+    measure: str | None = field(metadata=attribute())
+    confusion_before: float = field(metadata=attribute())
+    confusion_after: float = field(metadata=attribute())
+    undecided: tuple[str, ...] = field(metadata=attribute(of=lambda advice: ", ".join(advice.undecided)))
+    tried: Mapping[str, float] = field(
+        metadata=variable(
+            "waveform",
+            name="d2",
+            of=lambda advice: list(advice.tried.values()),
+            about="squared distance of the explanations, first order",
+        )
+    )
     predicted: tuple[np.ndarray, ...]
-    noise: float
+    noise: float = field(
+        metadata=variable(unit=lambda advice: advice.output[1], about="standard deviation of the sensor's noise")
+    )
     output: tuple[str, str]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "input": several(lambda advice: advice._input()),
+        "waveforms": coordinate("waveform", name="waveform", of=lambda advice: np.array(list(advice.tried), dtype=str)),
+        "time": coordinate(
+            "time", of=lambda advice: None if advice.recording is None else advice.recording.timepts, unit="s"
+        ),
+        "sentence": attribute(),
+        "seconds": attribute(),
+        "output_name": attribute(of=lambda advice: advice.output[0]),
+    }
 
     @property
     def seconds(self) -> float | None:
@@ -95,50 +118,25 @@ class Advice:
             f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}."
         )
 
-    def to_dict(self) -> dict[str, Any]:
-        """What ``next_experiment`` of diagnosis.json holds; without an input ``file`` and ``seconds`` are None."""
+    @property
+    def summary(self) -> AdviceSummary:
+        """What a diagnosis says of it; without an input it has no file and no seconds."""
         none = self.recording is None
-        return {
-            "file": None if none else INPUT_FILE,
-            "seconds": self.seconds,
-            "confusion_before": self.confusion_before,
-            "confusion_after": None if none else self.confusion_after,
-            "waveform": self.waveform or None,
-            "added_mass_g": None if self.added_mass is None else 1e3 * self.added_mass,
-            "measure": self.measure,
-            "undecided": list(self.undecided),
-        }
-
-    def to_xarray(self) -> Any:
-        """Return d² of each waveform, and where an input is advised that and its readings, as an `xarray.Dataset`; SI.
-
-        Readings stand over ``rival``, in the order of `rivals`, and over the input's ``time``.
-        """
-        return dataset(
-            {
-                "d2": ("waveform", list(self.tried.values()), "", "squared distance of the explanations, first order"),
-                "noise": ((), self.noise, self.output[1], "standard deviation of the sensor's noise"),
-                **({} if self.recording is None else self._input(self.recording)),
-            },
-            {
-                "waveform": ("waveform", np.array(list(self.tried), dtype=str)),
-                "rival": ("rival", np.array(self.rivals, dtype=str)),
-                **({} if self.recording is None else {"time": ("time", self.recording.timepts, "s")}),
-            },
-            {
-                "sentence": self.sentence,
-                "advised": self.waveform or None,
-                "measure": self.measure,
-                "undecided": ", ".join(self.undecided),
-                "confusion_before": self.confusion_before,
-                "confusion_after": self.confusion_after,
-                "seconds": self.seconds,
-                "added_mass_kg": self.added_mass,
-                "output_name": self.output[0],
-            },
+        return AdviceSummary(
+            file=None if none else INPUT_FILE,
+            seconds=self.seconds,
+            confusion_before=self.confusion_before,
+            confusion_after=None if none else self.confusion_after,
+            waveform=self.waveform or None,
+            added_mass_g=None if self.added_mass is None else 1e3 * self.added_mass,
+            measure=self.measure,
+            undecided=self.undecided,
         )
 
-    def _input(self, recording: Recording) -> Variables:
+    def _input(self) -> Variables:
+        recording = self.recording
+        if recording is None:
+            return {}
         found: dict[str, tuple[Any, ...]] = {
             "command": ("time", recording.inputs[0], recording.input_units[0], recording.input_names[0])
         }

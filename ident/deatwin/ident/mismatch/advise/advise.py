@@ -26,8 +26,7 @@ from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion, differ
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Distance
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter

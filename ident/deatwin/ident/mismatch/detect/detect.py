@@ -10,7 +10,7 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import free_run_residuals
-from deatwin.ident.mismatch.detect.detection import Curves, Detection, Statistic, counts
+from deatwin.ident.mismatch.detect.detection import Curves, Detection, counts
 from deatwin.ident.mismatch.detect.law import Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import OriginEvidence, origin_of
@@ -20,6 +20,7 @@ from deatwin.ident.mismatch.excess import excess_over_floor, practical_size
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.gate.repeats import find_repeats, repeatability
 from deatwin.ident.mismatch.refit.search import refit
+from deatwin.ident.mismatch.result import Statistic
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from itertools import pairwise
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -13,37 +15,23 @@ from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
 from deatwin.ident.mismatch.gate.noise import NoiseFloor
 from deatwin.ident.mismatch.gate.repeats import Repeatability
-from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.datasets import columns, dataset, squared
+from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
+from deatwin.plant.amplitudes import amount, amplitude_unit, written_amplitude
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    columns,
+    coordinate,
+    several,
+    squared,
+    table_along,
+    variable,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-
-@dataclass(frozen=True, kw_only=True)
-class Statistic:
-    """One group of statistics of the residual.
-
-    Parameters
-    ----------
-    name : str
-        What is asked.
-    value : float
-        The largest of the group: mean square over the floor, distance between the cumulated periodogram and its mean,
-        correlation coefficient.
-    where : str
-        The part of the data, the frequency, or the regressor at which it is found.
-    score : float
-        Standardised by what chance gives.
-    p_value : float
-        Of this group alone.
-    """
-
-    name: str
-    value: float
-    where: str
-    score: float
-    p_value: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,8 +68,17 @@ class Curves:
     bound: float
 
 
+def _detectable(found: Detection) -> Variables:
+    listed = [{"size": size, "effect": name} for name, size in found.smallest.items()]
+    return columns("detectable", listed, {"size": found.output_unit})
+
+
+def _density(found: Detection) -> str:
+    return f"{squared(found.output_unit)}/Hz" if found.output_unit else ""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Detection:
+class Detection(Described):
     """Whether a calibrated plant lacks anything, and what could have been seen.
 
     Parameters
@@ -120,22 +117,34 @@ class Detection:
         To be drawn.
     """
 
-    p_value: float
-    statistics: tuple[Statistic, ...]
-    size: float
-    practical: float
-    noise: float
-    model_error: float
+    p_value: float = field(metadata=attribute())
+    statistics: tuple[Statistic, ...] = field(metadata=table_along("statistic"))
+    size: float = field(metadata=attribute())
+    practical: float = field(metadata=attribute())
+    noise: float = field(metadata=attribute())
+    model_error: float = field(metadata=attribute())
     certain: bool
     sensor: NoiseFloor
     repeatability: Repeatability | None
     evidence: OriginEvidence
-    moved: float
+    moved: float = field(metadata=attribute())
     visible: bool
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
     taken_up: Calibration | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "detectable": several(_detectable),
+        "spectrum": variable("frequency", of=attrgetter("curves.spectrum"), unit=_density),
+        "cumulated": variable("line", of=attrgetter("curves.cumulated")),
+        "expected": variable("line", of=attrgetter("curves.expected")),
+        "correlation": variable("regressor", of=attrgetter("curves.correlations")),
+        "frequency": coordinate("frequency", of=attrgetter("curves.frequency"), unit="Hz"),
+        "line": coordinate("line", of=attrgetter("curves.lines"), unit="Hz"),
+        "regressor": coordinate("regressor", of=lambda found: np.array(found.curves.regressors, dtype=str)),
+        "units": attribute(of=attrgetter("output_unit")),
+    }
 
     @property
     def mismatch(self) -> bool:
@@ -165,61 +174,30 @@ class Detection:
         """Whether there is a mismatch, and it is certainly not the plant's."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
-    def to_dict(self) -> dict[str, Any]:
-        """The field ``detect`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+    @property
+    def summary(self) -> DetectionSummary:
+        """What a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
         found = self.repeatability
-        return {
-            "p_value": self.p_value,
-            "excess": self.size / size,
-            "practical": self.practical / size,
-            "taken_up": self.taken_up is not None,
-            "moved": self.moved / size,
-            "smallest_detectable": {k: None if v is None else v / size for k, v in self.smallest.items()},
-            "statistics": [
-                {"name": s.name, "value": s.value, "where": s.where, "score": s.score, "p_value": s.p_value}
-                for s in self.statistics
-            ],
-            "noise_source": self.sensor.source.name.lower(),
-            "repeatability": None
+        return DetectionSummary(
+            p_value=self.p_value,
+            excess=self.size / size,
+            practical=self.practical / size,
+            taken_up=self.taken_up is not None,
+            moved=self.moved / size,
+            smallest_detectable={k: None if v is None else v / size for k, v in self.smallest.items()},
+            statistics=self.statistics,
+            noise_source=self.sensor.source.name.lower(),
+            repeatability=None
             if found is None
-            else {
-                "correlation": found.correlation,
-                "share": found.share,
-                "low": found.low,
-                "high": found.high,
-                "explainable": found.explainable,
-            },
-            "origin": self.evidence.to_dict(size),
-        }
-
-    def to_xarray(self) -> Any:
-        """Return statistics, spectra and correlations of the residual as an `xarray.Dataset`."""
-        curves, density = self.curves, f"{squared(self.output_unit)}/Hz" if self.output_unit else ""
-        rows = [{"size": size, "effect": name} for name, size in self.smallest.items()]
-        return dataset(
-            {
-                **columns("statistic", map(asdict, self.statistics)),
-                **columns("detectable", rows, {"size": self.output_unit}),
-                "spectrum": ("frequency", curves.spectrum, density),
-                "cumulated": ("line", curves.cumulated),
-                "expected": ("line", curves.expected),
-                "correlation": ("regressor", curves.correlations),
-            },
-            {
-                "frequency": ("frequency", curves.frequency, "Hz"),
-                "line": ("line", curves.lines, "Hz"),
-                "regressor": ("regressor", np.array(curves.regressors, dtype=str)),
-            },
-            {
-                "p_value": self.p_value,
-                "size": self.size,
-                "practical": self.practical,
-                "noise": self.noise,
-                "model_error": self.model_error,
-                "moved": self.moved,
-                "units": self.output_unit,
-            },
+            else RepeatabilitySummary(
+                correlation=found.correlation,
+                share=found.share,
+                low=found.low,
+                high=found.high,
+                explainable=found.explainable,
+            ),
+            origin=self.evidence.summary(size),
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
@@ -234,9 +212,14 @@ class Detection:
         -------
         sequence of three matplotlib Axes
         """
-        from deatwin.ident.mismatch.detect.drawing import draw
+        if ax is None:
+            from matplotlib import pyplot
 
-        return draw(self, ax)
+            ax = pyplot.subplots(1, 3, figsize=(13, 3.8), layout="constrained")[1]
+        _spectrum(self, ax[0])
+        _cumulated(self, ax[1])
+        _correlations(self, ax[2])
+        return ax
 
 
 def counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
@@ -256,3 +239,53 @@ def counts(p_value: float, size: float, practical: float, certain: bool) -> bool
     bool
     """
     return (p_value < LEVEL and size >= practical) or certain
+
+
+def _spectrum(detection: Detection, axes: Axes) -> None:
+    curves, (unit, size) = detection.curves, written_amplitude(detection.output_unit)
+    axes.loglog(curves.frequency, curves.spectrum / size**2, color="C0", linewidth=1.2, label="residual")
+    axes.axhline(curves.noise / size**2, color="0.4", linestyle="--", linewidth=1, label="sensor noise")
+    axes.set_xlabel("frequency, Hz")
+    axes.set_ylabel(f"power density, {f'{unit}²' if unit else 1}/Hz")
+    axes.set_title(
+        f"excess {amount(f'{detection.size / size:.3g}', unit)}, counts from "
+        f"{amount(f'{detection.practical / size:.3g}', unit)}",
+        fontsize="small",
+        loc="left",
+    )
+    axes.legend(fontsize="small")
+
+
+def _cumulated(detection: Detection, axes: Axes) -> None:
+    curves = detection.curves
+    low, high = (np.clip(curves.expected + s * curves.distance, 0.0, 1.0) for s in (-1, 1))
+    axes.fill_between(curves.lines, low, high, color="0.88", label="99 % of chance")
+    axes.plot(curves.lines, curves.expected, color="0.5", linewidth=0.8)
+    axes.plot(curves.lines, curves.cumulated, color="C0", linewidth=1.2, label="residual")
+    axes.set_xlabel("frequency, Hz")
+    axes.set_ylabel("cumulated periodogram")
+    axes.set_title(f"p = {detection.p_value:.2g}, all statistics together", fontsize="small", loc="left")
+    axes.legend(fontsize="small", loc="lower right")
+
+
+def _correlations(detection: Detection, axes: Axes) -> None:
+    curves = detection.curves
+    groups = [name.split(" ")[0] if " ago" not in name else name.rsplit(" ", 3)[0] for name in curves.regressors]
+    places = np.arange(len(groups))
+    outside = np.abs(curves.correlations) > curves.bound
+    axes.axhspan(-curves.bound, curves.bound, color="0.88", zorder=0, label="99 % of chance")
+    axes.axhline(0.0, color="0.5", linewidth=0.8)
+    for chosen, colour in ((~outside, "C0"), (outside, "C3")):
+        axes.vlines(places[chosen], 0.0, curves.correlations[chosen], color=colour, linewidth=1.5)
+    edges = [0, *(k for k in places[1:] if groups[k] != groups[k - 1]), len(groups)]
+    middles = [(a + b - 1) / 2 for a, b in pairwise(edges)]
+    written = [groups[k].replace("time", "t").replace("^2", "²").replace("^3", "³") for k in edges[:-1]]
+    axes.set_xticks(middles, written)
+    axes.tick_params(axis="x", length=0)
+    for k in edges[1:-1]:
+        axes.axvline(k - 0.5, color="0.8", linewidth=0.6)
+    reach = 1.15 * max(1.3 * curves.bound, float(np.abs(curves.correlations).max()))
+    axes.set_ylim(-reach, reach)
+    axes.set_xlabel("regressor; its lags from left to right")
+    axes.set_ylabel("correlation, standard deviations")
+    axes.legend(fontsize="small", loc="upper right")

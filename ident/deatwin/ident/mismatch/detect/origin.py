@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
 from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
+from deatwin.ident.mismatch.result import OriginSummary
 
 FOREIGN, OWN = 0.3, 0.5
 """A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
@@ -88,26 +88,16 @@ class OriginEvidence:
         """
         return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
 
-    def to_dict(self, size: float) -> dict[str, Any]:
-        """Plain data for ``diagnosis.json``.
-
-        Parameters
-        ----------
-        size : float
-            SI size of the unit in which amplitudes are reported.
-
-        Returns
-        -------
-        dict
-        """
-        return {
-            "by": self.by,
-            "share": self.share,
-            "low": self.low,
-            "high": self.high,
-            "left": self.left / size,
-            "conclusion": self.origin.name.lower(),
-        }
+    def summary(self, size: float) -> OriginSummary:
+        """What a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
+        return OriginSummary(
+            by=self.by,
+            share=self.share,
+            low=self.low,
+            high=self.high,
+            left=self.left / size,
+            conclusion=self.origin.name.lower(),
+        )
 
 
 def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:

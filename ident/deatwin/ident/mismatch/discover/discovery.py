@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.discover.dictionary import RATE
+from deatwin.ident.mismatch.result import FreeFormSummary, ShapeSummary, TermSummary
 from deatwin.plant.amplitudes import amplitude_unit
-from deatwin.plant.datasets import Variables, dataset
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    columns,
+    coordinate,
+    several,
+    variable,
+)
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Primitive
 from deatwin.plant.model import Plant
+from deatwin.plant.records import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,20 +91,44 @@ class FoundTerm:
         order = getattr(self.term, "order", 1)
         return WORDS[self.term.kind].format(x=self.variable if order == 1 else f"{self.variable}^{order}")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, SI."""
-        shape = None if self.shape is None else dict(zip(("name", "value", "unit"), self.shape, strict=True))
-        return {
-            "term": self.text,
-            "coefficient": self.coefficient,
-            "unit": self.unit,
-            "shape": shape,
-            "inclusion": self.inclusion,
-        }
+    @property
+    def summary(self) -> TermSummary:
+        """What a diagnosis says of it; SI."""
+        shape = None
+        if self.shape is not None:
+            name, value, unit = self.shape
+            shape = ShapeSummary(name=name, value=value, unit=unit)
+        return TermSummary(
+            term=self.text, coefficient=self.coefficient, unit=self.unit, shape=shape, inclusion=self.inclusion
+        )
+
+
+_output_unit = attrgetter("model.rig.output_unit")
+
+
+def _term_table(found: Discovery) -> Variables:
+    made = dict(columns("term", map(_row, found.terms)))
+    made["term_inclusion"] = (*made["term_inclusion"][:2], "", "share of the resampled records that chose it")
+    return made
+
+
+def _along_the_fitted_part(found: Discovery) -> Variables:
+    """What enters along the fitted part, SI, and where the recordings say it themselves, their smoothed mean."""
+    first, form, latent = found.terms[0], found.free_form, found.latent
+    along: dict[str, Any] = {
+        "state": ("sample", found.state, unit_of(first.term.variable, found.model), first.variable),
+        "entering": ("sample", found.entering, form.unit, f"added to the {form.node}"),
+    }
+    if latent is not None:
+        along["smoothed"] = ("sample", latent.mean, form.unit, "what entered, given all readings")
+        along["deviation"] = ("sample", latent.deviation, form.unit, "standard deviation of what entered")
+        along["counted"] = ("sample", latent.counted, "", "whether a reading counts")
+        along["part"] = ("sample", latent.origin, "", "number of the part")
+    return along
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Discovery:
+class Discovery(Described):
     """A free form of what is missing.
 
     Parameters
@@ -118,13 +154,21 @@ class Discovery:
 
     calibration: Calibration
     terms: tuple[FoundTerm, ...]
-    before: float
-    after: float
-    gain_low: float
-    unseen: Array
+    before: float = field(metadata=variable(unit=_output_unit, about="rms error on the unseen part without it"))
+    after: float = field(metadata=variable(unit=_output_unit, about="rms error on the unseen part with it"))
+    gain_low: float = field(metadata=variable(unit=_output_unit, about="lower 95 % bound of the fall"))
+    unseen: Array = field(metadata=variable("unseen_sample", unit=_output_unit, about="residual on the unseen part"))
     state: Array
     entering: Array
     latent: Latent | None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "table": several(_term_table),
+        "along": several(_along_the_fitted_part),
+        "time": coordinate("sample", of=lambda found: None if found.latent is None else found.latent.timepts, unit="s"),
+        "place": attribute(of=attrgetter("free_form.enters.value")),
+        "signal": attribute(of=attrgetter("free_form.node")),
+    }
 
     @property
     def model(self) -> Plant:
@@ -136,47 +180,18 @@ class Discovery:
         """The free form, as it was before the fit."""
         return next(effect for effect in self.model.effects if isinstance(effect, FreeForm))
 
-    def to_dict(self) -> dict[str, Any]:
-        """What a diagnosis writes under ``free_form``: errors in its unit of amplitudes, terms in SI."""
+    @property
+    def summary(self) -> FreeFormSummary:
+        """What a diagnosis says of it: errors in its unit of amplitudes, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
-        return {
-            "place": self.free_form.enters.value,
-            "signal": self.free_form.node,
-            "terms": [term.to_dict() for term in self.terms],
-            "before": self.before / size,
-            "after": self.after / size,
-            "gain_low": self.gain_low / size,
-        }
-
-    def to_xarray(self) -> Any:
-        """Return terms, what enters along the fitted part, and what is left of the unseen one as an `xarray.Dataset`.
-
-        All is in SI. Where the recordings say themselves what enters, their smoothed mean stands beside it.
-        """
-        variable, unit = self.terms[0].term.variable, self.model.rig.output_unit
-        rows = [_row(term) for term in self.terms]
-        return dataset(
-            {
-                **table("term", rows, {"inclusion": ("", "share of the resampled records that chose it")}),
-                "before": ((), self.before, unit, "rms error on the unseen part without it"),
-                "after": ((), self.after, unit, "rms error on the unseen part with it"),
-                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall"),
-                "unseen": ("unseen_sample", self.unseen, unit, "residual on the unseen part"),
-                "state": ("sample", self.state, unit_of(variable, self.model), self.terms[0].variable),
-                "entering": ("sample", self.entering, self.free_form.unit, f"added to the {self.free_form.node}"),
-                **({} if self.latent is None else self._smoothed(self.latent)),
-            },
-            {} if self.latent is None else {"time": ("sample", self.latent.timepts, "s")},
-            {"place": self.free_form.enters.value, "signal": self.free_form.node},
+        return FreeFormSummary(
+            place=self.free_form.enters.value,
+            signal=self.free_form.node,
+            terms=tuple(term.summary for term in self.terms),
+            before=self.before / size,
+            after=self.after / size,
+            gain_low=self.gain_low / size,
         )
-
-    def _smoothed(self, latent: Latent) -> Variables:
-        return {
-            "smoothed": ("sample", latent.mean, self.free_form.unit, "what entered, given all readings"),
-            "deviation": ("sample", latent.deviation, self.free_form.unit, "standard deviation of what entered"),
-            "counted": ("sample", latent.counted, "", "whether a reading counts"),
-            "part": ("sample", latent.origin, "", "number of the part"),
-        }
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what enters against the state that it depends on most.
@@ -212,7 +227,7 @@ class Discovery:
 
 def _row(term: FoundTerm) -> dict[str, Any]:
     """A term in a table: flat."""
-    told = term.to_dict()
+    told = plain(term.summary)
     shape = told.pop("shape") or {}
     return {
         "text": told.pop("term"),

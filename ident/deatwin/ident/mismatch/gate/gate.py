@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.gate import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.model import Plant
@@ -43,8 +43,13 @@ class Soundness(Enum):
     FAULTY = "part of the recordings is at fault and left out"
 
 
+def _joined(name: str) -> Callable[[Gate], np.ndarray]:
+    """The marks of all records, one after another."""
+    return lambda checked: np.concatenate([mask for masks in getattr(checked, name) for mask in masks])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gate:
+class Gate(Described):
     """Recordings as the diagnosis may use them.
 
     Parameters
@@ -63,6 +68,21 @@ class Gate:
     outliers: Masks
     clipped: Masks
     jumps: Masks
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "samples": several(lambda checked: samples(checked.experiments), "coords"),
+        "measured": variable(
+            "sample",
+            of=lambda checked: np.concatenate([r.outputs[0] for one in checked.experiments for r in one.recordings]),
+            unit=lambda checked: checked.experiments[0].recordings[0].output_units[0],
+        ),
+        "stuck": variable("sample", of=_joined("stuck")),
+        "outliers": variable("sample", of=_joined("outliers")),
+        "clipped": variable("sample", of=_joined("clipped")),
+        "jumps": variable("sample", of=_joined("jumps")),
+        "sound": variable("sample", of=_joined("sound")),
+        "soundness": status_of(of=lambda checked: checked.soundness),
+    }
 
     @property
     def sound(self) -> Masks:
@@ -117,21 +137,6 @@ class Gate:
                         f"between {where[0]:.2f} and {where[-1]:.2f} s"
                     )
         return found
-
-    def to_xarray(self) -> Any:
-        """Return the readings and which of them are sound as an `xarray.Dataset` over all samples."""
-        records = [record for one in self.experiments for record in one.recordings]
-        kinds = ("stuck", "outliers", "clipped", "jumps", "sound")
-        marks = {name: np.concatenate([m for masks in getattr(self, name) for m in masks]) for name in kinds}
-        measured = np.concatenate([record.outputs[0] for record in records])
-        return dataset(
-            {
-                "measured": ("sample", measured, records[0].output_units[0]),
-                **{name: ("sample", mask) for name, mask in marks.items()},
-            },
-            samples(self.experiments),
-            {"soundness": self.soundness.name, "advice": self.soundness.value},
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the readings with what was found in them; experiments one after another.

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtrc
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
-from deatwin.plant.datasets import dataset
+from deatwin.ident.mismatch.located import Band
+from deatwin.plant.datasets import Described, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -24,25 +24,8 @@ LOUD = 2.0
 """A line of the spectrum counts when it has this many times the power of the sensor's noise."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Band:
-    """A band of frequencies whose spectrum lies above the floor.
-
-    Parameters
-    ----------
-    from_Hz, to_Hz : float
-        Ends of the band.
-    excess_dB : float
-        Mean power over that of the sensor's noise.
-    """
-
-    from_Hz: float
-    to_Hz: float
-    excess_dB: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bands:
+class Bands(Described):
     """The bands of frequency that hold the mismatch; it is iterated over them.
 
     Parameters
@@ -55,31 +38,15 @@ class Bands:
         Power of each line over that of the sensor's noise.
     """
 
-    bands: tuple[Band, ...]
-    frequency: np.ndarray
-    ratio: np.ndarray
+    bands: tuple[Band, ...] = field(metadata=table_along("band"))
+    frequency: np.ndarray = field(metadata=coordinate("frequency", unit="Hz"))
+    ratio: np.ndarray = field(metadata=variable("frequency", about="power over that of the sensor's noise"))
 
     def __iter__(self) -> Iterator[Band]:
         return iter(self.bands)
 
     def __len__(self) -> int:
         return len(self.bands)
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The bands as a diagnosis file has them."""
-        return [asdict(band) for band in self.bands]
-
-    def to_xarray(self) -> Any:
-        """Return the bands, and the residual's spectrum over that of the noise, as an `xarray.Dataset`."""
-        told = {"from_Hz": ("Hz",), "to_Hz": ("Hz",), "excess_dB": ("dB", "mean power over that of the sensor's noise")}
-        return dataset(
-            {
-                **table("band", self.to_dict(), told),
-                "ratio": ("frequency", self.ratio, "", "power over that of the sensor's noise"),
-            },
-            {"frequency": ("frequency", self.frequency, "Hz")},
-            {},
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the residual's spectrum over the noise's, the bands shaded.

@@ -13,16 +13,16 @@ distortions and their impact on the best linear approximation", IEEE Control Sys
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
-from deatwin.plant.datasets import dataset
+from deatwin.ident.mismatch.located import LineGroup
+from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -41,30 +41,7 @@ SETTLING = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineGroup:
-    """A group of lines of the residual's spectrum.
-
-    Parameters
-    ----------
-    kind : str
-        ``"excited"``, ``"odd"``, ``"even"`` (neither of them excited), or ``"varying"``: what changes from period to
-        period, on all lines.
-    rms : float
-        What the residual holds there, without what varies (of the last group: all of it), SI.
-    p_value : float
-        Of nothing there; of the last group, of no more than the sensor's white noise.
-    lines : int
-        How many.
-    """
-
-    kind: str
-    rms: float
-    p_value: float
-    lines: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lines:
+class Lines(Described):
     """The residual under a periodic input, by groups of lines.
 
     Parameters
@@ -77,26 +54,9 @@ class Lines:
         Those that have lines.
     """
 
-    period_s: float
-    periods: int
-    groups: tuple[LineGroup, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The groups as a diagnosis file has them; rms in SI."""
-        return asdict(self)
-
-    def to_xarray(self) -> Any:
-        """Return the groups of lines as a table in an `xarray.Dataset`; SI."""
-        told = {"rms": ("", "what the residual holds there, SI"), "lines": ("", "how many")}
-        return dataset(
-            {
-                **table("group", map(asdict, self.groups), told),
-                "period": ((), self.period_s, "s", "period of the input"),
-                "periods": ((), self.periods, "", "periods that were compared"),
-            },
-            {},
-            {},
-        )
+    period_s: float = field(metadata=variable(name="period", unit="s", about="period of the input"))
+    periods: int = field(metadata=variable(about="periods that were compared"))
+    groups: tuple[LineGroup, ...] = field(metadata=table_along("group"))
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the rms of each group.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -13,11 +14,12 @@ from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
 from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.locate.region import Regions, locate_region
-from deatwin.ident.mismatch.locate.response import ResponseDifference, draw_response, locate_response
+from deatwin.ident.mismatch.locate.response import draw_response, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
+from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ResponseDifference
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Location:
+class Location(Described):
     """Where the mismatch is.
 
     Parameters
@@ -58,26 +60,30 @@ class Location:
     response: tuple[ResponseDifference, ...] | None
     unit: Unit
 
-    def to_dict(self) -> dict[str, Any]:
-        """The part of a diagnosis file that says where the mismatch is; amplitudes in the unit reported."""
-        size = self.unit[1]
-        windows = [{**window, "slope": window["slope"] / size} for window in self.time.to_dict()]
-        lines = None if self.lines is None else self.lines.to_dict()
-        if lines is not None:
-            lines["groups"] = [{**group, "rms": group["rms"] / size} for group in lines["groups"]]
-        return {
-            "time": windows,
-            "period_s": self.time.period_s,
-            "frequency": self.frequency.to_dict(),
-            "lines": lines,
-            "region": self.region.to_dict(),
-            "place": self.place.to_dict(),
-            "response": None if self.response is None else [asdict(difference) for difference in self.response],
-        }
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "tables": several(lambda found: places(found.summary, found.unit[0])),
+        "period_s": attribute(of=attrgetter("time.period_s")),
+    }
 
-    def to_xarray(self) -> Any:
-        """Return times, bands, regions and places as tables in an `xarray.Dataset`, amplitudes in the unit reported."""
-        return dataset(places(self.to_dict(), self.unit[0]), {}, {"period_s": self.time.period_s})
+    @property
+    def summary(self) -> LocationSummary:
+        """What a diagnosis says of it; amplitudes in the unit reported."""
+        size, lines = self.unit[1], self.lines
+        return LocationSummary(
+            time=tuple(replace(window, slope=window.slope / size) for window in self.time),
+            period_s=self.time.period_s,
+            frequency=self.frequency.bands,
+            lines=None
+            if lines is None
+            else LinesSummary(
+                period_s=lines.period_s,
+                periods=lines.periods,
+                groups=tuple(replace(group, rms=group.rms / size) for group in lines.groups),
+            ),
+            region=self.region.regions,
+            place=self.place.summary,
+            response=self.response,
+        )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
         """Draw time, frequency, operating region and place, then lines and response where there is something of them.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.special import chdtrc, ndtr
@@ -14,9 +14,9 @@ from deatwin.ident.greybox.filter import open_place
 from deatwin.ident.greybox.filter_floor import Floor
 from deatwin.ident.greybox.filter_linear import Linear, linearise, without_repeats
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
-from deatwin.plant.datasets import dataset
+from deatwin.ident.mismatch.located import PlaceSummary
+from deatwin.plant.datasets import Described, Metadata, attribute, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.effects.base import Place
 from deatwin.plant.model import Plant
@@ -58,27 +58,32 @@ class OpenedPlace:
 
     place: str
     signal: str
-    gain: float
+    gain: float = field(
+        metadata=variable(unit="nat", about="log likelihood with a wandering quantity there, against none")
+    )
     p_value: float
-    explained: float
-    score: float
-    among_best: bool
+    explained: float = field(
+        metadata=variable(about="share of the residual's mean square that the signals there predict")
+    )
+    score: float = field(metadata=variable(about="the same as a share of what is not sensor noise"))
+    among_best: bool = field(metadata=variable(about="whether the recordings do not tell it from the best one"))
 
-    def to_dict(self) -> dict[str, Any]:
-        """The place as a diagnosis file has it."""
-        return {
-            "place": self.place,
-            "score": self.score,
-            "signal": self.signal,
-            "log_likelihood_gain": self.gain,
-            "p_value": self.p_value,
-            "explained": self.explained,
-            "among_best": self.among_best,
-        }
+    @property
+    def summary(self) -> PlaceSummary:
+        """The place as a diagnosis has it."""
+        return PlaceSummary(
+            place=self.place,
+            score=self.score,
+            signal=self.signal,
+            log_likelihood_gain=self.gain,
+            p_value=self.p_value,
+            explained=self.explained,
+            among_best=self.among_best,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Places:
+class Places(Described):
     """Places by how well something that enters there explains the mismatch.
 
     Parameters
@@ -89,8 +94,13 @@ class Places:
         Chance that a residual which has nothing to do with the signals would close as well at any place.
     """
 
-    opened: tuple[OpenedPlace, ...]
-    closure_p_value: float
+    opened: tuple[OpenedPlace, ...] = field(metadata=table_along("opened"))
+    closure_p_value: float = field(metadata=attribute())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "repeatable": attribute(),
+        "among_best": attribute(of=lambda found: list(found.among_best)),
+    }
 
     @property
     def repeatable(self) -> bool:
@@ -102,30 +112,13 @@ class Places:
         """The places that the recordings do not tell apart, the best first; empty where nothing is repeatable."""
         return tuple(dict.fromkeys(o.place for o in self.opened if o.among_best)) if self.repeatable else ()
 
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The places as a diagnosis file has them: each with its best signal, the best first."""
-        best: dict[str, dict[str, Any]] = {}
+    @property
+    def summary(self) -> tuple[PlaceSummary, ...]:
+        """The places as a diagnosis has them: each with its best signal, the best first."""
+        best: dict[str, PlaceSummary] = {}
         for one in self.opened:
-            best.setdefault(one.place, one.to_dict())
-        return list(best.values())
-
-    def to_xarray(self) -> Any:
-        """Return all that was opened as a table in an `xarray.Dataset`, the best first."""
-        told = {
-            "gain": ("nat", "log likelihood with a wandering quantity there, against none"),
-            "explained": ("", "share of the residual's mean square that the signals there predict"),
-            "score": ("", "the same as a share of what is not sensor noise"),
-            "among_best": ("", "whether the recordings do not tell it from the best one"),
-        }
-        return dataset(
-            dict(table("opened", map(asdict, self.opened), told)),
-            {},
-            {
-                "closure_p_value": self.closure_p_value,
-                "repeatable": self.repeatable,
-                "among_best": list(self.among_best),
-            },
-        )
+            best.setdefault(one.place, one.summary)
+        return tuple(best.values())
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the score of each signal, those that cannot be told from the best one filled.

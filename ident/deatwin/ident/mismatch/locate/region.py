@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
-from deatwin.plant.datasets import dataset
+from deatwin.ident.mismatch.located import Region
+from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -26,30 +27,6 @@ command last stood still, s."""
 STILL_SECONDS = 1.0
 """A command that has not moved for so long rests."""
 RATE = "_rate"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Region:
-    """A range of an operating signal in which the residual has a mean.
-
-    Parameters
-    ----------
-    signal : str
-        Name of the signal.
-    low, high : float
-        Ends of the range, in the signal's unit.
-    mean_residual : float
-        In the report's unit.
-    """
-
-    signal: str
-    low: float
-    high: float
-    mean_residual: float
-
-    def to_dict(self) -> dict[str, Any]:
-        """The region as a diagnosis file has it."""
-        return {"signal": self.signal, "from": self.low, "to": self.high, "mean_residual": self.mean_residual}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,14 +53,14 @@ class Bin:
     number: int
     low: float
     high: float
-    mean: float
-    deviation: float
-    count: int
+    mean: float = field(metadata=variable(unit=attrgetter("unit"), about="mean residual"))
+    deviation: float = field(metadata=variable(unit=attrgetter("unit"), about="standard error of the mean"))
+    count: int = field(metadata=variable(unit="samples"))
     p_value: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Regions:
+class Regions(Described):
     """The ranges of the operating signals that hold the mismatch; it is iterated over them.
 
     Parameters
@@ -96,8 +73,8 @@ class Regions:
         Of the residual, as axes show it.
     """
 
-    regions: tuple[Region, ...]
-    bins: tuple[Bin, ...]
+    regions: tuple[Region, ...] = field(metadata=table_along("region"))
+    bins: tuple[Bin, ...] = field(metadata=table_along("bin"))
     unit: str = ""
 
     def __iter__(self) -> Iterator[Region]:
@@ -105,26 +82,6 @@ class Regions:
 
     def __len__(self) -> int:
         return len(self.regions)
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The regions as a diagnosis file has them."""
-        return [region.to_dict() for region in self.regions]
-
-    def to_xarray(self) -> Any:
-        """Return the regions, and all bins that were tested, as tables in an `xarray.Dataset`, in the report's unit."""
-        bins = {
-            "mean": (self.unit, "mean residual"),
-            "deviation": (self.unit, "standard error of the mean"),
-            "count": ("samples",),
-        }
-        return dataset(
-            {
-                **table("region", map(asdict, self.regions), {"mean_residual": (self.unit,)}),
-                **table("bin", map(asdict, self.bins), bins),
-            },
-            {},
-            {},
-        )
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors.

@@ -13,7 +13,7 @@ Reference: Söderström, Stoica, "Instrumental variable methods for system ident
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import factorial, sqrt
 from typing import TYPE_CHECKING
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from deatwin.ident.frequency.comparison.bands import BandMean, Range, band_means
 from deatwin.ident.frequency.comparison.equality import Scatter, equality, holm
+from deatwin.ident.mismatch.located import ResponseDifference
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
@@ -50,29 +51,6 @@ LEVEL = 0.05
 """Of the whole table (Holm)."""
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
 """Affine in the past reading, so that its noise averages out with instruments."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ResponseDifference:
-    """An order and a band in which the recordings' response is not the plant's.
-
-    Parameters
-    ----------
-    order : int
-        n of H_n.
-    from_Hz, to_Hz : float
-        Band of output frequencies.
-    p_value : float
-        Of a difference that makes no more than the model error in the readings, corrected for the number of tests.
-    size : float
-        The difference of the means over the band, over the gain of the plant there.
-    """
-
-    order: int
-    from_Hz: float
-    to_Hz: float
-    p_value: float
-    size: float
 
 
 def locate_response(

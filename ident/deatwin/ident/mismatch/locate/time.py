@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from scipy.special import ndtr
 
-from deatwin.ident.mismatch.datasets import table
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
-from deatwin.plant.datasets import dataset
+from deatwin.ident.mismatch.located import Window
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -29,28 +29,13 @@ COMES_BACK = 0.5
 NEARLY = 0.9
 
 
-@dataclass(frozen=True, kw_only=True)
-class Window:
-    """A stretch of the clock.
-
-    Parameters
-    ----------
-    from_s, to_s : float
-        Clock times, s.
-    score : float
-        Its share of the mismatch's energy.
-    slope : float
-        At which the residual grows there, SI per s; 0 where the growth is not significant.
-    """
-
-    from_s: float
-    to_s: float
-    score: float
-    slope: float = 0.0
+def _along(name: str) -> Callable[[Times], np.ndarray]:
+    """An array of all tracks, one after another."""
+    return lambda found: np.concatenate([np.zeros(0), *(getattr(track, name) for track in found.tracks)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Times:
+class Times(Described):
     """The stretches of the clock that hold the mismatch; it is iterated over them.
 
     Parameters
@@ -63,46 +48,24 @@ class Times:
         The residuals, to be drawn.
     """
 
-    windows: tuple[Window, ...]
-    period_s: float | None
+    windows: tuple[Window, ...] = field(metadata=table_along("window"))
+    period_s: float | None = field(metadata=attribute())
     tracks: tuple[Track, ...]
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "residual": variable("sample", of=_along("residual"), about="measured minus simulated, SI"),
+        "time": coordinate("sample", of=_along("timepts"), unit="s"),
+        "track": coordinate(
+            "sample",
+            of=lambda found: np.repeat(range(len(found.tracks)), [track.residual.size for track in found.tracks]),
+        ),
+    }
 
     def __iter__(self) -> Iterator[Window]:
         return iter(self.windows)
 
     def __len__(self) -> int:
         return len(self.windows)
-
-    def to_dict(self) -> list[dict[str, Any]]:
-        """The windows as a diagnosis file has them; slopes in SI."""
-        return [asdict(window) for window in self.windows]
-
-    def to_xarray(self) -> Any:
-        """Return the windows, and the residuals of all tracks one after another, as an `xarray.Dataset`; SI."""
-        counts = [track.residual.size for track in self.tracks]
-        none = np.zeros(0)
-        told = {
-            "from_s": ("s",),
-            "to_s": ("s",),
-            "score": ("", "share of the mismatch's energy"),
-            "slope": ("", "growth of the residual, SI per s"),
-        }
-        return dataset(
-            {
-                **table("window", self.to_dict(), told),
-                "residual": (
-                    "sample",
-                    np.concatenate([none, *(track.residual for track in self.tracks)]),
-                    "",
-                    "measured minus simulated, SI",
-                ),
-            },
-            {
-                "time": ("sample", np.concatenate([none, *(track.timepts for track in self.tracks)]), "s"),
-                "track": ("sample", np.repeat(np.arange(len(counts)), counts)),
-            },
-            {"period_s": self.period_s},
-        )
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
         """Draw the residuals over the clock, the windows shaded by their scores.

@@ -1,7 +1,7 @@
 """Which effects of the catalogue explain a mismatch."""
 
-from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Distance, Naming
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 

@@ -179,3 +179,20 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
     level = noise_level(residuals, fit.plant.rig.sample_time, fit.plant.rig.noise, commands).level
     steps = max(resolution(part.measured) for part in parts)
     return max(level, steps / float(np.sqrt(12.0)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distance:
+    """How far apart two explanations are on the recordings' inputs.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Names of the two, those of a set joined by ``+``.
+    d2 : float
+        Squared distance after a refit of the one to the other; to first order where the recordings have told the two
+        apart.
+    """
+
+    effects: tuple[str, str]
+    d2: float

@@ -3,68 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import table
-from deatwin.ident.mismatch.naming.rows import Row, form_rows, row_of
-from deatwin.plant.datasets import Variables, dataset
-
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch.naming.decide import Naming
-    from deatwin.ident.mismatch.refit.base import Base
-
+from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, form_rows, row_of
+from deatwin.plant.datasets import Variables
 
 NOISE = "standard deviation of the sensor's noise"
 
 
-def base_dataset(base: Base) -> Any:
-    """The forms of the base plant, the chosen one first.
-
-    Parameters
-    ----------
-    base : Base
-        With or without rivals.
-
-    Returns
-    -------
-    xarray.Dataset
-        Tables and residuals over ``form``; SI.
-    """
+def base_tables(base: Forms) -> Variables:
+    """The forms of the base plant, the chosen one first, with their residuals; SI."""
     unit = base.chosen.calibration.plant.rig.output_unit
-    return dataset({**_rows("form", form_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}, {}, {})
+    return {**_rows("form", form_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}
 
 
-def naming_dataset(naming: Naming) -> Any:
-    """All explanations that were tried, the base plant first.
+def naming_tables(naming: Explanations) -> Variables:
+    """All explanations that were tried, the base plant first, with their residuals; SI.
 
-    Parameters
-    ----------
-    naming : Naming
-        With or without a best explanation.
-
-    Returns
-    -------
-    xarray.Dataset
-        Tables and residuals over ``candidate``, with its probability where it competed with the best one; the distances
-        d² of explanations from the best one; SI.
+    Each has its probability where it competed with the best one; distances d² are those from the best one.
     """
     told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.rivals]
     candidates = list(dict.fromkeys(told))
     probability = [naming.probabilities.get(c.effects, np.nan) for c in candidates]
     distances = [{"from": one.effects[0], "to": one.effects[1], "d2": one.d2} for one in naming.distances]
     unit = naming.base.calibration.plant.rig.output_unit
-    return dataset(
-        {
-            **_rows("candidate", [row_of(c, naming) for c in candidates], unit),
-            "candidate_probability": ("candidate", probability, "", "among those of the size of the best one"),
-            **table("distance", distances, {"d2": ("", "squared distance after a refit of the one to the other")}),
-            "noise": ((), naming.noise, unit, NOISE),
-        },
-        {},
-        {"failed": list(naming.failed)},
-    )
+    return {
+        **_rows("candidate", [row_of(c, naming) for c in candidates], unit),
+        "candidate_probability": ("candidate", probability, "", "among those of the size of the best one"),
+        **table("distance", distances, {"d2": ("", "squared distance after a refit of the one to the other")}),
+        "noise": ((), naming.noise, unit, NOISE),
+    }
 
 
 def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import STEPS, TOLD_APART, separation
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.ident.mismatch.naming.datasets import naming_tables
+from deatwin.ident.mismatch.naming.drawing import draw_naming
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.datasets import Described, Metadata, attribute, several
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,25 +29,8 @@ RIVAL_SHARE = 0.5
 """A rival whose distance is not known is also kept while its error differs by less than this share of the model's."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Distance:
-    """How far apart two explanations are on the recordings' inputs.
-
-    Parameters
-    ----------
-    effects : tuple of str
-        Names of the two, those of a set joined by ``+``.
-    d2 : float
-        Squared distance after a refit of the one to the other; to first order where the recordings have told the two
-        apart.
-    """
-
-    effects: tuple[str, str]
-    d2: float
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Naming:
+class Naming(Described):
     """All explanations that were tried.
 
     Parameters
@@ -74,6 +60,11 @@ class Naming:
     noise: float
     distances: tuple[Distance, ...] = ()
     failed: tuple[str, ...] = ()
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "told": several(naming_tables),
+        "failed": attribute(of=lambda naming: list(naming.failed)),
+    }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
         """The same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
@@ -179,12 +170,6 @@ class Naming:
         """The calibrated plant without further effects."""
         return self.candidates[0]
 
-    def to_xarray(self) -> Any:
-        """Return all candidates as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.naming_dataset`."""
-        from deatwin.ident.mismatch.naming.datasets import naming_dataset
-
-        return naming_dataset(self)
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each candidate leaves of the fitted and of the unseen part, the base plant first.
 
@@ -199,8 +184,6 @@ class Naming:
         -------
         matplotlib Axes
         """
-        from deatwin.ident.mismatch.naming.drawing import draw_naming
-
         return draw_naming(self, ax)
 
 

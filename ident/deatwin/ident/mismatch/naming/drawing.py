@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.naming.rows import Row, form_rows, in_words, row_of
+from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, form_rows, in_words, row_of
 from deatwin.plant.amplitudes import written_amplitude
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.naming.decide import Naming
-    from deatwin.ident.mismatch.refit.base import Base
 
 
 MOST = 12
@@ -51,12 +49,12 @@ class _Level:
     style: str
 
 
-def draw_base(base: Base, ax: Axes | None = None) -> Axes:
+def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
     """Draw what each form of the base plant leaves.
 
     Parameters
     ----------
-    base : Base
+    base : Forms
         What is drawn.
     ax : matplotlib Axes, optional
         Where to draw; new axes otherwise.
@@ -76,12 +74,12 @@ def draw_base(base: Base, ax: Axes | None = None) -> Axes:
     return _draw(form_rows(base), [_noise(base.noise), floor], title, ax)
 
 
-def draw_naming(naming: Naming, ax: Axes | None = None) -> Axes:
+def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
     """Draw what each candidate leaves.
 
     Parameters
     ----------
-    naming : Naming
+    naming : Explanations
         What is drawn.
     ax : matplotlib Axes, optional
         Where to draw; new axes otherwise.
@@ -94,7 +92,7 @@ def draw_naming(naming: Naming, ax: Axes | None = None) -> Axes:
     return _draw(rows, [_noise(naming.noise)], _conclusion(naming, len(rows) - 1), ax)
 
 
-def _shown(naming: Naming) -> list[Candidate]:
+def _shown(naming: Explanations) -> list[Candidate]:
     """The base plant; the answer, its rivals and others, the best on unseen data first."""
     needed = [c for c in (naming.best, *naming.rivals) if c is not None]
     others = sorted((c for c in naming.candidates[1:] if c not in needed), key=_unseen)
@@ -106,7 +104,7 @@ def _unseen(candidate: Candidate) -> float:
     return candidate.unseen_test.rms
 
 
-def _conclusion(naming: Naming, shown: int) -> str:
+def _conclusion(naming: Explanations, shown: int) -> str:
     """What was found, and in a second line what is not seen in the bars."""
     tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
     if naming.best is not None:

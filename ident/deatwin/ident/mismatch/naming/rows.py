@@ -4,14 +4,42 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-from deatwin.ident.mismatch.refit.base import differences
+from deatwin.ident.mismatch.floor import differences
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 
-if TYPE_CHECKING:
-    from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.naming.decide import Naming
-    from deatwin.ident.mismatch.refit.base import Base
+
+class Forms(Protocol):
+    """The forms of the base plant, as `Base` has them."""
+
+    @property
+    def chosen(self) -> Candidate: ...
+    @property
+    def rivals(self) -> tuple[Candidate, ...]: ...
+    @property
+    def noise(self) -> float: ...
+
+
+class Explanations(Protocol):
+    """The explanations that were tried, as `Naming` has them."""
+
+    @property
+    def base(self) -> Candidate: ...
+    @property
+    def candidates(self) -> tuple[Candidate, ...]: ...
+    @property
+    def best(self) -> Candidate | None: ...
+    @property
+    def rivals(self) -> tuple[Candidate, ...]: ...
+    @property
+    def probabilities(self) -> Mapping[tuple[str, ...], float]: ...
+    @property
+    def distances(self) -> tuple[Distance, ...]: ...
+    @property
+    def failed(self) -> tuple[str, ...]: ...
+    @property
+    def noise(self) -> float: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +66,12 @@ class Row:
         return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
 
 
-def form_rows(base: Base) -> list[Row]:
+def form_rows(base: Forms) -> list[Row]:
     """The forms of the base plant, the chosen one first, each by what it states differently.
 
     Parameters
     ----------
-    base : Base
+    base : Forms
         With its rivals.
 
     Returns
@@ -58,14 +86,14 @@ def form_rows(base: Base) -> list[Row]:
     ]
 
 
-def row_of(candidate: Candidate, naming: Naming) -> Row:
+def row_of(candidate: Candidate, naming: Explanations) -> Row:
     """A candidate by its effects, and by the form of the rig where that is another one.
 
     Parameters
     ----------
     candidate : Candidate
         One of the naming.
-    naming : Naming
+    naming : Explanations
         Among whose candidates it has its role.
 
     Returns
@@ -96,7 +124,7 @@ def in_words(candidate: Candidate) -> str:
     return " + ".join(name.replace("_", " ") for name in candidate.effects)
 
 
-def _role(candidate: Candidate, naming: Naming) -> str:
+def _role(candidate: Candidate, naming: Explanations) -> str:
     if candidate is naming.base:
         return "base plant"
     if candidate is naming.best:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -12,8 +12,11 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
+from deatwin.ident.mismatch.naming.datasets import base_tables
+from deatwin.ident.mismatch.naming.drawing import draw_base
 from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, at_its_time, finish, opening, roughly, settle
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.datasets import Described, Metadata, several
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.base import Rig
@@ -30,7 +33,7 @@ MORE_STARTS, SPREAD = 2, 0.2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Base:
+class Base(Described):
     """The calibrated base plant, and the rival forms that fit no better.
 
     Parameters
@@ -46,6 +49,10 @@ class Base:
     chosen: Candidate
     rivals: tuple[Candidate, ...]
     noise: float
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "told": several(base_tables),
+    }
 
     def in_form_of(self, chosen: Candidate) -> Base:
         """The same forms, another of them chosen.
@@ -78,12 +85,6 @@ class Base:
         filed = [form for form in self.rivals if _is_read_alike(form.calibration.plant.rig, rig)]
         return self.in_form_of(filed[0]) if filed else self
 
-    def to_xarray(self) -> Any:
-        """Return all forms as an `xarray.Dataset`; see `deatwin.ident.mismatch.naming.datasets.base_dataset`."""
-        from deatwin.ident.mismatch.naming.datasets import base_dataset
-
-        return base_dataset(self)
-
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw what each form leaves of the fitted and of the unseen part, the chosen one first.
 
@@ -96,8 +97,6 @@ class Base:
         -------
         matplotlib Axes
         """
-        from deatwin.ident.mismatch.naming.drawing import draw_base
-
         return draw_base(self, ax)
 
 
@@ -153,24 +152,6 @@ def beside_rivals(bench: Bench, base: Base) -> Base:
     others = [form for form in _other_forms(bench, base.chosen) if not _same_form(form, base.chosen)]
     rivals = [replace(form, noise=base.noise) for form in others]
     return replace(base, rivals=_ranked(rivals)) if rivals else base
-
-
-def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
-    """What rigs state differently, their model errors aside: those are found, not stated.
-
-    Parameters
-    ----------
-    rigs : sequence of Rig
-        Forms of one rig.
-
-    Returns
-    -------
-    tuple of dict
-        For each rig the fields in which they are not all equal, as `Rig.to_dict` has them.
-    """
-    stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
-    names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
-    return tuple({name: each[name] for name in names} for each in stated)
 
 
 def _other_forms(bench: Bench, first: Candidate | None) -> list[Candidate]:

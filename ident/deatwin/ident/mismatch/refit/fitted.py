@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.diagnosis import FittedParameter
+from deatwin.ident.mismatch.verdict import FittedParameter
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 

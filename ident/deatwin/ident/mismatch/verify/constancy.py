@@ -7,8 +7,9 @@ like a delay, which grows. So does one that leaves too much, if all that is wron
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import stdtrit
@@ -16,6 +17,7 @@ from scipy.special import stdtrit
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
+from deatwin.plant.datasets import Metadata, variable
 
 WHOLE = 1.0
 """Change by as much as the effect's own strength: a law that is not quite the catalogue's changes by less."""
@@ -52,10 +54,16 @@ class Constancy:
     """
 
     effect: str
-    own: float
-    change: float | None = None
-    deviation: float | None = None
+    own: float = field(metadata=variable(about="share of its power that nothing else can make"))
+    change: float | None = field(
+        default=None, metadata=variable(about="relative change of the strength over the recordings")
+    )
+    deviation: float | None = field(default=None, metadata=variable(about="its standard deviation"))
     mends: bool = False
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "holds": variable(),
+    }
 
     @property
     def holds(self) -> bool:

@@ -7,16 +7,18 @@ it happened does not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
+from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -64,9 +66,13 @@ class Sham:
 
     effect: str
     kind: ShamKind
-    share: float | None = None
-    expected: float | None = None
+    share: float | None = field(default=None, metadata=variable(about="gain relative to that of the effect"))
+    expected: float | None = field(default=None, metadata=variable(about="the same were the effect the truth"))
     skipped: str = ""
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "rejected": variable(),
+    }
 
     @property
     def rejected(self) -> bool:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import ClassVar
 
 import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.recording import label
 
 FEWEST_BLOCKS = 6
@@ -35,12 +39,16 @@ class Transfer:
     """
 
     part: str
-    before: float
-    after: float
-    gain_low: float
-    gain_high: float
-    floor: float
-    model_error: float
+    before: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
+    after: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
+    gain_low: float = field(metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall"))
+    gain_high: float = field(metadata=variable(unit=attrgetter("output_unit"), about="upper 95 % bound of the fall"))
+    floor: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms of noise and model error"))
+    model_error: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms of the plant's own error"))
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "worse": variable(),
+    }
 
     @property
     def worse(self) -> bool:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.datasets import table
+from deatwin.ident.mismatch.result import (
+    Ablation,
+    ConstancySummary,
+    ShamSummary,
+    TransferSummary,
+    VerificationSummary,
+)
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
-from deatwin.plant.datasets import dataset
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -22,41 +30,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ablation:
-    """What happens when one effect is taken out and the rest is fitted anew.
-
-    Parameters
-    ----------
-    effect : str
-        Canonical name.
-    fitted, unseen : float
-        Rms residuals without it, SI.
-    gain_low : float
-        Lower 95 % bound of how much the effect lowers the rms on the unseen part, SI.
-    share : float
-        Share of the mismatch's energy that returns, from 0 to 1.
-    counts : bool
-        Whether the error grows for certain over both parts, and on the unseen one by more than the plant's own error.
-    """
-
-    effect: str
-    fitted: float
-    unseen: float
-    gain_low: float
-    share: float
-    counts: bool = False
-
-    @property
-    def returns(self) -> bool:
-        """Whether the error comes back for certain, on unseen data too.
-
-        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
-        """
-        return self.gain_low > 0.0 or self.counts
-
-
-@dataclass(frozen=True, kw_only=True)
-class Verification:
+class Verification(Described):
     """An explanation on unseen data; SI.
 
     Parameters
@@ -90,15 +64,37 @@ class Verification:
     fitted_after: float
     unseen_before: float
     unseen_after: float
-    gain_low: float
+    gain_low: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall on the unseen part")
+    )
     counts: bool = False
-    ablations: tuple[Ablation, ...] = ()
-    shams: tuple[Sham, ...] = ()
-    transfers: tuple[Transfer, ...] = ()
-    constancies: tuple[Constancy, ...] = ()
-    noise: float = 0.0
+    ablations: tuple[Ablation, ...] = field(default=(), metadata=table_along("ablation"))
+    shams: tuple[Sham, ...] = field(default=(), metadata=table_along("sham"))
+    transfers: tuple[Transfer, ...] = field(default=(), metadata=table_along("transfer"))
+    constancies: tuple[Constancy, ...] = field(default=(), metadata=table_along("constancy"))
+    noise: float = field(
+        default=0.0, metadata=variable(unit=attrgetter("output_unit"), about="rms of the sensor's noise")
+    )
     output_unit: str = ""
     whole: Calibration | None = None
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "stage": coordinate("stage", of=lambda _: ["before", "after"]),
+        "fitted": variable(
+            "stage",
+            of=lambda found: [found.fitted_before, found.fitted_after],
+            unit=attrgetter("output_unit"),
+            about="rms residual on the fitted part",
+        ),
+        "unseen": variable(
+            "stage",
+            of=lambda found: [found.unseen_before, found.unseen_after],
+            unit=attrgetter("output_unit"),
+            about="rms residual on the unseen part",
+        ),
+        "holds": attribute(),
+        "failures": attribute(of=lambda found: list(found.failures)),
+    }
 
     @property
     def holds(self) -> bool:
@@ -134,105 +130,42 @@ class Verification:
         spared = tuple(a.effect for a in self.ablations if not a.returns)
         return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
 
-    def to_dict(self) -> dict[str, Any]:
-        """The field ``verification`` of ``diagnosis.json``; amplitudes in the unit that is reported."""
+    @property
+    def summary(self) -> VerificationSummary:
+        """What a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
-        return {
-            "holds": self.holds,
-            "failures": list(self.failures),
-            "gain_low": self.gain_low / size,
-            "counts": self.counts,
-            "ablation": [
-                {
-                    "effect": a.effect,
-                    "fitted": a.fitted / size,
-                    "unseen": a.unseen / size,
-                    "gain_low": a.gain_low / size,
-                    "share": a.share,
-                    "counts": a.counts,
-                }
+        return VerificationSummary(
+            holds=self.holds,
+            failures=self.failures,
+            gain_low=self.gain_low / size,
+            counts=self.counts,
+            ablation=tuple(
+                replace(a, fitted=a.fitted / size, unseen=a.unseen / size, gain_low=a.gain_low / size)
                 for a in self.ablations
-            ],
-            "shams": [
-                {
-                    "effect": s.effect,
-                    "sham": s.kind.value,
-                    "share": s.share,
-                    "expected": s.expected,
-                    "rejected": s.rejected if s.share is not None else None,
-                    "skipped": s.skipped,
-                }
+            ),
+            shams=tuple(
+                ShamSummary(
+                    effect=s.effect,
+                    kind=s.kind.value,
+                    share=s.share,
+                    expected=s.expected,
+                    rejected=s.rejected if s.share is not None else None,
+                    skipped=s.skipped,
+                )
                 for s in self.shams
-            ],
-            "transfer": [
-                {
-                    "part": t.part,
-                    "before": t.before / size,
-                    "after": t.after / size,
-                    "gain_low": t.gain_low / size,
-                    "gain_high": t.gain_high / size,
-                    "worse": t.worse,
-                }
+            ),
+            transfer=tuple(
+                TransferSummary(
+                    part=t.part,
+                    before=t.before / size,
+                    after=t.after / size,
+                    gain_low=t.gain_low / size,
+                    gain_high=t.gain_high / size,
+                    worse=t.worse,
+                )
                 for t in self.transfers
-            ],
-            "constancy": [{**asdict(c), "holds": c.holds} for c in self.constancies],
-        }
-
-    def to_xarray(self) -> Any:
-        """Return rms residuals before and after, and tables of ablations, shams and transfers, as an `xarray.Dataset`.
-
-        All is in SI.
-        """
-        unit, stages = self.output_unit, ("stage", ["before", "after"])
-        shams = [{**asdict(s), "kind": s.kind.value, "rejected": s.rejected} for s in self.shams]
-        return dataset(
-            {
-                "fitted": (stages[0], [self.fitted_before, self.fitted_after], unit, "rms residual on the fitted part"),
-                "unseen": (stages[0], [self.unseen_before, self.unseen_after], unit, "rms residual on the unseen part"),
-                "gain_low": ((), self.gain_low, unit, "lower 95 % bound of the fall on the unseen part"),
-                "noise": ((), self.noise, unit, "rms of the sensor's noise"),
-                **table(
-                    "ablation",
-                    map(asdict, self.ablations),
-                    {
-                        "fitted": (unit, "rms residual without the effect"),
-                        "unseen": (unit, "rms residual without the effect"),
-                        "gain_low": (unit, "lower 95 % bound of what the effect takes away"),
-                        "share": ("", "share of the mismatch's energy that returns"),
-                    },
-                ),
-                **table(
-                    "sham",
-                    shams,
-                    {
-                        "share": ("", "gain relative to that of the effect"),
-                        "expected": ("", "the same were the effect the truth"),
-                    },
-                ),
-                **table(
-                    "transfer",
-                    [{**asdict(t), "worse": t.worse} for t in self.transfers],
-                    {
-                        "before": (unit, "rms residual"),
-                        "after": (unit, "rms residual"),
-                        "gain_low": (unit, "lower 95 % bound of the fall"),
-                        "gain_high": (unit, "upper 95 % bound of the fall"),
-                        "floor": (unit, "rms of noise and model error"),
-                        "model_error": (unit, "rms of the plant's own error"),
-                    },
-                ),
-                **table(
-                    "constancy",
-                    [{**asdict(c), "holds": c.holds} for c in self.constancies],
-                    {
-                        "change": ("", "relative change of the strength over the recordings"),
-                        "deviation": ("", "its standard deviation"),
-                        "own": ("", "share of its power that nothing else can make"),
-                    },
-                ),
-            },
-            {"stage": stages},
-            {"holds": self.holds, "failures": list(self.failures)},
+            ),
+            constancy=tuple(ConstancySummary(**asdict(c), holds=c.holds) for c in self.constancies),
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -19,10 +19,11 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.worth import MOST
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 from deatwin.ident.mismatch.refit.search import refit, settle
+from deatwin.ident.mismatch.result import Ablation
 from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
 from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
 from deatwin.ident.mismatch.verify.transfer import transfers
-from deatwin.ident.mismatch.verify.verification import Ablation, Verification
+from deatwin.ident.mismatch.verify.verification import Verification
 
 if TYPE_CHECKING:
     from deatwin.ident.greybox.fit import Calibration

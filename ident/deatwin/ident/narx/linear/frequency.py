@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.plant.datasets import PARTS, dataset
+from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, coordinate, variable
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearFrequencyResponse:
+class LinearFrequencyResponse(Described):
     """G_i = B_i/(A F_i) on the unit circle, for each input.
 
     Parameters
@@ -29,29 +30,18 @@ class LinearFrequencyResponse:
         Covariance of real and imaginary part, to first order in the parameters.
     """
 
-    omega: Array
-    values: Complex
-    covariance: Array
+    omega: Array = field(metadata=variable("point", unit="rad/s"))
+    values: Complex = field(metadata=variable("input", "point", name=""))
+    covariance: Array = field(metadata=variable("input", "point", "part", "other_part"))
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "frequency_Hz": coordinate("point", of=lambda found: found.omega / (2 * np.pi), unit="Hz"),
+        **PART_COORDINATES,
+    }
 
     def __post_init__(self) -> None:
         for array in (self.omega, self.values, self.covariance):
             array.setflags(write=False)
-
-    def to_xarray(self) -> Any:
-        """Return values and covariance as an `xarray.Dataset` over input and point, real and imaginary parts apart."""
-        return dataset(
-            {
-                "": (("input", "point"), self.values),
-                "covariance": (("input", "point", "part", "other_part"), self.covariance),
-                "omega": ("point", self.omega, "rad/s"),
-            },
-            {
-                "frequency_Hz": ("point", self.omega / (2 * np.pi), "Hz"),
-                "part": ("part", list(PARTS)),
-                "other_part": ("other_part", list(PARTS)),
-            },
-            {},
-        )
 
 
 def frequency_response(

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.linear.document import SCHEMA, fields_of, to_document
+from deatwin.ident.narx.linear.document import SCHEMA, by_power, fields_of, length, to_document
 from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
@@ -23,6 +23,16 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    attribute,
+    coordinate,
+    document,
+    several,
+    squared,
+    variable,
+)
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -36,7 +46,7 @@ _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls wi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModel:
+class LinearModel(Described):
     """A linear model of one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
     Polynomials are in the backward shift q^-1, from q^0 on. ARX has C = D = F = 1, ARMAX D = F = 1, output
@@ -78,18 +88,33 @@ class LinearModel:
 
     a: Array
     b: tuple[Array, ...]
-    sample_time: float
+    sample_time: float = field(metadata=attribute())
     c: Array = field(default_factory=lambda: np.ones(1))
     d: Array = field(default_factory=lambda: np.ones(1))
     f: tuple[Array, ...] = ()
-    offset: float = 0.0
-    theta_cov: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    noise_variance: float = 0.0
-    input_names: tuple[str, ...] = ()
+    offset: float = field(default=0.0, metadata=variable(unit=lambda model: model.output_units[0]))
+    theta_cov: Array = field(
+        default_factory=lambda: np.zeros((0, 0)), metadata=variable("coefficient", "other_coefficient")
+    )
+    noise_variance: float = field(default=0.0, metadata=variable(unit=lambda model: squared(model.output_units[0])))
+    input_names: tuple[str, ...] = field(
+        default=(), metadata=coordinate("input", name="input", of=lambda model: list(model.input_names))
+    )
     output_names: tuple[str, ...] = ("output",)
-    input_units: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = field(
+        default=(), metadata=coordinate("input", name="input_unit", of=lambda model: list(model.input_units))
+    )
     output_units: tuple[str, ...] = ("",)
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "polynomials_by_power": several(by_power),
+        "theta": variable("coefficient"),
+        "output_name": attribute(of=lambda model: model.output_names[0]),
+        "output_unit": attribute(of=lambda model: model.output_units[0]),
+        "power": coordinate("power", of=lambda model: np.arange(length(model))),
+        "document": document(to_document),
+    }
 
     def __post_init__(self) -> None:
         m = len(self.b)
@@ -319,12 +344,6 @@ class LinearModel:
             output_units=self.output_units,
             provenance=self.provenance,
         )
-
-    def to_xarray(self) -> Any:
-        """Return the model as an `xarray.Dataset`; see `deatwin.ident.narx.linear.datasets.model_dataset`."""
-        from deatwin.ident.narx.linear.datasets import model_dataset
-
-        return model_dataset(self)
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.

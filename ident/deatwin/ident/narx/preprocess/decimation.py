@@ -8,16 +8,17 @@ doi:10.1142/S0218127495001158): the smaller of the two should lie at 10 to 20 sa
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.operating import read_only
-from deatwin.ident.narx.preprocess.datasets import sampling_dataset
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 
@@ -42,7 +43,7 @@ class SamplingStatus(Enum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SamplingChoice:
+class SamplingChoice(Described):
     """Correlation functions of the output and the decimation that they ask for.
 
     Parameters
@@ -63,15 +64,20 @@ class SamplingChoice:
         Whether the sampling time suits.
     """
 
-    linear: Array
-    nonlinear: Array
-    linear_band: float
-    nonlinear_band: float
-    sample_time: float
-    linear_minimum: int | None
-    nonlinear_minimum: int | None
-    factor: int
-    status: SamplingStatus
+    linear: Array = field(metadata=variable("lag", about="correlation of the output with itself"))
+    nonlinear: Array = field(metadata=variable("lag", about="correlation of the squared output with itself"))
+    linear_band: float = field(metadata=attribute())
+    nonlinear_band: float = field(metadata=attribute())
+    sample_time: float = field(metadata=attribute())
+    linear_minimum: int | None = field(metadata=attribute())
+    nonlinear_minimum: int | None = field(metadata=attribute())
+    factor: int = field(metadata=attribute())
+    status: SamplingStatus = field(metadata=status_of())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "lag": coordinate("lag", of=lambda choice: np.arange(choice.linear.size), unit="samples"),
+        "lag_time": coordinate("lag", of=lambda choice: np.arange(choice.linear.size) * choice.sample_time, unit="s"),
+    }
 
     @property
     def first_minimum(self) -> int | None:
@@ -105,10 +111,6 @@ class SamplingChoice:
         axes.set_title(f"decimate by {self.factor}" if self.factor > 1 else "keep all samples", fontsize="medium")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return both correlation functions as an `xarray.Dataset` over the lag."""
-        return sampling_dataset(self)
 
 
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -14,10 +15,10 @@ from deatwin.ident.narx.identifier import NarxIdentifier, Progress, silent
 from deatwin.ident.narx.lags import Lags, lags_anywhere
 from deatwin.ident.narx.levels import remarks_on_levels
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.preprocess.datasets import orders_dataset
 from deatwin.ident.narx.preprocess.dead_time import DeadTime, estimate_dead_time, lags_after
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.parallel import run_jobs
+from deatwin.plant.datasets import Described, Metadata, attribute, squared, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -64,20 +65,25 @@ class OrderTrial:
         Of a failure.
     """
 
-    output_lags: Lags
-    input_lags: Lags
+    output_lags: Lags = field(metadata=variable(of=lambda trial: str(trial.output_lags)))
+    input_lags: Lags = field(metadata=variable(of=lambda trial: str(trial.input_lags)))
     degree: int
     n_terms: int = 0
     n_input_terms: int = 0
-    error: float = np.inf
-    mean_square: float = np.inf
-    standard_error: float = np.inf
-    status: TrialStatus = TrialStatus.NOT_RUN
+    error: float = field(
+        default=np.inf, metadata=variable(unit=attrgetter("unit"), about="RMS of the free run, held-out data")
+    )
+    mean_square: float = field(default=np.inf, metadata=variable(unit=lambda choice: squared(choice.unit)))
+    standard_error: float = field(
+        default=np.inf,
+        metadata=variable(unit=lambda choice: squared(choice.unit), about="standard error of mean_square"),
+    )
+    status: TrialStatus = field(default=TrialStatus.NOT_RUN, metadata=variable(of=lambda trial: trial.status.name))
     reason: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
-class OrderChoice:
+class OrderChoice(Described):
     """The grid of lags and degrees, and the point that is chosen.
 
     Parameters
@@ -92,10 +98,17 @@ class OrderChoice:
         A sentence for each input of too few levels to show the largest degree.
     """
 
-    trials: tuple[OrderTrial, ...]
+    trials: tuple[OrderTrial, ...] = field(metadata=table_along("trial", name=""))
     unit: str = ""
     dead_times: tuple[DeadTime, ...] = ()
     remarks: tuple[str, ...] = ()
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "chosen": variable(
+            "trial", of=lambda choice: [bool(choice.done) and trial is choice.chosen for trial in choice.trials]
+        ),
+        "n_done": attribute(of=lambda choice: len(choice.done)),
+    }
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
@@ -199,10 +212,6 @@ class OrderChoice:
         axes.set_ylabel(f"free-run error ({self.unit})" if self.unit else "free-run error")
         axes.legend()
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return all trials with their errors as an `xarray.Dataset` over trial."""
-        return orders_dataset(self)
 
 
 def choose_orders(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.narx.preprocess.datasets import sections_dataset
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
     STATISTICS,
@@ -21,6 +20,18 @@ from deatwin.ident.narx.preprocess.stationarity import (
 )
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    columns,
+    coordinate,
+    several,
+    status_of,
+    table_along,
+    variable,
+)
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
@@ -81,8 +92,8 @@ class Stretch:
     """
 
     record: int
-    first: int
-    last: int
+    first: int = field(metadata=variable(unit="samples"))
+    last: int = field(metadata=variable(unit="samples"))
     p_value: float
 
     @property
@@ -91,8 +102,19 @@ class Stretch:
         return self.last - self.first
 
 
+def _test_table(found: Sections) -> Variables:
+    return columns(
+        "test",
+        [
+            {"record": number, "signal": t.signal, "statistic": t.statistic, "kind": t.test, "p_value": t.p_value}
+            for number, each in enumerate(found.tests)
+            for t in each
+        ],
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sections:
+class Sections(Described):
     """Sections for training and validation, and why these.
 
     Parameters
@@ -119,12 +141,29 @@ class Sections:
     recordings: tuple[Recording, ...]
     training: Recording
     validation: Recording
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Stretch, ...] = field(metadata=table_along("stretch"))
     tests: tuple[tuple[StationarityTest, ...], ...]
-    segment_s: tuple[float, ...]
-    correlation_time_s: tuple[float, ...]
-    level: float
-    status: SectionStatus
+    segment_s: tuple[float, ...] = field(
+        metadata=variable("record", name="segment", unit="s", about="length of a segment")
+    )
+    correlation_time_s: tuple[float, ...] = field(
+        metadata=variable("record", name="correlation_time", unit="s", about="longest within the segments")
+    )
+    level: float = field(metadata=attribute())
+    status: SectionStatus = field(metadata=status_of())
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "tests": several(_test_table),
+        "section": coordinate("section", of=lambda _: ["training", "validation"]),
+        "section_start": variable("section", of=lambda found: [found.training.start, found.validation.start], unit="s"),
+        "section_end": variable("section", of=lambda found: [found.training.end, found.validation.end], unit="s"),
+        "section_n_samples": variable(
+            "section", of=lambda found: [found.training.n_samples, found.validation.n_samples]
+        ),
+        "record_start": variable("record", of=lambda found: [one.start for one in found.recordings], unit="s"),
+        "record_end": variable("record", of=lambda found: [one.end for one in found.recordings], unit="s"),
+        "segments_are_long": attribute(),
+    }
 
     @property
     def segments_are_long(self) -> bool:
@@ -174,10 +213,6 @@ class Sections:
         axes.set_ylabel(axis_label(record.output_names[0], record.output_units[0]))
         axes.legend(loc="upper right")
         return axes
-
-    def to_xarray(self) -> Any:
-        """Return sections, stretches and tests as an `xarray.Dataset` of tables."""
-        return sections_dataset(self)
 
 
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:

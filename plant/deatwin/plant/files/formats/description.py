@@ -8,7 +8,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Mapping
 from itertools import chain, count
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +18,37 @@ from deatwin.plant.files.formats.table import Declared, Signal, Timing
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.intake import clipped
-from deatwin.plant.recording import Recording
 
 SCHEMA = "deatwin/recording/1"
 KEY = "deatwin"  # the variable, property or attribute that holds the description
 
 
-def signals_of(recording: Recording, header: Callable[[str, str], str], *, taken: Iterable[str]) -> list[Signal]:
+class Signals(Protocol):
+    """The signals of a recording, in SI units."""
+
+    @property
+    def inputs(self) -> NDArray[np.float64]: ...
+    @property
+    def outputs(self) -> NDArray[np.float64]: ...
+    @property
+    def extras(self) -> Mapping[str, NDArray[np.float64]]: ...
+    @property
+    def input_names(self) -> tuple[str, ...]: ...
+    @property
+    def output_names(self) -> tuple[str, ...]: ...
+    @property
+    def input_units(self) -> tuple[str, ...]: ...
+    @property
+    def output_units(self) -> tuple[str, ...]: ...
+    @property
+    def extra_units(self) -> Mapping[str, str]: ...
+    @property
+    def sample_time(self) -> float: ...
+    @property
+    def provenance(self) -> Mapping[str, str]: ...
+
+
+def signals_of(recording: Signals, header: Callable[[str, str], str], *, taken: Iterable[str]) -> list[Signal]:
     """Return the signals of a recording, each with a header that no other one has."""
     plain = [
         *(("input", *pair) for pair in zip(recording.input_names, recording.input_units, strict=True)),
@@ -40,7 +64,7 @@ def signals_of(recording: Recording, header: Callable[[str, str], str], *, taken
     return signals
 
 
-def rows_of(recording: Recording) -> list[NDArray[np.float64]]:
+def rows_of(recording: Signals) -> list[NDArray[np.float64]]:
     """Return the values of all signals in SI units, in the order of `signals_of`."""
     return [*recording.inputs, *recording.outputs, *recording.extras.values()]
 
@@ -59,7 +83,7 @@ def header_with_unit(name: str, unit: str) -> str:
     return header if fits else ""
 
 
-def describe(recording: Recording, signals: Iterable[Signal]) -> str:
+def describe(recording: Signals, signals: Iterable[Signal]) -> str:
     """Return the description of a recording."""
     return json.dumps(
         {

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.conversion import as_dataset
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
@@ -77,7 +76,7 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
 def write_netcdf(path: str | Path, recording: Recording) -> None:
     """Write a recording as a NetCDF file of version 4, as `Recording.to_xarray` has it."""
     _xarray("a NetCDF file")
-    dataset = as_dataset(recording)
+    dataset = recording.to_xarray()
     plain = {name: {"_FillValue": None} for name in dataset.variables}
     dataset.to_netcdf(path, engine="h5netcdf", encoding=plain)
 

@@ -213,9 +213,9 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     assert found is not None
     assert found.recording is None
     assert found.measure in ("the current", "the voltage on the film")  # which only the one of them makes late
-    written = found.to_dict()
-    assert written["file"] is None
-    assert written["measure"] == found.measure
+    written = found.summary
+    assert written.file is None
+    assert written.measure == found.measure
     assert found.confusion_after == found.confusion_before > 0.3
     assert "measure the" in found.sentence
     found.save_input(tmp_path / "next_input.csv")
@@ -261,8 +261,8 @@ def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypa
     assert found.verdict is Verdict.AMBIGUOUS
     (pair,) = found.indistinguishable
     assert pair in [{"effects": list(d.effects), "d2": d.d2} for d in known]
-    assert found.next_experiment is not None
-    assert found.next_experiment["confusion_before"] >= distance.confusion(pair["d2"])
+    assert found.advice is not None
+    assert found.advice.confusion_before >= distance.confusion(pair.d2)
 
 
 @compiled
@@ -373,7 +373,7 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     assert 2 * told / 3 < found.confusion_after < (2 * 0.5 + told) / 3
     assert found.confusion_after < found.confusion_before
     assert f"if electrode rc and sensor lag are left, measure {found.measure}." in found.sentence
-    assert found.to_dict()["undecided"] == list(found.undecided)
+    assert found.summary.undecided == found.undecided
 
 
 @pytest.mark.parametrize(
@@ -512,9 +512,9 @@ def test_the_advised_input_decides_a_tie(tmp_path):
     found.save_input(tmp_path / "next_input.csv")
     again = read_commands(tmp_path / "next_input.csv")
     np.testing.assert_array_equal(again.inputs, found.recording.inputs)
-    written = found.to_dict()
-    assert written["file"] == "next_input.csv"
-    assert written["seconds"] == found.seconds == pytest.approx(again.duration)
+    written = found.summary
+    assert written.file == "next_input.csv"
+    assert written.seconds == found.seconds == pytest.approx(again.duration)
     assert found.rivals == ("delay", "electrode_rc")
     axes = found.plot()
     assert "µm" in axes.get_ylabel()

@@ -19,7 +19,7 @@ from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 from deatwin.ident.mismatch.naming.candidate import judge
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 STEP, NOISE, MODEL_ERROR = 0.02, 2e-6, 1.2e-6
@@ -321,7 +321,7 @@ def test_a_plant_that_is_its_own_truth_lacks_nothing():
     assert not found.mismatch
     assert found.testable
     assert found.moved > 20 * PLANT.rig.noise
-    written = json.loads(json.dumps(found.to_dict()))
+    written = json.loads(json.dumps(records.plain(found.summary)))
     assert {"p_value", "excess", "smallest_detectable"} <= written.keys()
     assert written["excess"] == pytest.approx(found.size * 1e6)
     assert len(found.plot()) == 3
@@ -342,7 +342,7 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
     assert not found.mismatch
-    assert found.to_dict()["taken_up"] is True
+    assert found.summary.taken_up is True
 
 
 @pytest.mark.parametrize(
@@ -371,7 +371,7 @@ def test_what_the_plant_cannot_take_up_is_missing(at):
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
     assert found.mismatch
-    assert found.to_dict()["taken_up"] is False
+    assert found.summary.taken_up is False
 
 
 def test_a_level_with_a_tiny_ripple_tests_nothing():

@@ -35,6 +35,7 @@ from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import LowPass, Play, Power
 from deatwin.plant.excitation import band_limited_noise, random_holds
+from deatwin.plant.records import plain
 from deatwin.plant.rigs.base import ReadingTime
 
 SAMPLES, SAMPLE_TIME, NOISE = 2400, 0.02, 20e-6
@@ -315,7 +316,7 @@ def test_a_reading_of_the_state_of_rest_answers_to_nothing():
     rig = Unwatched(reading=ReadingTime.START_OF_HOLD)
     bench, base = benched(rig, recorded(Plant(rig=rig, values=TRUE, effects=(Bent(),)), 0))
     discovery = discover(bench, base, np.random.default_rng(0))
-    assert discovery.to_dict()["place"] == "sensor"
+    assert discovery.summary.place == "sensor"
     assert discovery.after < 1.1 * NOISE
 
 
@@ -323,13 +324,13 @@ def test_where_nothing_is_watched_the_reading_takes_it():
     plant = Plant(rig=Unwatched(), values=TRUE, effects=(Bent(),))
     bench, base = benched(Unwatched(), recorded(plant, 0))
     discovery = discover(bench, base, np.random.default_rng(0))
-    assert discovery.to_dict()["place"] == "sensor"
+    assert discovery.summary.place == "sensor"
     assert discovery.after < 1.1 * NOISE
 
 
 def test_it_goes_into_a_diagnosis_and_a_model_file():
     discovery = found("bumper")
-    written = json.loads(json.dumps(discovery.to_dict()))
+    written = json.loads(json.dumps(plain(discovery.summary)))
     assert set(written) == {"place", "signal", "terms", "before", "after", "gain_low"}
     assert (written["place"], written["signal"]) == ("ball", "force")
     assert written["before"] == pytest.approx(discovery.before * 1e6)  # µm

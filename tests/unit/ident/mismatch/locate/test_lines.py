@@ -96,7 +96,7 @@ def test_the_branch_and_the_time_since_rest_are_operating_regions():
 def test_spectra_draw_themselves():
     found = locate_frequency([track(NOISE * np.random.default_rng(7).standard_normal(3000))], NOISE)
     assert found.plot().get_xscale() == "log"
-    assert found.to_dict() == []
+    assert found.bands == ()
 
 
 def test_a_location_writes_its_unit_as_a_person_does():

@@ -61,9 +61,9 @@ def test_the_place_is_among_the_best(place):
     found = placed(CONCEALED[place], 0)
     assert found.repeatable
     assert place in found.among_best
-    table = found.to_dict()
-    assert [row["place"] for row in table] == list(dict.fromkeys(o.place for o in found.opened))
-    assert all(0.0 <= row["score"] <= 1.0 for row in table)
+    table = found.summary
+    assert [row.place for row in table] == list(dict.fromkeys(o.place for o in found.opened))
+    assert all(0.0 <= row.score <= 1.0 for row in table)
     assert found.plot().get_xlabel()
 
 

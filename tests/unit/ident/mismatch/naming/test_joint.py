@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.naming.joint import joint_trials
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead
+from deatwin.ident.mismatch.naming.sets import joint_trials
 from deatwin.plant import Creep, Delay, Diaphragm, ElectrodeRC, Hysteresis, Plant, SensorDrift, SensorJump
 
 PLANT = Plant(rig=Diaphragm())

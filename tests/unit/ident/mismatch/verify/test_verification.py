@@ -62,19 +62,11 @@ def test_a_doubt_of_one_effect_is_none_of_the_others():
 
 def test_the_file_has_amplitudes_in_micrometres():
     taken = Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97)
-    data = verification(ablations=(taken,)).to_dict()
-    assert data["gain_low"] == pytest.approx(7.0) and data["counts"] is False
-    assert data["ablation"] == [
-        {
-            "effect": "creep",
-            "fitted": pytest.approx(9.0),
-            "unseen": pytest.approx(10.0),
-            "gain_low": pytest.approx(7.0),
-            "share": 0.97,
-            "counts": False,
-        }
-    ]
-    assert verification(output_unit="V").to_dict()["gain_low"] == 7e-6
+    data = verification(ablations=(taken,)).summary
+    assert data.gain_low == pytest.approx(7.0) and data.counts is False
+    sizes = {name: pytest.approx(size) for name, size in (("fitted", 9.0), ("unseen", 10.0), ("gain_low", 7.0))}
+    assert data.ablation == (Ablation(effect="creep", share=0.97, counts=False, **sizes),)
+    assert verification(output_unit="V").summary.gain_low == 7e-6
 
 
 def test_it_draws_every_part(monkeypatch):

@@ -1,27 +1,77 @@
-"""Pictures of the variational inference: bounds, relevances and their paths, posterior densities."""
+"""The steps of a variational inference that prunes terms, with pictures of bounds, relevances and their paths."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.panels import panels_or_new
-from deatwin.ident.narx.posterior import ThetaPosterior, quantile
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.narx.svb import PruningStep
-
 
 Array = NDArray[np.float64]
 
 _NAMED = 10  # paths with a label of their own, as many as there are colours
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PruningStep(Described):
+    """One step of the pruning loop.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+        The terms fitted in this step.
+    indices : ndarray of int, shape (n_terms,)
+        Their positions among the candidates.
+    relevance : ndarray, shape (n_terms,)
+        1 / E[alpha] of each, for regressors of root mean square about 1.
+    threshold : float
+        Terms whose relevance does not exceed it are pruned next.
+    bounds : tuple of float
+        Lower bound after each update.
+    """
+
+    terms: tuple[Term, ...]
+    indices: NDArray[np.intp] = field(metadata=variable("term", name="index", about="position among the candidates"))
+    relevance: Array = field(
+        metadata=variable("term", about="1 / E[alpha], for regressors of root mean square about 1")
+    )
+    threshold: float = field(metadata=attribute())
+    bounds: tuple[float, ...] = field(
+        metadata=variable("update", name="bound", unit="nat", about="lower bound of the log evidence")
+    )
+
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {
+        "term": coordinate("term", of=lambda step: np.array([str(term) for term in step.terms], dtype=str)),
+    }
+
+    @property
+    def lower_bound(self) -> float:
+        """Converged lower bound in nats."""
+        return self.bounds[-1]
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the relevance of each term, with the threshold and those that it prunes.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Where to draw; new axes otherwise.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        return draw_relevance(self, ax)
 
 
 def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
@@ -96,33 +146,3 @@ def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) ->
     axes.set_xlim(0, 1.6 * len(path))  # room for the names beside the paths
     axes.legend(fontsize="small", loc="upper right")
     return axes
-
-
-def draw_densities(
-    posterior: ThetaPosterior, axes: Sequence[Axes] | None, truth: Array | None, level: float
-) -> list[Axes]:
-    """Draw the marginal density of each parameter, its central interval shaded. Shapes: `truth` (n_terms,)."""
-    model = posterior.model
-    panels = panels_or_new(axes, len(model.terms), height=1.3)
-    intervals = posterior.interval(level)
-    reach = quantile(0.9999, model.theta_dof)
-    for m, panel in enumerate(panels):
-        middle, scale = model.theta[m], posterior.scale[m]
-        ends = [middle - reach * scale, middle + reach * scale]
-        if truth is not None:
-            ends = [min(ends[0], truth[m]), max(ends[1], truth[m])]
-        values = np.linspace(ends[0], ends[1], 401)
-        density = posterior.density(m, values)
-        panel.plot(values, density, color="C0")
-        inside = (values >= intervals[m, 0]) & (values <= intervals[m, 1])
-        panel.fill_between(
-            values[inside], density[inside], color="C0", alpha=0.3, linewidth=0, label=f"{100 * level:g} %"
-        )
-        if truth is not None:
-            panel.axvline(truth[m], color="C3", linestyle="--", label="true")
-        panel.set_yticks([])
-        panel.set_ylabel(str(model.terms[m]), rotation=0, horizontalalignment="right", verticalalignment="center")
-    if panels:
-        panels[0].legend(fontsize="small")
-        panels[-1].set_xlabel("parameter")
-    return panels

@@ -1,0 +1,81 @@
+"""What the steps of a diagnosis found, from which its conclusion is put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.advise.advice import Advice
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.detect.detection import Detection
+from deatwin.ident.mismatch.discover.discovery import Discovery
+from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.locate.location import Location
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.refit.base import Base
+from deatwin.ident.mismatch.verdict import Verdict
+from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.plant.amplitudes import amplitude_unit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Findings:
+    """What the steps of a diagnosis found, each as its own result; SI.
+
+    Parameters
+    ----------
+    bench : Bench
+        Plant, effects and recordings.
+    checked : Gate
+        State of the recordings.
+    base : Base
+        The calibrated base plant.
+    detection : Detection
+        Whether anything is missing.
+    location : Location or None
+        Where it is missing; None where nothing is.
+    naming : Naming
+        The explanations that were tried.
+    verification : Verification
+        On unseen data.
+    advice : Advice or None
+        The experiment that would tell rivals apart.
+    discovery : Discovery or None
+        A free form of what no effect explains.
+    verdict : Verdict
+        The conclusion.
+    answer : Candidate
+        The explanation, or the base plant.
+    final : Calibration
+        The answer, fitted to all sound samples.
+    """
+
+    bench: Bench
+    checked: Gate
+    base: Base
+    detection: Detection
+    location: Location | None
+    naming: Naming
+    verification: Verification
+    advice: Advice | None
+    discovery: Discovery | None
+    verdict: Verdict
+    answer: Candidate
+    final: Calibration
+
+    @property
+    def named(self) -> bool:
+        """Whether the answer has causes."""
+        return bool(self.answer.effects)
+
+    @property
+    def calibrated(self) -> Calibration:
+        """The base plant as it is reported: fitted to all recordings where that took up what seemed to be missing."""
+        taken_up = self.detection.taken_up
+        return self.base.chosen.calibration if taken_up is None else taken_up
+
+    @property
+    def unit(self) -> tuple[str, float]:
+        """Unit of amplitudes, and its SI size."""
+        return amplitude_unit(self.final.plant.rig.output_unit)

@@ -1,0 +1,124 @@
+"""Where a mismatch is, as a diagnosis says it; amplitudes in the unit that is reported."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from operator import attrgetter
+
+from deatwin.plant.datasets import variable
+from deatwin.plant.records import OPTIONAL, key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """A stretch of the clock."""
+
+    from_s: float = field(metadata=variable(unit="s"))
+    to_s: float = field(metadata=variable(unit="s"))
+    score: float = field(
+        metadata=variable(about="share of the mismatch's energy")
+    )  # Its share of the mismatch's energy
+    slope: float = field(
+        default=0.0, metadata=variable(about="growth of the residual, SI per s")
+    )  # At which the residual grows there, per s; 0 where the growth is not significant
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A band of frequencies whose spectrum lies above the floor."""
+
+    from_Hz: float = field(metadata=variable(unit="Hz"))
+    to_Hz: float = field(metadata=variable(unit="Hz"))
+    excess_dB: float = field(
+        metadata=variable(unit="dB", about="mean power over that of the sensor's noise")
+    )  # Mean power over that of the sensor's noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineGroup:
+    """A group of lines of the residual's spectrum."""
+
+    kind: str  # excited, odd or even (not excited), or varying: what changes from period to period, on all lines
+    rms: float = field(
+        metadata=variable(about="what the residual holds there, SI")
+    )  # What the residual holds there, without what varies (of the last group: all of it)
+    p_value: float  # Of nothing there; of the last group, of no more than the sensor's white noise
+    lines: int = field(metadata=variable(about="how many"))  # How many
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinesSummary:
+    """The residual under a periodic input, by groups of lines."""
+
+    period_s: float  # Of the input
+    periods: int  # That were compared
+    groups: tuple[LineGroup, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A range of an operating signal in which the residual has a mean."""
+
+    signal: str
+    low: float = field(metadata=key("from"))  # In the signal's unit
+    high: float = field(metadata=key("to"))
+    mean_residual: float = field(metadata=variable(unit=attrgetter("unit")))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceSummary:
+    """What the best single effect at a place takes up; where none was tried, what the signals there predict."""
+
+    place: str
+    score: float  # Share of what is not noise, 0 to 1
+    signal: str | None = field(default=None, metadata=OPTIONAL)
+    log_likelihood_gain: float | None = field(
+        default=None, metadata=OPTIONAL
+    )  # With a wandering quantity there, against none
+    p_value: float | None = field(default=None, metadata=OPTIONAL)  # Of that gain
+    explained: float | None = field(
+        default=None, metadata=OPTIONAL
+    )  # Share of the mean square that the signals there predict
+    among_best: bool | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseDifference:
+    """An order and a band in which the recordings' response is not the plant's."""
+
+    order: int  # n of H_n
+    from_Hz: float
+    to_Hz: float
+    p_value: float  # Of no more than the model error makes in the readings, corrected for the number of tests
+    size: float  # The difference of the means over the band, over the gain of the plant there
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocationSummary:
+    """Where the mismatch is.
+
+    Parameters
+    ----------
+    time : tuple of Window
+        When.
+    period_s : float or None
+        At which the mismatch comes back, s; None where it does not.
+    frequency : tuple of Band
+        At which frequencies.
+    lines : LinesSummary or None
+        On which lines of a periodic input; None where no record has one.
+    region : tuple of Region
+        In which range of the operating signals.
+    place : tuple of PlaceSummary
+        In which part of the plant, the best first.
+    response : tuple of ResponseDifference, or None
+        In which order and band of the response; None where that could not be tested.
+    """
+
+    time: tuple[Window, ...]
+    period_s: float | None = None
+    frequency: tuple[Band, ...]
+    lines: LinesSummary | None = None
+    region: tuple[Region, ...]
+    place: tuple[PlaceSummary, ...]
+    response: tuple[ResponseDifference, ...] | None = None

@@ -1,0 +1,336 @@
+"""What a diagnosis finds, as its file holds it: amplitudes in the unit that ``output`` names, parameters in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+
+from deatwin.plant.datasets import variable
+from deatwin.plant.records import OPTIONAL, Json, key
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """The reading, and the unit of its amplitudes."""
+
+    name: str
+    unit: str
+
+
+# Detection
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statistic:
+    """One group of statistics of the residual."""
+
+    name: str
+    value: float  # Largest of the group: a ratio of mean squares, a distance of periodograms, or a correlation
+    where: str = ""  # The part of the data, the frequency, or the regressor at which it is found
+    score: float | None = None  # Standardised by what chance gives
+    p_value: float  # Of this group alone
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepeatabilitySummary:
+    """How alike the residual is where a command is repeated."""
+
+    correlation: float
+    share: float  # Of what is not noise: how much comes back; low and high two standard deviations off
+    low: float
+    high: float
+    explainable: float  # Largest share that any deterministic model can explain
+
+
+@dataclass(frozen=True, kw_only=True)
+class OriginSummary:
+    """What speaks for the plant or for a disturbance."""
+
+    by: str  # repeats, prediction or nothing
+    share: float  # Of what is left: how much comes back or can be predicted; low and high two standard deviations off
+    low: float
+    high: float
+    left: float  # Rms of what is neither noise nor a form that the plant can take
+    conclusion: str  # plant, disturbance or undecided
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectionSummary:
+    """Whether anything is missing, and what could have been seen.
+
+    Parameters
+    ----------
+    p_value : float or None
+        Chance of statistics as large where nothing is missing.
+    excess : float or None
+        Rms beyond the sensor's noise.
+    practical : float or None
+        Rms from which an excess counts.
+    taken_up : bool or None
+        Whether the plant leaves nothing that counts once the unseen part is fitted, too.
+    moved : float or None
+        Rms of what the commands move the readings by.
+    smallest_detectable : mapping of str to float or None
+        For each effect the rms that it must add to the readings to be detected; None where the refit takes it up.
+    statistics : tuple of Statistic or None
+        One for each group.
+    noise_source : str or None
+        Where the noise is known from.
+    repeatability : RepeatabilitySummary or None
+        None where no command is repeated.
+    origin : OriginSummary or None
+        Whether the residual is the plant's.
+    """
+
+    p_value: float | None
+    excess: float | None
+    practical: float | None = field(default=None, metadata=OPTIONAL)
+    taken_up: bool | None = field(default=None, metadata=OPTIONAL)
+    moved: float | None = field(default=None, metadata=OPTIONAL)
+    smallest_detectable: Mapping[str, float | None]
+    statistics: tuple[Statistic, ...] | None = field(default=None, metadata=OPTIONAL)
+    noise_source: str | None = field(default=None, metadata=OPTIONAL)
+    repeatability: RepeatabilitySummary | None = None
+    origin: OriginSummary | None = None
+
+
+# Verification
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ablation:
+    """What happens when one effect is taken out and the rest is fitted anew."""
+
+    effect: str
+    fitted: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect")
+    )  # Rms residuals without it
+    unseen: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
+    gain_low: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of what the effect takes away")
+    )  # Lower 95 % bound of how much the effect lowers the rms on the unseen part
+    share: float = field(
+        metadata=variable(about="share of the mismatch's energy that returns")
+    )  # Of the mismatch's energy that returns, from 0 to 1
+    counts: bool = False  # Whether the error grows for certain over both parts, on the unseen one beyond model error
+
+    @property
+    def returns(self) -> bool:
+        """Whether the error comes back for certain, on unseen data too.
+
+        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
+        """
+        return self.gain_low > 0.0 or self.counts
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShamSummary:
+    """What a spoilt effect gains, relative to the effect itself."""
+
+    effect: str
+    kind: str = field(metadata=key("sham"))  # How it was spoilt
+    share: float | None
+    expected: float | None  # What it would gain if the effect were the truth
+    rejected: bool | None  # Whether it explains less than the effect, as it should; None where it was skipped
+    skipped: str  # Why nothing can be learned of it; empty if it was judged
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferSummary:
+    """Before and after on one part of the unseen data."""
+
+    part: str
+    before: float | None  # Rms residuals
+    after: float | None
+    gain_low: float  # One-sided 95 % bounds of the fall
+    gain_high: float
+    worse: bool  # Whether the error certainly grows there, beyond noise and model error
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstancySummary:
+    """How the strength of one effect would change over what was fitted."""
+
+    effect: str
+    own: float  # Share of the change's power that nothing else in the plant can make
+    change: float | None  # Relative to the fitted strength; None where that cannot be told
+    deviation: float | None
+    mends: bool = False  # Whether too much is left, most of which the change would take
+    holds: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class VerificationSummary:
+    """What the best explanation had to bear on unseen data.
+
+    Parameters
+    ----------
+    holds : bool
+        Whether nothing speaks against it.
+    failures : tuple of str
+        What speaks against it, each in a clause.
+    gain_low : float
+        Lower 95 % bound of the fall of the rms.
+    counts : bool or None
+        Whether the error falls for certain over both parts together, and on the unseen one beyond model error.
+    ablation : tuple of Ablation
+        Each effect taken out, the rest fitted anew.
+    shams : tuple of ShamSummary
+        Of each kind for each effect.
+    transfer : tuple of TransferSummary
+        Each record, where there are several, and each third of the amplitudes.
+    constancy : tuple of ConstancySummary or None
+        One for each effect that is no event.
+    """
+
+    holds: bool
+    failures: tuple[str, ...]
+    gain_low: float
+    counts: bool | None = field(default=None, metadata=OPTIONAL)
+    ablation: tuple[Ablation, ...]
+    shams: tuple[ShamSummary, ...]
+    transfer: tuple[TransferSummary, ...]
+    constancy: tuple[ConstancySummary, ...] | None = field(default=None, metadata=OPTIONAL)
+
+
+# Advice, free form, fit, and what stands beside them
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdviceSummary:
+    """The next experiment.
+
+    Parameters
+    ----------
+    file : str or None
+        Name of the input's file; None where no input can tell the rivals apart.
+    seconds : float or None
+        Length of the input, s.
+    confusion_before, confusion_after : float or None
+        Probability of taking the wrong explanation, before the input and after it.
+    waveform : str or None
+        What it looks like, in words.
+    added_mass_g : float or None
+        What has to be added to the load first, g.
+    measure : str or None
+        The signal that would tell apart what the input leaves.
+    undecided : tuple of str or None
+        Explanations that the input leaves with another one nearby.
+    """
+
+    file: str | None
+    seconds: float | None
+    confusion_before: float | None = field(default=None, metadata=OPTIONAL)
+    confusion_after: float | None = None
+    waveform: str | None = None
+    added_mass_g: float | None = None
+    measure: str | None = None
+    undecided: tuple[str, ...] | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeSummary:
+    """What gives a term its shape, SI."""
+
+    name: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TermSummary:
+    """One term of a free form, SI."""
+
+    term: str  # In words
+    coefficient: float
+    unit: str
+    shape: ShapeSummary | None = None
+    inclusion: float  # Share of the resampled records that chose it
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeFormSummary:
+    """A description of what is missing that is no physics.
+
+    Parameters
+    ----------
+    place : str
+        Where it enters.
+    signal : str or None
+        To which signal it is added.
+    terms : tuple of TermSummary
+        The one that adds most first; SI.
+    before, after : float
+        Rms error on the unseen part without and with it.
+    gain_low : float or None
+        Lower 95 % bound of the fall.
+    """
+
+    place: str
+    signal: str | None = field(default=None, metadata=OPTIONAL)
+    terms: tuple[TermSummary, ...]
+    before: float
+    after: float
+    gain_low: float | None = field(default=None, metadata=OPTIONAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Rms residuals on one part, before and after the causes were built in."""
+
+    before: float
+    after: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnseenErrors(Errors):
+    """The same on the unseen part, with the lower 95 % bound of the fall."""
+
+    gain_low: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitSummary:
+    """What the calibrated and the amended plant leave.
+
+    Parameters
+    ----------
+    fitted : Errors
+        Rms residuals on the fitted part.
+    unseen : UnseenErrors
+        On the unseen part.
+    """
+
+    fitted: Errors
+    unseen: UnseenErrors
+
+
+@dataclass(frozen=True, kw_only=True)
+class IndistinguishablePair:
+    """Two explanations that the recordings cannot tell apart."""
+
+    effects: tuple[str, ...]
+    d2: float  # Squared distance in units of the noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One kind of fault in a recording."""
+
+    experiment: int  # Counted from 1
+    recording: int  # Counted from 1
+    file: str  # Its name, or its times
+    fault: str
+    samples: int  # How many are at fault
+    from_s: float
+    to_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FormSummary:
+    """A way to read the rig file, and what it leaves without any effect."""
+
+    form: Mapping[str, Json]  # What is read otherwise than in the file, or where it is silent
+    fitted: float | None  # Rms residuals
+    unseen: float | None

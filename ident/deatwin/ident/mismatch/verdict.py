@@ -1,0 +1,147 @@
+"""The verdict of a diagnosis and its causes, with their parameters in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from deatwin.plant.prefixes import prefixed
+
+NOTHING = 1e-3
+"""Share of its interval below which a value is written as 0."""
+
+
+class Verdict(Enum):
+    """What a diagnosis concludes; the advice says what to do with it."""
+
+    NONE = "none"
+    PARAMETERS = "parameters"
+    NAMED = "named"
+    AMBIGUOUS = "ambiguous"
+    UNKNOWN = "unknown"
+    DISTURBANCE = "disturbance"
+    DATA_FAULT = "data_fault"
+    NOT_TESTABLE = "not_testable"
+
+    @property
+    def advice(self) -> str:
+        """What the verdict means for the user."""
+        return _ADVICE[self]
+
+
+_ADVICE: Mapping[Verdict, str] = {
+    Verdict.NONE: "no physics is missing beyond the sensor's noise and the plant's own model error",
+    Verdict.PARAMETERS: "only the parameters were off: use the calibrated plant",
+    Verdict.NAMED: "use the amended plant",
+    Verdict.AMBIGUOUS: "something is missing, but these recordings cannot tell the rivals apart",
+    Verdict.UNKNOWN: "something is missing that no effect of the catalogue explains: do not trust the plant there",
+    Verdict.DISTURBANCE: "the mismatch does not repeat with input and state: look for a disturbance",
+    Verdict.DATA_FAULT: "the recording is at fault: repeat it, or use the sound part",
+    Verdict.NOT_TESTABLE: "the input is too poor to test anything: excite more",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """A parameter as a person writes it, in a unit with a prefix."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """A parameter with its 95 % interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        SI.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    @property
+    def shown(self) -> Shown:
+        """The same as a person writes it.
+
+        A value that is nothing beside its interval about zero, as on a bound there, is 0.
+        """
+        nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
+        value = 0.0 if nothing else self.value
+        size, unit = prefixed(value or max(self.high, -self.low), self.unit)
+        return Shown(value=value / size, low=self.low / size, high=self.high / size, unit=unit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedParameter(Interval):
+    """A parameter of the calibrated plant.
+
+    Parameters
+    ----------
+    value, low, high : float
+        With its 95 % interval, SI.
+    unit : str
+        SI unit.
+    nominal : float or None
+        Before the calibration, SI.
+    at_bound : bool
+        Whether it ended on a bound of its range.
+    undetermined : bool
+        Whether its interval is its whole allowed range: the recordings say nothing of it.
+    """
+
+    nominal: float | None = None
+    at_bound: bool = False
+    undetermined: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """An effect that the recordings ask for.
+
+    Parameters
+    ----------
+    effect, family : str
+        Canonical names.
+    probability : float
+        Of this effect being part of the truth: among the explanations compared, less a margin for what nobody compared.
+    share_explained : float
+        Share of the mismatch's energy that goes with it, from 0 to 1.
+    parameters : mapping of str to Interval
+        The effect's own parameters.
+    """
+
+    effect: str
+    family: str
+    probability: float
+    share_explained: float
+    parameters: Mapping[str, Interval]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidateSummary:
+    """An explanation that was tried.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Empty for the base plant.
+    fitted, unseen : float
+        Rms residuals on the fitted and on the unseen part, SI.
+    d2 : float or None
+        Squared distance d² from the chosen explanation on these recordings, where it was computed.
+    """
+
+    effects: tuple[str, ...]
+    fitted: float
+    unseen: float
+    d2: float | None = None

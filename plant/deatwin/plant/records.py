@@ -1,0 +1,87 @@
+"""Typed records and the plain data that files hold: keys, optional fields and nesting follow from the fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
+from enum import Enum
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
+
+Json: TypeAlias = str | int | float | bool | Sequence[Any] | Mapping[str, Any] | None
+"""Free JSON data, such as the fields of a rig in which two readings of its file differ."""
+_KEY, _OPTIONAL, _INTERNAL = "key", "optional", "internal"
+_Record = TypeVar("_Record")
+OPTIONAL = {_OPTIONAL: True}
+"""Metadata of a field that a file leaves out where it is None."""
+INTERNAL = {_INTERNAL: True}
+"""Metadata of a field that no file holds."""
+
+
+def key(name: str) -> dict[str, str]:
+    """Metadata of a field that has another name in a file, as one that Python reserves."""
+    return {_KEY: name}
+
+
+def plain(value: Any) -> Any:
+    """The plain data of a record, of its fields in their order."""
+    if is_dataclass(value):
+        held = ((each, getattr(value, each.name)) for each in fields(value) if _INTERNAL not in each.metadata)
+        return {_name(each): plain(one) for each, one in held if one is not None or _OPTIONAL not in each.metadata}
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(one) for one in value]
+    return value
+
+
+def read(record: type[_Record], data: Any) -> _Record:
+    """The record that `plain` described; KeyError for a missing key, TypeError or ValueError for a wrong value."""
+    if not isinstance(data, Mapping):
+        raise TypeError(f"{record.__name__} is no mapping: {data!r:.80}")
+    hints, found = _hints(record), {}
+    for each in fields(record):  # type: ignore[arg-type]
+        name = _name(each)
+        if _INTERNAL in each.metadata:
+            continue
+        if name in data:
+            found[each.name] = _value(hints[each.name], data[name])
+        elif each.default is MISSING and each.default_factory is MISSING:
+            raise KeyError(name)
+    return record(**found)
+
+
+_hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
+
+
+def _name(each: Field[Any]) -> str:
+    return str(each.metadata.get(_KEY, each.name))
+
+
+def _value(hint: Any, value: Any) -> Any:
+    """A plain value as its type."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if hint == Json:
+        return value
+    if origin in (Union, UnionType):
+        return None if value is None else _value(next(one for one in arguments if one is not NoneType), value)
+    if origin is tuple:
+        return tuple(_value(arguments[0], one) for one in _of(Sequence, value))
+    if origin is not None:  # a mapping
+        return {key: _value(arguments[1], one) for key, one in _of(Mapping, value).items()}
+    if is_dataclass(hint):
+        return read(hint, value)  # type: ignore[arg-type]
+    if issubclass(hint, Enum):
+        return hint(value)
+    return _of((int, float) if hint is float else hint, value)
+
+
+def _of(kind: Any, value: Any) -> Any:
+    """The value, if it is of a kind; a text is no list, and a truth value no number."""
+    wrong = isinstance(value, bool) if kind is not bool and kind is not Mapping else False
+    if wrong or (kind is Sequence and isinstance(value, str)) or not isinstance(value, kind):
+        raise TypeError(f"{value!r:.80} is no {getattr(kind, '__name__', 'number')}")
+    return value
