@@ -13,10 +13,10 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.intake import clipped
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.rigfaults import number, size, unknown_symbols
+from deatwin.plant.safe_read import clipped
 
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig

@@ -23,10 +23,10 @@ from deatwin.plant.datasets import (
 )
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
-from deatwin.plant.intake import clipped
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.stated import LARGEST
+from deatwin.plant.safe_read import clipped
 from deatwin.plant.simulate import RunStatus
 
 SCHEMA = "deatwin/plant/1"

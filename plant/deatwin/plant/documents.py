@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
-from deatwin.plant.intake import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
+from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
 from deatwin.plant.schemacheck import shape_fault
 
 # A number that may be too large for a float: only then are numbers read the slow way.

@@ -3,7 +3,7 @@
 import difflib
 from collections.abc import Iterable
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 class DeatwinError(Exception):

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.errors import RigError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)

@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _TYPES: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),

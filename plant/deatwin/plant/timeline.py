@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.intake import ROWS
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
+from deatwin.plant.safe_read import ROWS
 
 OFF_CLOCK = 0.01
 """Share of a sample by which a record may miss the clock of the one before."""

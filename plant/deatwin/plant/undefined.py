@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 def undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:

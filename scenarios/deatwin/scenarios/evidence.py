@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import DataError, DeatwinError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import TITLES, markdown_table, opened_study, page_data, page_of

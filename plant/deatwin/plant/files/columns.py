@@ -11,7 +11,7 @@ from deatwin.plant.files.timecolumns import holds_times, likely_times, time_colu
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.files.wanted import in_units, require_known_units
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")

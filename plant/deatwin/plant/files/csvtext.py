@@ -13,7 +13,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # as a delimiter: any run of blanks and tabs

@@ -12,8 +12,8 @@ from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.files.wanted import split_stated
-from deatwin.plant.intake import clipped
 from deatwin.plant.resampling import resampling_options
+from deatwin.plant.safe_read import clipped
 
 _TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _STAMP_NAMES = (

@@ -13,7 +13,7 @@ from decimal import Decimal
 
 from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.units import UNITS
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"
 """The provenance that holds the date of a clock's zero."""

@@ -7,7 +7,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import for_name, is_misspelt, without_unit
 from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 @dataclass(frozen=True, kw_only=True)

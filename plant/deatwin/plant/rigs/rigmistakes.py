@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.plant.errors import nearest
-from deatwin.plant.intake import clipped
 from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
+from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
 """A section, or a section and a key of it; nothing for the file as a whole."""
@@ -75,7 +75,7 @@ def lines_of(text: str) -> dict[Place, int]:
     return found
 
 
-def told(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -> str:
+def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -> str:
     """Write mistakes as the text of one error."""
     if len(mistakes) == 1:
         (only,) = mistakes

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.errors import RigError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig

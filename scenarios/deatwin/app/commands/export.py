@@ -112,7 +112,7 @@ def _schema(source: str) -> str | None:
     """Of a JSON file; None where there is none, which loading it will complain about."""
     from deatwin.plant.documents import read_json
     from deatwin.plant.errors import ModelError
-    from deatwin.plant.intake import clipped
+    from deatwin.plant.safe_read import clipped
 
     try:
         document = read_json(source)

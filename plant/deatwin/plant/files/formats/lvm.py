@@ -22,7 +22,7 @@ from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import BEGAN
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.intake import COLUMNS, ROWS, TEXT_BYTES, clipped
+from deatwin.plant.safe_read import COLUMNS, ROWS, TEXT_BYTES, clipped
 
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"
 _SPECIAL, _SPECIAL_END = "***Start_Special***", "***End_Special***"

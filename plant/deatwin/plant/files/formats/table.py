@@ -12,7 +12,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.headers import said_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
 _NO_UNITS = ("", "-", "–", "1")  # as a line of units leaves one out

@@ -13,7 +13,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
-from deatwin.plant.intake import RECORDING_BYTES, clipped, in_words
+from deatwin.plant.safe_read import RECORDING_BYTES, clipped, in_words
 
 _MOST_PACKED = 1032  # bytes that zlib makes of one, at most (RFC 1951: 258 bytes of 2 bits)
 _PIECE = 1 << 20

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _END = r"\s*(?:#.*)?"
