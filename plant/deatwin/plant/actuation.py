@@ -34,7 +34,7 @@ class CurveEnd(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether all commands were reached."""
+        """True if all commands were reached."""
         return self is CurveEnd.COMMAND
 
 

@@ -1,4 +1,4 @@
-"""What rigs and effects write their equations into."""
+"""Collector of the equations that rigs and effects write."""
 
 from __future__ import annotations
 
@@ -434,7 +434,7 @@ class Builder:
         )
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
-        """Each equation depends on what it may, and on symbols of this builder only."""
+        """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""
         *_, p, c = arguments
         rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
         balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
@@ -454,7 +454,7 @@ class Builder:
             raise RigError(f"no balance depends on coordinate {', '.join(missing)}: nothing decides its value")
 
     def _on_the_clock(self, value: Symbol) -> Symbol:
-        """The same where the clock does not run as a step is taken."""
+        """Replace the time by the clock time, which runs unevenly over the parts of a divided sample."""
         return value if self._parts is None else ca.substitute(value, self.time, self._parts.clock(self.time))
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:

@@ -37,12 +37,12 @@ TWO_SIDED_95 = 1.959964
 class Prediction:
     """Readings that a calibrated plant expects, with their predictive band."""
 
-    mean: tuple[np.ndarray, ...]  # shape (n,): Of each recording, SI
+    mean: tuple[np.ndarray, ...]  # shape (n,): Mean of each recording, SI
     deviation: tuple[np.ndarray, ...]
-    status: RunStatus  # How the simulation ended; readings after a failure are NaN
+    status: RunStatus  # End of the simulation; readings after a failure are NaN
     failed_at: float | None  # Clock time of a failure, s
     failed_command: float | None  # Command at that time, in its unit
-    advice: str  # What the status says; of a plant without a state of rest, which equation is at fault
+    advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return the readings and their standard deviation as an `xarray.Dataset` over all samples. returns Along
@@ -237,7 +237,7 @@ class CalibratedPlant(Described):
 
 
 def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:
-    """All parameters must be there, each in its unit: what is left out would silently be a published value."""
+    """Require all parameters, each in its unit: a missing one would silently take its published value."""
     for parameter in plant.parameters.values():
         if parameter.name not in written:
             raise ModelError(f"the parameter {parameter.name} is missing")

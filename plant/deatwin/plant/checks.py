@@ -1,4 +1,4 @@
-"""What must hold before a recording is used; each check raises one clear error."""
+"""Checks of a recording before it is used; each raises one clear error."""
 
 from collections.abc import Sequence
 

@@ -51,7 +51,7 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
 
 
 _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)
-"""What a document of the right schema may raise whose values are of the wrong kind, too large or too deep."""
+"""Errors that values of the wrong kind, too large or too deep may raise in a document of the right schema."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

@@ -113,7 +113,7 @@ HISTORIES: tuple[History, ...] = (
         effects=(ElectrodeLoss(share=0.5, at=45.0),),
     ),
 )
-"""Of the first to the sixth; sizes and times lie in the typical ranges that the effects give."""
+"""Histories of the six actuators; sizes and times lie in the typical ranges of the effects."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -328,7 +328,7 @@ SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
     {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
 )
-"""What a rig says of itself besides its equations."""
+"""Statements of a rig about itself besides its equations."""
 
 
 class _Structure:

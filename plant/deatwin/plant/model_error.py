@@ -1,4 +1,4 @@
-"""What a rig's own equations cannot follow: the rest between them and finer ones after a refit.
+"""Model error of a rig's own equations: the residual against finer ones after a refit.
 
 A reduced plant whose parameters were calibrated has absorbed much of its own error: what counts for a diagnosis is
 what it cannot absorb on a given excitation. Both plants are simulated on it, the free parameters of the coarse one
@@ -36,7 +36,7 @@ BINS = 12
 EVALUATIONS = 30
 """Simulations that a refit may take; it settles in about ten."""
 DIGITS = 2
-"""To which the parameters are rounded: the error moves by a few percent of itself within one step."""
+"""Step to which the parameters are rounded: within it the error changes by a few percent of itself."""
 
 
 @runtime_checkable
@@ -44,7 +44,7 @@ class Refinable(Protocol):
     """A rig that has finer equations."""
 
     def finer(self) -> Rig:
-        """The same rig with finer equations and parameters of the same names."""
+        """Return the rig with finer equations and parameters of the same names."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -159,7 +159,7 @@ class Discrepancy:
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
-    """What a plant cannot follow of its finer twin on the commands of an experiment, kept on disk."""
+    """Return the residual of a plant against its finer twin on the commands of an experiment; it is kept on disk."""
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
         return _stated(plant.rig, commands)

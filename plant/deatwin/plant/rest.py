@@ -23,21 +23,21 @@ TENSION = "tension"
 """Signal in which a rig watches the least tension of its film."""
 CONTINUATION = 20
 HALVINGS = 5
-"""How often a step of the continuation is halved where no equilibrium is found."""
+"""Largest number of halvings of a continuation step without an equilibrium."""
 REACH, GROWTH = 0.1, 1.3
 """Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
 stretches, and how it grows."""
 SETTLED = 1e-11
 UNBALANCED = 1e-6
-"""What an equation of rest may be short of zero, against what an unknown that moves by its scale changes in it. An
-equilibrium that was found leaves about `SETTLED`, one that does not exist leaves a whole load."""
+"""Largest residual of an equation of rest, relative to its change when an unknown moves by its scale. An equilibrium
+that was found leaves about `SETTLED`; one that does not exist leaves a whole load."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestState:
     """Equilibrium under a constant command."""
 
-    found: bool  # Whether an equilibrium was found
+    found: bool  # True if an equilibrium was found
     x: np.ndarray  # States, coordinates and held quantities, SI
     z: np.ndarray
     d: np.ndarray
@@ -71,7 +71,7 @@ def rest_state(
             fault = _unbalanced(equations, residual.ravel()[kept] / rows, matrix, kept)
             break
     n_x, found = len(equations.states), not fault
-    # Where no equilibrium was found there is nothing to differentiate.
+    # Without an equilibrium there is nothing to differentiate.
     w_p = _slope(equations, w, inputs, values) if found else np.zeros((w.size, values.size))
     d, d_w, d_p = (np.asarray(v) for v in functions.held(w, values, constants))
     return RestState(
@@ -88,7 +88,7 @@ def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tup
 
 
 def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """How the state of rest moves with the parameters; what may stay anywhere moves with its guess."""
+    """Sensitivity of the state of rest to the parameters; an unknown that may stay anywhere moves with its guess."""
     functions, kept = _functions(equations), resting(equations)
     jacobian, by_parameters = (np.asarray(v) for v in functions.slopes(w, inputs, values, equations.constants))
     w_p = np.asarray(functions.guess_slope(values, equations.constants))
@@ -145,7 +145,7 @@ def _undefined_at_guess(
 
 
 def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> tuple[str, str]:
-    """Which equation has no value, or no slope, empty where all have; and what was put into it."""
+    """Name the equation without a value or slope, and its arguments; empty if all have one."""
     at = ", ".join(f"{n} = {v:.4g}" for n, v in zip(equations.states + equations.coordinates, w, strict=True))
     missing, bent = ~np.isfinite(residual), ~np.isfinite(jacobian).all(axis=1)
     if not (missing.any() or bent.any()):
@@ -156,7 +156,7 @@ def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray,
 
 
 def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept: np.ndarray) -> str:
-    """Which states have no equilibrium where Newton's method stands still; empty where the equations hold."""
+    """Name the states without an equilibrium where Newton's method stands still; empty if the equations hold."""
     if np.max(np.abs(left), initial=0.0) < UNBALANCED:
         return ""
     free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction in which nothing draws the unknowns back
@@ -173,7 +173,7 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """Whether the plant, brought slowly from rest to a command, has an equilibrium there, with its film in tension.
+    """True if the plant, brought slowly from rest to a command, has an equilibrium there with its film in tension.
     Shapes: `values` (n_p,).
     """
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
@@ -202,7 +202,7 @@ def _in_tension(equations: Equations, state: RestState, command: float, values: 
 
 @lru_cache(maxsize=64)
 def resting(equations: Equations) -> np.ndarray:
-    """Which unknowns have a place to rest."""
+    """Mask of the unknowns that have a definite place to rest."""
     entries, n_x = _functions(equations).pattern, len(equations.states)
     kept = np.arange(equations.scale.size)
     while free := [k for k in kept if k < n_x and not entries[kept, k].any()]:

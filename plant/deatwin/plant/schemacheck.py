@@ -1,4 +1,4 @@
-"""Whether the values of a document are of the kinds that its JSON Schema says.
+"""Check of a document's values against its JSON Schema.
 
 The schemas ship with the packages, as ``schemas/NAME.schema.json``. What is there is looked at, not which keys the
 document itself lacks or has besides: one of another version may differ there, and what is made of it asks for those

@@ -42,11 +42,11 @@ class SmallSignal:
     .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
     """
 
-    a: np.ndarray  # shape (n_x, n_x): Of the states, each in units of its typical size
+    a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
     b: np.ndarray
     c: np.ndarray  # shape (n_x,): SI by typical size
     d: np.ndarray  # shape (1 + history,): SI by unit of the command
-    reading: float  # At rest, SI
+    reading: float  # Reading at rest, SI
     static_gain: float
 
     def __post_init__(self) -> None:

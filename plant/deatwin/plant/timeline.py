@@ -20,7 +20,7 @@ OFF_CLOCK = 0.01
 class Timeline:
     """Commands held for one sample each."""
 
-    commands: np.ndarray  # shape (n,): From the start procedure through all recordings, in the command's unit
+    commands: np.ndarray  # shape (n,): Commands from the start procedure through all recordings, in the command's unit
     start: float  # Clock time at which the first command is applied, s
     sample_time: float  # s
     readings: tuple[np.ndarray, ...]

@@ -1,4 +1,4 @@
-"""Which expression of the parameters has no finite value, where an equation has none."""
+"""Search for the expression of the parameters that has no finite value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an effect is: a piece of physics that rewrites one signal of a plant."""
+"""Base class of effects: physics that rewrites one signal of a plant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All effects that this installation knows: the project's own and those of others, by entry points."""
+"""Catalogue of all installed effects: the project's own, and those of others by entry points."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 LONGEST = 0.1
 """Upper end of the dead time, s."""
 ROUNDING = 1e-10
-"""Of a sample: what is so little less than a whole one is one."""
+"""Tolerance in samples: a shift this close to a whole sample counts as whole."""
 
 
 @dataclass(frozen=True, kw_only=True)

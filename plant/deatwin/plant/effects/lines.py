@@ -1,4 +1,4 @@
-"""Where a residual swings: starting points for effects that have a frequency."""
+"""Oscillations of a residual: start points for effects that have a frequency."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def spectral_peaks(
 
 
 def _maxima(values: np.ndarray) -> list[int]:
-    """Where values are not below their neighbours, highest first."""
+    """Positions of local maxima, highest first."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     peaks = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]))
     return [int(k) for k in peaks[np.argsort(-values[peaks], kind="stable")]]

@@ -51,7 +51,7 @@ class PeriodicDisturbance(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
     order: ClassVar[int] = -1
-    """It is there before the sensor's lag and its limit; the curvature is that of the motion alone."""
+    """It precedes the sensor's lag and limit, but not its curvature, which acts on the motion alone."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
 
     def describe(self) -> tuple[Parameter, ...]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
-"""Of the diaphragm, SI: a usual displacement, the force that makes it, the period of its ringing, command and volts."""
+"""Sizes of the diaphragm, SI: typical displacement, force that causes it, period of the ringing, command, voltage."""
 DERIVED: Mapping[str, str] = {"kg": "N s2/m", "Pa": "N/m2", "Hz": "1/s"}
 SIGNALS: Mapping[str, str] = {
     "displacement": "m",
@@ -101,7 +101,7 @@ class Sizes:
         return kind(**{p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()})
 
     def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
-        """What a value in a unit of the diaphragm is multiplied by on this plant, and its unit there."""
+        """Factor from a value in a unit of the diaphragm to this plant, and the unit on this plant."""
         read = effect.place is Place.SENSOR
         reading, reading_unit = self.reading or self.motion, self.reading_unit or self.motion_unit
         known = {
@@ -119,7 +119,7 @@ class Sizes:
         return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
 
     def _drive(self, effect: Effect) -> tuple[float, str]:
-        """The same for a volt, which is one of the command or one of the amplifier."""
+        """Factor and unit for a volt, which is a volt of the command or of the amplifier."""
         if effect.signal == "command":
             return self.command / COMMAND, self.command_unit
         if self.voltage is None:

@@ -67,7 +67,7 @@ class ThermalStiffness(Effect):
     reference: ClassVar[float] = 293.15
     """:math:`T_0` in K."""
     not_measured: ClassVar[float] = 0.0
-    """What the channel gives where no recording brings it, K."""
+    """Value of the channel in recordings without a thermometer, K."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

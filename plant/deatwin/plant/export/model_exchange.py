@@ -36,7 +36,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
 
 _TOLERANCE = 1e-12
-"""Of the algebraic equations, which are in units of the unknowns' typical sizes."""
+"""Tolerance of the algebraic equations, in units of the unknowns' typical sizes."""
 _UPDATES = 50
 _UNITS = "states in units of their typical sizes; time is the experiment's clock"
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")

@@ -188,7 +188,7 @@ def _casadi_code(step: ca.Function) -> str:
 
 
 def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals) -> str:
-    """What calls the step: state, start and clock."""
+    """C code that calls the step: state, start and clock."""
     equations = plant.equations
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):

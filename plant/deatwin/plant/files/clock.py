@@ -1,4 +1,4 @@
-"""From the times that a file holds to an even clock: order, gaps, evenness, sample time.
+"""Even clock from the times in a file: order, gaps, evenness, sample time.
 
 What counts as even, and why:
 
@@ -46,7 +46,7 @@ class Piece:
     last: int
     timepts: Floats  # Times of these rows as the file has them, s
     clock: Floats  # The even clock, s
-    interpolated: bool  # Whether the rows are off the even clock and have to be interpolated on it
+    interpolated: bool  # True if the rows are off the even clock and have to be interpolated
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":

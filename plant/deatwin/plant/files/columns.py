@@ -1,4 +1,4 @@
-"""Which column of a table is the input, the output and the further channels."""
+"""Columns of a table that hold the input, the output and the further channels."""
 
 from collections.abc import Callable, Collection, Mapping
 from functools import partial

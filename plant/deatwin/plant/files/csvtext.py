@@ -26,10 +26,10 @@ _FAR_APART = re.compile(r"\s{2,}|\t")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How the lines of a file are laid out."""
+    """Layout of the lines of a file."""
 
     delimiter: str  # Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs
-    first: int  # Which of the lines is the first that holds samples
+    first: int  # Number of the first line that holds samples
     head: tuple[list[str], ...] = ()
 
 

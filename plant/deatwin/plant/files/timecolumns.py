@@ -1,4 +1,4 @@
-"""Which column of a table holds the times, and in which unit."""
+"""Column of a table that holds the times, and its unit."""
 
 import math
 import re
@@ -129,7 +129,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     order = unit if unit in ORDERS else ""
     units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
     scale = time_scale(table.texts(column), unit)
-    # What deatwin wrote comes back as it was, whatever its clock.
+    # A file that deatwin wrote reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
     if order and not scale:

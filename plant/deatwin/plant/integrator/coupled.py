@@ -22,7 +22,7 @@ def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function
     inert = ((j * n + state) * size + i * n + state).ravel()
 
     places = np.unique(np.concatenate([driven, inert]))  # column by column
-    # Where there is nothing to look up, the place behind the last number is.
+    # Places without a number look up the zero behind the last number.
     of_jacobian, of_mass, weight = np.full(places.size, nnz * count), np.full(places.size, n_x), np.zeros(places.size)
     of_jacobian[np.searchsorted(places, driven)] = np.arange(nnz * count)
     of_mass[np.searchsorted(places, inert)] = np.repeat(state, i.size)
@@ -37,5 +37,5 @@ def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function
 
 
 def _looked_up(numbers: ca.MX, places: np.ndarray) -> ca.MX:
-    """Of a column with a zero behind it."""
+    """Look up entries of a column with a zero appended."""
     return ca.reshape(ca.vertcat(numbers, 0).nz[places.tolist()], places.size, 1)

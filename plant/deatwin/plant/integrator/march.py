@@ -27,7 +27,7 @@ class March:
 
     @property
     def arguments(self) -> list[np.ndarray]:
-        """To be filled: each matrix transposed, so shape (columns, rows)."""
+        """Arguments to fill: each matrix transposed, so of shape (columns, rows)."""
         return self._arguments
 
     def advance(self) -> list[np.ndarray]:

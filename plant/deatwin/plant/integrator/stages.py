@@ -18,7 +18,7 @@ from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in
 UNROLLED = 16
 """Unknowns up to which linear algebra is written as straight-line code, for more with loops over sparse matrices."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
-"""Of the two ways to a Jacobian, the reverse one unless it needs half as many sweeps again: forces are gradients."""
+"""Jacobians by reverse sweeps unless these are half as many again as forward ones: forces are gradients."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +32,7 @@ class Stages:
     n_p: int
     n_c: int
     scale: np.ndarray  # shape (n_x + n_z,): Typical size of each unknown
-    nodes: np.ndarray  # shape (s,): Of the stages, in (0, 1]
+    nodes: np.ndarray  # shape (s,): Nodes of the stages, in (0, 1]
     inverse: np.ndarray  # shape (s, s): Inverse of the Butcher matrix
     residual: ca.Function  # ``(w, d, u, t, p, c) -> (f; g)`` with w = (x; z)
     jacobian: ca.Function  # ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``
@@ -51,7 +51,7 @@ class Stages:
         p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
         arguments = [w, d, u, t, p, c]
         split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
-        # What different forces have in common is found before it is differentiated.
+        # Common parts of different forces are found before differentiation.
         f = ca.cse(equations.dynamics(*split))
         y = equations.output(*split)
         mass = equations.mass(p, c)
@@ -85,7 +85,7 @@ class Stages:
 
     @property
     def unrolled(self) -> bool:
-        """Whether linear algebra is written as straight-line code."""
+        """True if linear algebra is written as straight-line code."""
         return self.n <= UNROLLED
 
     @property

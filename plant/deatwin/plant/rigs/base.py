@@ -1,4 +1,4 @@
-"""What a rig is: kinematics, loads and a reading, written as equations."""
+"""Base class of rigs: kinematics, loads and a reading, written as equations."""
 
 from __future__ import annotations
 
@@ -87,9 +87,9 @@ class Rig(ABC):
     model_share: ClassVar[float] = 0.0
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
     follows_at_once: ClassVar[bool] = False
-    """Whether the reading follows the command without any dynamics."""
+    """True if the reading follows the command without any dynamics."""
     sizes: ClassVar[Sizes | None] = None
-    """How large things are here, where the catalogue's effects are to be taken at other sizes than the diaphragm's."""
+    """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
     @property
     @abstractmethod

@@ -90,8 +90,8 @@ class Diaphragm(Rig):
     sample_time: float = 0.02
     noise: float = 2e-6
     model_error: float = 1e-6
-    """What a rig that is not quite as described adds to the error of the equations: finite-element rigs of another
-    mesh and another law of flow left 0.4 to 0.8 µm beyond it."""
+    """Allowance for a rig that is not quite as described: finite-element rigs of another mesh and another law of flow
+    left 0.4 to 0.8 µm beyond the error of the equations."""
 
     kind: ClassVar[str] = "diaphragm"
     input_name: ClassVar[str] = "command"
@@ -99,7 +99,7 @@ class Diaphragm(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 0.01
-    """That error as a share of the motion, where it moves far: most of it lies at the highest voltages."""
+    """Share of the motion that this error reaches for large motion: most of it lies at the highest voltages."""
 
     def __post_init__(self) -> None:
         for name, known in (("ball", BALLS), ("resolution", RESOLUTIONS)):

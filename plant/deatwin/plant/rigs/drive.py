@@ -1,4 +1,4 @@
-"""From the command to what drives the film, the same chain in every rig."""
+"""Chain from the command to the voltage that drives the film, the same in every rig."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from deatwin.plant.film import AnyFilm
 
 
 def squared_voltage(film: AnyFilm, build: Builder) -> Any:
-    """From the command through amplifier and electrode to the square that makes the Maxwell stress."""
+    """Return the squared voltage of the Maxwell stress, from the command through amplifier and electrode."""
     build.watch("capacitance", film.capacitance)
     command = build.place(Place.DRIVE, "command", build.command)
     amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)

@@ -1,4 +1,4 @@
-"""What planar, stacked, bow-tie and rolled actuators share: a flat film, one moved part, dead loads, a drive."""
+"""Common base of planar, stacked, bow-tie and rolled actuators: a flat film, one moved part, dead loads, a drive."""
 
 from __future__ import annotations
 
@@ -133,17 +133,17 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _size(self) -> float:
-        """Of the film along the motion, m: what a stretch of one moves."""
+        """Length of the film along the motion, m: the displacement for a stretch of one."""
 
     @property
     @abstractmethod
     def _rest_position(self) -> float:
-        """Where to look for the position at rest, m."""
+        """Start value of the position at rest, m."""
 
     @property
     @abstractmethod
     def _rest_stretch(self) -> float:
-        """Where to look for the film's stretches at rest."""
+        """Start values of the film's stretches at rest."""
 
     @property
     @abstractmethod
@@ -156,7 +156,7 @@ class FilmActuator(Rig):
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        """Of loads and springs, J."""
+        """Potential energy of loads and springs, J."""
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""What a rig's coordinates make of its film: points with stretches."""
+"""Kinematics of a rig's film: points with stretches in terms of the rig's coordinates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Symbol = Any
 class Kinematics:
     """A film in terms of coordinates."""
 
-    points: Sequence[FilmPoint]  # Where stretches are taken, in terms of the coordinates
+    points: Sequence[FilmPoint]  # Points at which stretches are taken, in terms of the coordinates
     coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
     film: Callable[..., AnyFilm]
 

@@ -15,13 +15,13 @@ class NumberKey:
     lower: float  # Range, both ends included, in the file's unit
     upper: float
     per_si: float = 1.0  # File units in one SI unit
-    required: bool = True  # Whether it must be there
+    required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
 
     @property
     def allowed(self) -> str:
-        """What may stand there."""
+        """Allowed values, in words."""
         return f"a number from {self.lower:g} to {self.upper:g}"
 
     def fault(self, value: object) -> str:
@@ -59,13 +59,13 @@ class TextKey:
     """A text of the file."""
 
     field: str
-    choices: tuple[str, ...] = ()  # What is allowed; any text where empty
-    required: bool = True  # Whether it must be there
+    choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
+    required: bool = True  # True if the key must be present
     about: str = ""
 
     @property
     def allowed(self) -> str:
-        """What may stand there."""
+        """Allowed values, in words."""
         return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
 
     def fault(self, value: object) -> str:

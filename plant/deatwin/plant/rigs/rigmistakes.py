@@ -1,4 +1,4 @@
-"""All mistakes of a rig file at once: at which key, in which line where that is known, and what is allowed."""
+"""All mistakes of a rig file at once: key, line if known, and what is allowed."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,10 +31,10 @@ _KEY = re.compile(rf"\s*({_PATH})\s*=")
 class Mistake:
     """A mistake of a rig file."""
 
-    text: str  # What is wrong, and what is allowed
+    text: str  # Mistake, and what is allowed
     at: Place = ()
-    line_of: Place = ()  # What stands in the line to look at
-    missing: Place = ()  # What is not there, and what was probably meant by a name that is not known
+    line_of: Place = ()  # Entry whose line the user should look at
+    missing: Place = ()  # Missing entry, and the entry that an unknown name probably means
     meant: Place = ()
 
     @property
@@ -91,7 +91,7 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
 
 
 def _line(mistake: Mistake, lines: Mapping[Place, int]) -> int | None:
-    """Of the key, or else of its section: the keys of an inline table stand in its line."""
+    """Line of the key, or else of its section: the keys of an inline table stand in its line."""
     return lines.get(mistake.line_of, lines.get(mistake.line_of[:1]))
 
 

@@ -1,4 +1,4 @@
-"""How the sides of a film that is moved along one direction are held across it."""
+"""Support of the sides of a film that moves along one direction."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ along the motion and `across` at rest, and the coordinates that it takes."""
 LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyType(
     {"equal": watch_breakdown, "free": watch_breakdown, "clamped": watch_limits}
 )
-"""What is watched of the film: sides that are free have no tension to lose."""
+"""Limits to watch: a film with free sides has no tension to lose."""
 
 
 def check_sides(sides: str, known: Collection[str]) -> None:

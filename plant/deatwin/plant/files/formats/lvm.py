@@ -206,7 +206,7 @@ def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) ->
     for segment, end, date in zip(segments, ends, began, strict=True):
         shift = (date - began[0]).total_seconds()
         for k in range(end - len(segment.lines), end):
-            # What is no number stays as it is, for the error of its row.
+            # Text that is not a number stays unchanged, for the error of its row.
             cell, mark, rest = lines[k].partition(separator)
             moved.append(f"{cell if math.isnan(x[k]) else repr(x[k] + shift)}{mark}{rest}")
     return moved

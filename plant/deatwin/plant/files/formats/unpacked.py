@@ -1,4 +1,4 @@
-"""What a binary file unpacks to, found before anything is unpacked: a small file may hold very much.
+"""Unpacked size of a binary file, found before it is unpacked: a small file may hold very much.
 
 A gigabyte of zeros is a megabyte of zlib, and an HDF5 dataset that was never written takes no room at all. Datasets
 whose samples lie in other files are refused: a recording must not name files that its reader never chose.
