@@ -74,6 +74,8 @@ def snap_throughs(
 ) -> tuple[int, ...]:
     """Samples from which on the film of a simulation snaps from one equilibrium to another, or back. Shapes:
     `unknowns` (n_x + n_z, m); `inputs` (n_u, m); `values` (n_p,).
+
+    A snap passes states whose tangent is not that of a stable equilibrium; a film without a fold is skipped.
     """
     if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
         return ()
@@ -117,7 +119,11 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it."""
+    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
+
+    Stability is judged at a command that the branch reaches: beyond its end the voltage itself changes the film's
+    stiffness.
+    """
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
-from deatwin.plant.undefined import undefined_by_parameters
+from deatwin.plant.safe_read import clipped
 
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
@@ -130,7 +131,7 @@ def undefined_ahead(
 
 def _blamed(which: str, equations: Equations, values: np.ndarray) -> str:
     """Say which expression of the parameters takes an equation its value; empty where the parameters alone do not."""
-    culprit = undefined_by_parameters(equations, values)
+    culprit = _undefined_by_parameters(equations, values)
     return culprit and f"{which}: {culprit}; give the parameter a range in which it has one"
 
 
@@ -239,3 +240,41 @@ def _functions(equations: Equations) -> _Functions:
         held=ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
         pattern=np.asarray(ca.DM(r_w.sparsity(), 1).full()) != 0.0,
     )
+
+
+def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
+    """Name the innermost expression of the parameters alone, shape (n_p,), without a finite value; empty if all have."""
+    p = ca.vertcat(*map(ca.SX.sym, equations.parameters.free))
+    x, z, d, u, t = (ca.SX.sym(name, equations.dynamics.size1_in(k)) for k, name in enumerate("xzdut"))
+    c = ca.SX(equations.constants)
+    roots = [equations.mass(p, c), *(f(x, z, d, u, t, p, c) for f in (equations.dynamics, equations.output))]
+    inner = _of_parameters_alone(ca.vertcat(*map(ca.densify, roots)), p)
+    if not inner:
+        return ""
+    found = np.asarray(ca.Function("inner", [p], [ca.vertcat(*inner)])(values)).ravel()
+    if np.isfinite(found).all():
+        return ""
+    culprit = inner[int(np.argmin(np.isfinite(found)))]  # what it is made of comes before it, and is finite
+    numbers = dict(zip(equations.parameters.free, values, strict=True))
+    at = ", ".join(f"{symbol} = {numbers[str(symbol)]:.4g}" for symbol in ca.symvar(culprit))
+    return f"{clipped(str(culprit), 120)} has no finite value at {at}"
+
+
+def _of_parameters_alone(roots: Any, p: Any) -> list[Any]:
+    """The operations in an expression that depend on parameters only, each after those that it is made of."""
+    alone = {symbol.element_hash(): True for symbol in ca.vertsplit(p)}
+    found, waiting = [], [roots[k] for k in range(roots.numel())]
+    while waiting:
+        node = waiting[-1]
+        parts = [node.dep(k) for k in range(node.n_dep())]
+        if missing := [part for part in parts if part.element_hash() not in alone]:
+            if node.element_hash() not in alone:
+                waiting += missing
+                continue
+        waiting.pop()
+        if node.element_hash() not in alone:
+            own = all(alone[part.element_hash()] for part in parts) if parts else node.is_constant()
+            alone[node.element_hash()] = own
+            if own and any(not part.is_constant() for part in parts):
+                found.append(node)
+    return found

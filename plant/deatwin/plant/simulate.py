@@ -16,8 +16,7 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
-from deatwin.plant.integrator.march import March
-from deatwin.plant.marching import CHUNK, marched, repeated
+from deatwin.plant.integrator.march import CHUNK, March, marched, repeated
 from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 

@@ -59,6 +59,8 @@ def small_signals(
 ) -> tuple[SmallSignal | None, ...]:
     """Linearise one sample of a plant about its states of rest at constant commands. `plant` with its sample time;
     `commands` (n,); `values` (n_p,).
+
+    The quantities held at the start (zero of the reading, capacitance at rest) stay held.
     """
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):

@@ -155,7 +155,10 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
+
+    Of several it is the one with the usual header, else the only one of the right kind.
+    """
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [
         column

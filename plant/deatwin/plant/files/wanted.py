@@ -55,7 +55,10 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
-    """Return a table with columns in the units that are wanted instead of SI."""
+    """Return a table with columns in the units that are wanted instead of SI.
+
+    A column without a unit is left unchanged.
+    """
     ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1"))}
     names = list(table.names)
     for column in ways:

@@ -201,10 +201,8 @@ def _target(program: str) -> _Target:
 
 @lru_cache(maxsize=1)
 def _own_code() -> str:
-    """Digest of the modules that turn equations into code: those of this folder and those that repeat a step."""
-    here = Path(__file__).parent
-    files = (*sorted(here.glob("*.py")), here.parent / "marching.py")
-    return _digest(*(file.read_text(encoding="utf-8") for file in files))
+    """Digest of the modules of this folder, which turn equations into code."""
+    return _digest(*(file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.py"))))
 
 
 def _digest(*parts: str) -> str:
@@ -228,7 +226,10 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Tell if a library is as it was built, by the checksum in its name; remove it if not."""
+    """Tell if a library is as it was built, by the checksum in its name; remove it if not.
+
+    Loading a library that was cut off would end the process.
+    """
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True

@@ -87,9 +87,10 @@ STAGE = """\
     for (j = 0; j < L; ++j) sum += squares[j];
     weight[i] = 1.0 / sum;
   }"""
-"""Equations of each stage for its coordinates; the first rows of `z` are those of its states. The states that remain,
-and the right sides from column R on, follow in rows. A row's weight is one over the sum of squares of its entries in
-units of the unknowns' scales, so that pivots do not depend on units."""
+"""Equations of each stage for its coordinates; the first rows of `z` are those of its states. Each row ends with the
+sum of squares of its entries times the unknowns' scales, with which pivots are compared whatever the units. The
+remaining equations of the states, and the right sides from column R on, go in rows; the weights make each row one of
+length one."""
 BLOCK = """\
   for (k = {first}; k < {last}; ++k) {{
     double largest = of[k][k] * of[k][k] * weight[k];

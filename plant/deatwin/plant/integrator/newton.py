@@ -25,9 +25,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.elimination import Complex, factorised
-from deatwin.plant.integrator.stages import Stages
+from deatwin.plant.integrator.stages import Stages, coupled
 
 Symbol = Any  # casadi.SX or casadi.MX
 
@@ -87,7 +86,10 @@ def _continued(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method."""
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
+
+    Convergence is linear: two successive changes give the rate, and so the remaining error.
+    """
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
@@ -154,7 +156,10 @@ def _arguments(stages: Stages, n_factors: int) -> tuple[list[ca.MX], ca.MX, list
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _LinearSystems:
-    """The transformed systems of the simplified method."""
+    """The transformed systems of the simplified method.
+
+    `factor`: ``(J, M, h) -> factors``; `correct`: ``(factors, w, f at all stages, x, M, h) -> (w, size)``.
+    """
 
     factor: ca.Function
     correct: ca.Function

@@ -13,9 +13,8 @@ import numpy as np
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
-from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
+from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
 
 Symbol = Any
 HELD = ("clamped", "free")

@@ -20,8 +20,7 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile

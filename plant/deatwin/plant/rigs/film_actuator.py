@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,16 +13,14 @@ import numpy as np
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.stress import nominal_stress
-from deatwin.plant.limits import BREAKDOWN, breakdown_share
+from deatwin.plant.limits import BREAKDOWN, breakdown_share, watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.kinematics import Kinematics
-from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
 
 Symbol = Any
 
@@ -184,3 +183,35 @@ def watch_field(film: AnyFilm, build: Builder) -> None:
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points))
     build.watch("field", voltage * ca.mmax(thinnings) / thickness)
+
+
+Sides = Callable[[str, Symbol, float, Builder], tuple[Symbol, list[Symbol]]]
+
+
+def _equal(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return along, []
+
+
+def _free(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    side = build.coordinate(name, scale=1.0)
+    build.guess(side, across)
+    return side, [side]
+
+
+def _clamped(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return build.constant(name, across), []
+
+
+SIDES: Mapping[str, Sides] = MappingProxyType({"equal": _equal, "free": _free, "clamped": _clamped})
+"""``SIDES[how](name, along, across, build)``: the stretch across a film that has the stretch `along` (a symbol)
+along the motion and `across` at rest, and the coordinates that it takes."""
+LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyType(
+    {"equal": watch_breakdown, "free": watch_breakdown, "clamped": watch_limits}
+)
+"""Limits to watch: a film with free sides has no tension to lose."""
+
+
+def check_sides(sides: str, known: Collection[str]) -> None:
+    """Refuse sides that a rig does not have."""
+    if sides not in known:
+        raise RigError(f"unknown sides {sides!r}{nearest(sides, known)} (known: {', '.join(known)})")

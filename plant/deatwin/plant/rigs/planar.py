@@ -16,11 +16,8 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses, watch_field
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-from deatwin.plant.rigs.material_film import material_film
-from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
+from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses, watch_field
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share, material_film, squared_voltage
 
 Symbol = Any
 MIDDLE = 0.5**0.5
