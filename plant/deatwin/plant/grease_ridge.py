@@ -28,10 +28,6 @@ class GreaseRidge(Effect):
     snaps from lump to lump if :math:`2\pi F_g/p` exceeds the film's stiffness. Law: Prandtl-Tomlinson friction,
     Iglesias & Gonçalves, arXiv:1708.03414.
 
-    .. math:: F = -F_g\,\sin\frac{2\pi y}{p}\;B\Bigl(\frac{y - y_1}{d}, \frac{y_2 - y}{d}\Bigr)\,
-              B\Bigl(\frac{t - t_1}{T}, \frac{t_2 - t}{T}\Bigr), \qquad B(a, b) = S(a)\,S(b), \qquad
-              S(x) = \frac{1}{1 + e^{-x}}
-
     Source: Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited",
     arXiv:1708.03414 (the law).
     """

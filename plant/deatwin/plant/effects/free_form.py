@@ -25,8 +25,6 @@ class FreeForm(Effect):
     catalogue. Each term with a memory adds a state. A calibration moves the coefficients :math:`c_k` and the shapes of
     the terms; the size S is held, since it only gives them their unit. Off at S = 0.
 
-    .. math:: \text{signal} \to \text{signal} + S\sum_k c_k\,\varphi_k
-
     Examples
     --------
     >>> from deatwin.plant import Diaphragm, Plant
