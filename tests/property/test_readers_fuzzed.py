@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.rigs.rigschema import rig_schema
+from deatwin.plant.rigs.rigkeys import rig_schema
 from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"

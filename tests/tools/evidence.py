@@ -28,7 +28,7 @@ from control_story import STORY, story_blocks, story_data
 from measured import MEASURED, measured_blocks, measured_data
 
 from deatwin.plant.errors import DataError, DeatwinError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
 from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of

@@ -34,7 +34,7 @@ class CurveEnd(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether all commands were reached."""
+        """True if all commands were reached."""
         return self is CurveEnd.COMMAND
 
 
@@ -55,17 +55,17 @@ class ActuationCurve(Described):
     Parameters
     ----------
     commands : ndarray, shape (n,)
-        In their unit; the last is the one at which the film pulls in, where it does.
+        Commands, in the rig's unit. If the film pulls in, the last one is the command of pull-in.
     readings : ndarray, shape (n,)
-        At rest under each, SI.
+        Reading at rest under each command, SI.
     signals : mapping of str to ndarray, each of shape (n,)
-        The plant's watched signals, SI.
+        Watched signals of the plant at each command, SI.
     unknowns : mapping of str to ndarray, each of shape (n,)
-        Its states and coordinates, SI.
+        States and coordinates of the plant at each command, SI.
     end : CurveEnd
-        Why it ends.
+        Reason why the curve ends.
     axes : tuple of pairs of str
-        Name and unit of command and reading.
+        Name and unit of the command, then of the reading.
     """
 
     commands: np.ndarray
@@ -85,12 +85,12 @@ class ActuationCurve(Described):
 
     @property
     def breakdown_command(self) -> float | None:
-        """The command at which the film breaks down, None where it does not or the rig does not say."""
+        """Command at which the film breaks down; None if it does not, or if the rig has no breakdown law."""
         return self._crossing("breakdown_share", 1.0)
 
     @property
     def slack_command(self) -> float | None:
-        """The command at which the film loses its tension, None where it does not or the rig does not say."""
+        """Command at which the film loses its tension; None if it does not, or if the rig does not watch tension."""
         return self._crossing("tension", 0.0)
 
     def _crossing(self, name: str, limit: float) -> float | None:
@@ -104,14 +104,14 @@ class ActuationCurve(Described):
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 
     def plot(self, ax: Axes | None = None, **style: object) -> Axes:
-        """Draw the reading over the command, with the points where the film pulls in, breaks down or goes slack.
+        """Plot the reading against the command and mark pull-in, breakdown and loss of tension.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to; new ones by default.
+            Axes to draw on; new ones by default.
         **style
-            For the line.
+            Keyword arguments of the line, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
@@ -137,27 +137,27 @@ class ActuationCurve(Described):
 
 
 def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
-    """Follow the equilibrium of a plant from rest through rising commands.
+    """Follow the equilibrium of a plant as the command rises from rest.
 
     Parameters
     ----------
     plant : Plant
-        Its effects act as after an endless hold, their clock stands at 0.
+        The plant. Its effects act as after an endless hold; their clock stays at 0.
     commands : ndarray, shape (n,)
-        Rising from the command at rest, in their unit.
+        Commands in the rig's unit, rising from the command at rest.
 
     Returns
     -------
     ActuationCurve
-        It ends at pull-in, found to a part in 10¹² of the step between commands: where the equilibrium turns
-        back, runs away, or the film would have to snap.
+        The curve, which ends at pull-in if there is one: where the equilibrium turns back or runs away, or the film
+        would snap. Pull-in is located to 1e-12 of the step between commands.
 
     Raises
     ------
     DataError
         If the commands do not rise.
     SimulationError
-        If there is no state of rest.
+        If the plant has no state of rest.
     """
     equations, values, start = plant.equations, plant.free_values, plant.rig.start.rest_command
     wanted = np.asarray(commands, dtype=float)

@@ -31,7 +31,7 @@ def amount(number: str, unit: str) -> str:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """What an axis shows, with its unit in brackets if it has one."""
+    """Label of an axis, with its unit in brackets if it has one."""
     return name if unit in ("", "1") else f"{name} ({unit})"
 
 

@@ -16,20 +16,20 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.rest import RestState, rest_state, resting
 
 FURTHEST = 0.25
-"""From one point of a curve to the next no unknown moves further, in units of its scale: a film that snaps does."""
+"""Largest move of an unknown between two points of a curve, in units of its scale: a film that snaps moves further."""
 RUNAWAY = 20.0
-"""Nor does any come further from rest: beyond all films, where a model without a limit of stretch would go on."""
+"""Largest distance from rest, beyond all films; a model without a limit of stretch would go on."""
 HALVINGS = 12
-"""How finely the range of commands of a simulation is divided before the equilibrium counts as ended: to a part in
-4000, finer than any amplifier."""
+"""Largest number of halvings of the range of commands before the equilibrium counts as ended: a part in 4000 is
+finer than any amplifier."""
 STRIDES = np.sqrt(np.linspace(0.0, 1.0, 9))[1:]
-"""Of the way to the furthest command, for a start: the stress of a voltage grows with its square. Too long a stride
-costs a search that fails."""
+"""Shares of the way to the furthest command for first strides, since stress grows with the square of the voltage.
+Too long a stride costs a failed search."""
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
-"""Where on the way between two states a negative tangent is looked for: a snap passes an unstable equilibrium, which
-lies well between the two stable ones."""
+"""Shares of the way between two states at which a negative tangent is sought: a snap passes an unstable equilibrium,
+which lies well between the two stable ones."""
 PIECE = 512
-"""Samples that are looked at together; the branch is another one after each snap."""
+"""Number of samples that are checked together; each snap leads to another branch."""
 ACTED_ON = "film_voltage"
 """Signal of a rig with a film."""
 
@@ -37,7 +37,7 @@ Step = Callable[[float, np.ndarray], np.ndarray | None]
 
 
 def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
-    """How to get from an equilibrium to one nearby under another command. Shapes: `values` (n_p,)."""
+    """Get from an equilibrium to one nearby under another command. Shapes: `values` (n_p,)."""
 
     def distance(one: np.ndarray, other: np.ndarray) -> float:
         return float(np.max(np.abs(one - other) / equations.scale, initial=0.0))
@@ -74,6 +74,8 @@ def snap_throughs(
 ) -> tuple[int, ...]:
     """Samples from which on the film of a simulation snaps from one equilibrium to another, or back. Shapes:
     `unknowns` (n_x + n_z, m); `inputs` (n_u, m); `values` (n_p,).
+
+    A snap passes states whose tangent is not that of a stable equilibrium; a film without a fold is skipped.
     """
     if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
         return ()
@@ -99,7 +101,7 @@ def snap_throughs(
         left, entered = here + (1 + int(stays[first - 1]) if first else 0), here + int(stays[first])
         here, count, turn = entered + 1, PIECE, (way[:, entered + 1] - way[:, left]) / equations.scale
         inside = (commands >= ends[0]) & (commands <= ends[1])
-        # The same way once more, though nothing took the equilibrium away: still the last snap, seen from its end.
+        # The same way once more, though the equilibrium did not vanish: still the last snap, seen from its end.
         if turn @ direction <= 0 or not inside[arrived:here].all():
             held = np.flatnonzero(inside[: left + 1])
             found.append(min(int(held[-1]) + 1, left) if held.size else left)
@@ -117,7 +119,11 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it."""
+    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
+
+    Stability is judged at a command that the branch reaches: beyond its end the voltage itself changes the film's
+    stiffness.
+    """
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)

@@ -1,4 +1,4 @@
-"""What rigs and effects write their equations into."""
+"""Collector of the equations that rigs and effects write."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.intake import clipped
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.rigfaults import number, size, unknown_symbols
+from deatwin.plant.safe_read import clipped
 
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
@@ -26,14 +26,14 @@ Symbol = Any  # casadi.SX
 
 
 class Builder:
-    """What a rig and its effects write their equations into.
+    """Collector of the equations that a rig and its effects write.
 
     Parameters
     ----------
     parameters : ParameterSet
-        Of rig and effects.
+        Parameters of the rig and its effects.
     effects : sequence of Effect
-        At one signal they act in the order of their `order`, then of their names.
+        Effects of the plant. Those that act on one signal act in the order of their `order`, then of their names.
     """
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
@@ -57,7 +57,7 @@ class Builder:
         self.time = ca.SX.sym("time")
 
     def own(self, name: str) -> Symbol:
-        """The bare symbol of a parameter.
+        """Return the symbol of a parameter, which no effect has rewritten.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class Builder:
         return self._symbols[name]
 
     def parameter(self, name: str) -> Symbol:
-        """A parameter as the effects at the place *parameter* leave it.
+        """Return a parameter after the effects at the place *parameter* have rewritten it.
 
         Parameters
         ----------
@@ -86,14 +86,14 @@ class Builder:
         return self.place(Place.PARAMETER, name, self.own(name))
 
     def constant(self, name: str, value: np.ndarray | float) -> Symbol:
-        """A number of the rig that no fit moves.
+        """Add a constant of the rig, which no fit moves.
 
         Parameters
         ----------
         name : str
             Name of the symbol.
         value : ndarray, shape (n,), or float
-            Its SI value.
+            SI value.
 
         Returns
         -------
@@ -107,17 +107,17 @@ class Builder:
         return symbol
 
     def past_commands(self, count: int) -> list[Symbol]:
-        """The command of this sample and of some before it.
+        """Return the commands of this sample and of earlier ones.
 
         Parameters
         ----------
         count : int
-            How many samples to look back.
+            Number of earlier samples.
 
         Returns
         -------
         list of casadi.SX, length 1 + count
-            This sample's first; before the first sample the command was the one at rest.
+            Command of this sample first, then those before it. Before the first sample the command is the one at rest.
         """
         while len(self._past) < count:
             self._past.append(ca.SX.sym(f"command_{len(self._past) + 1}_ago"))
@@ -125,31 +125,31 @@ class Builder:
 
     @property
     def sample_start(self) -> Symbol:
-        """Clock time at which the present sample begins, s; `time` runs on within it."""
+        """Clock time at the start of the present sample, s; `time` continues within the sample."""
         return self.channel(SAMPLE_START, 0.0)
 
     @cached_property
     def sample_time(self) -> Symbol:
-        """Width of a sample, s, among the constants; `signal` has its number."""
+        """Sample time as a symbolic constant, s; `signal` returns it as a number."""
         return self.constant("sample_time", self.signal("sample_time"))
 
     def divide(self, first: Symbol) -> Parts:
-        """Divide each sample in two parts, each of which is solved in a step of its own: what jumps does so between.
+        """Divide each sample into two parts, each solved in its own step, so that a signal can jump between them.
 
         Parameters
         ----------
         first : casadi.SX
-            Share of the sample that the first part takes, 0 to 1, in terms of parameters and constants.
+            Share of the sample in the first part, 0 to 1, as an expression of parameters and constants.
 
         Returns
         -------
         Parts
-            That tell in which one the present step is.
+            Symbols that tell in which part the present step lies.
 
         Raises
         ------
         RigError
-            If it is divided already.
+            If the sample is already divided.
         """
         if self._parts is not None:
             raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
@@ -160,14 +160,14 @@ class Builder:
         return self._parts
 
     def channel(self, name: str, default: float) -> Symbol:
-        """A further measured input, such as the temperature.
+        """Add a further measured input, such as the temperature.
 
         Parameters
         ----------
         name : str
-            As the recordings call it.
+            Name of the channel in the recordings.
         default : float
-            Its value where nobody measured it, SI.
+            SI value used for recordings without this channel.
 
         Returns
         -------
@@ -178,7 +178,7 @@ class Builder:
         return self._channels[name][0]
 
     def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
-        """A differential state.
+        """Add a differential state.
 
         Parameters
         ----------
@@ -187,7 +187,7 @@ class Builder:
         scale : float
             Typical size, SI.
         start : symbol, optional
-            Value at rest; without it the state rests where its rate is zero.
+            Value at rest; by default the value at which its rate is zero.
 
         Returns
         -------
@@ -209,9 +209,9 @@ class Builder:
         Parameters
         ----------
         state : casadi.SX
-            What `state` returned.
+            Symbol that `state` returned.
         value, mass : symbol or float
-            Both sides; `mass` depends on parameters only.
+            Right side, and factor of the rate; `mass` depends on parameters only.
         """
         name = next((n for n, (symbol, _, _) in self._states.items() if _same(symbol, state)), None)
         if name is None:
@@ -221,7 +221,7 @@ class Builder:
         self._rates[name] = (number(value, f"the rate of state {name}"), number(mass, f"the mass of state {name}"))
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
-        """An algebraic coordinate; give one `balance` for each.
+        """Add an algebraic coordinate; each needs one `balance`.
 
         Parameters
         ----------
@@ -239,24 +239,24 @@ class Builder:
         return symbol
 
     def balance(self, value: Symbol) -> None:
-        """Demand ``0 = value``.
+        """Add the equation ``0 = value``.
 
         Parameters
         ----------
         value : symbol
-            Left side of an algebraic equation.
+            Residual of the algebraic equation.
         """
         self._balances.append(number(value, f"balance {1 + len(self._balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
-        """Where to look for the rest state.
+        """Set the start value of an unknown in the search for rest.
 
         Parameters
         ----------
         unknown : casadi.SX
-            A state or coordinate.
+            State or coordinate.
         value : symbol or float
-            In terms of parameters and constants.
+            Start value, an expression of parameters and constants.
         """
         known = {n: s for n, (s, *_) in (*self._states.items(), *self._coordinates.items())}
         name = next((n for n, symbol in known.items() if _same(symbol, unknown)), None)
@@ -265,14 +265,14 @@ class Builder:
         self._guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
-        """The value that an expression has at rest, held for the whole experiment.
+        """Return the value that an expression has at rest, held for the whole experiment.
 
         Parameters
         ----------
         name : str
             Unique name.
         value : symbol
-            In terms of states, coordinates and parameters.
+            Expression of states, coordinates and parameters.
 
         Returns
         -------
@@ -283,21 +283,21 @@ class Builder:
         return symbol
 
     def place(self, place: Enum, name: str, signal: Any) -> Any:
-        """Offer a signal to the effects that act on it.
+        """Let the effects rewrite the signal on which they act.
 
         Parameters
         ----------
         place : Place, or a member of another Enum
-            Where in the plant the signal lives.
+            Place of the signal in the plant.
         name : str
             Name of the signal.
         signal : symbol or object
-            As the rig has it.
+            Signal without effects.
 
         Returns
         -------
         same kind as `signal`
-            As the effects leave it.
+            Signal with effects.
         """
         self._offered.add((place, name))
         for effect in self._effects:
@@ -306,62 +306,62 @@ class Builder:
         return signal
 
     def watch(self, name: str, value: Symbol) -> Symbol:
-        """Give a signal a name under which results report it.
+        """Report a signal in the results under a name.
 
         Parameters
         ----------
         name : str
-            With its unit, if not SI.
+            Name in the results, with the unit if that is not SI.
         value : symbol
-            The signal.
+            Signal to report.
 
         Returns
         -------
         symbol
-            `value`.
+            `value`, unchanged.
         """
         number(value, f"the watched signal {name}")
         self._watched[name] = value
         return value
 
     def share(self, name: str, value: Any) -> Any:
-        """Let effects have something that results do not report.
+        """Make a quantity available to effects without reporting it in the results.
 
         Parameters
         ----------
         name : str
-            For `signal`.
+            Name under which `signal` returns it.
         value : symbol or object
-            For example the film.
+            Quantity to share, for example the film.
 
         Returns
         -------
         same kind as `value`
-            `value`.
+            `value`, unchanged.
         """
         self._shared[name] = value
         return value
 
     def share_sampling(self, rig: Rig) -> None:
-        """Let effects know when a rig is sampled: its ``sample_time`` and whether it ``follows_at_once``.
+        """Make a rig's ``sample_time`` and ``follows_at_once`` available to effects.
 
         Parameters
         ----------
         rig : Rig
-            Whose equations are written.
+            Rig whose equations are written.
         """
         self.share("sample_time", rig.sample_time)
         self.share("follows_at_once", rig.follows_at_once)
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
-        """A watched or shared signal, for effects that need more than the one they rewrite.
+        """Return a watched or shared signal, for effects that need more than the one they rewrite.
 
         Parameters
         ----------
         name : str
-            As given to `watch` or `share`.
+            Name given to `watch` or `share`.
         otherwise : symbol or object, optional
-            What to take where the rig does not have it.
+            Value to return if the rig does not have the signal.
 
         Returns
         -------
@@ -370,7 +370,7 @@ class Builder:
         Raises
         ------
         RigError
-            If the rig does not have it (yet), and nothing is to be taken otherwise.
+            If the rig does not have the signal (yet) and `otherwise` is not given.
         """
         known = {**self._watched, **self._shared}
         try:
@@ -381,12 +381,12 @@ class Builder:
             raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
     def finish(self, output: Symbol) -> Equations:
-        """Close the system.
+        """Check that the equations are complete, and return them.
 
         Parameters
         ----------
         output : symbol
-            The reading.
+            Reading of the rig, SI.
 
         Returns
         -------
@@ -434,7 +434,7 @@ class Builder:
         )
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
-        """Each equation depends on what it may, and on symbols of this builder only."""
+        """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""
         *_, p, c = arguments
         rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
         balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
@@ -454,7 +454,7 @@ class Builder:
             raise RigError(f"no balance depends on coordinate {', '.join(missing)}: nothing decides its value")
 
     def _on_the_clock(self, value: Symbol) -> Symbol:
-        """The same where the clock does not run as a step is taken."""
+        """Replace the time by the clock time, which runs unevenly over the parts of a divided sample."""
         return value if self._parts is None else ca.substitute(value, self.time, self._parts.clock(self.time))
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:

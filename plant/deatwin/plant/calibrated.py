@@ -23,10 +23,10 @@ from deatwin.plant.datasets import (
 )
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.errors import ModelError
-from deatwin.plant.intake import clipped
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.stated import LARGEST
+from deatwin.plant.safe_read import clipped
 from deatwin.plant.simulate import RunStatus
 
 SCHEMA = "deatwin/plant/1"
@@ -37,12 +37,12 @@ TWO_SIDED_95 = 1.959964
 class Prediction:
     """Readings that a calibrated plant expects, with their predictive band."""
 
-    mean: tuple[np.ndarray, ...]  # shape (n,): Of each recording, SI
+    mean: tuple[np.ndarray, ...]  # shape (n,): Mean of each recording, SI
     deviation: tuple[np.ndarray, ...]
-    status: RunStatus  # How the simulation ended; readings after a failure are NaN
+    status: RunStatus  # End of the simulation; readings after a failure are NaN
     failed_at: float | None  # Clock time of a failure, s
     failed_command: float | None  # Command at that time, in its unit
-    advice: str  # What the status says; of a plant without a state of rest, which equation is at fault
+    advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return the readings and their standard deviation as an `xarray.Dataset` over all samples. returns Along
@@ -72,22 +72,22 @@ def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedPlant(Described):
-    """A plant whose parameters were fitted, with what is known of its errors.
+    """Plant with fitted parameters, their covariance and the sizes of noise and model error.
 
     Parameters
     ----------
     plant : Plant
-        With the fitted values.
+        Plant with the fitted values.
     noise : float
-        Standard deviation of the sensor's noise, SI.
+        Standard deviation of the sensor noise, SI.
     model_error : float
-        Rms of what is left besides noise on data that were not fitted, SI.
+        Rms residual beyond noise on data that were not fitted, SI.
     names : tuple of str
-        Fitted parameters.
+        Names of the n fitted parameters.
     covariance : ndarray, shape (n, n)
-        Of their coordinates, each in its parameter's `Scale`.
+        Covariance of the fitted coordinates, each in the `Scale` of its parameter.
     provenance : mapping of str to str
-        Where it comes from.
+        Origin of the model: files, dates and the like.
     """
 
     plant: Plant
@@ -117,12 +117,12 @@ class CalibratedPlant(Described):
 
     @classmethod
     def nominal(cls, plant: Plant) -> Self:
-        """A plant as its rig file and published values have it, its parameters taken as exact.
+        """Return a plant that was not calibrated; its parameters count as exact.
 
         Parameters
         ----------
         plant : Plant
-            Not calibrated.
+            Plant with the values of its rig file and of the literature.
 
         Returns
         -------
@@ -131,12 +131,12 @@ class CalibratedPlant(Described):
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
     def predict(self, experiment: Experiment) -> Prediction:
-        """Simulate an experiment from rest, with the standard deviation of each reading.
+        """Simulate an experiment from rest and predict the standard deviation of each reading.
 
         Parameters
         ----------
         experiment : Experiment
-            Only the commands are used.
+            Experiment to simulate; only its commands are used.
 
         Returns
         -------
@@ -176,7 +176,7 @@ class CalibratedPlant(Described):
         return np.maximum(spread, 0.0) + self.noise**2 + self.model_error**2
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of ``model.json``; it carries no code."""
+        """Return the content of ``model.json``, which carries no code."""
         return {
             "schema": SCHEMA,
             "deatwin": version("deatwin"),
@@ -193,18 +193,18 @@ class CalibratedPlant(Described):
         Parameters
         ----------
         path : path
-            File to write; replaced as a whole.
+            File to write; it is replaced as a whole.
         """
         write_document(path, self.to_dict())
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read what `save` wrote.
+        """Read a file that `save` wrote.
 
         Parameters
         ----------
         path : path
-            A ``model.json``.
+            File to read, a ``model.json``.
 
         Returns
         -------
@@ -213,7 +213,7 @@ class CalibratedPlant(Described):
         Raises
         ------
         ModelError
-            If it is no such file, or names a rig or effect that is not installed.
+            If the file is not a model file, or names a rig or effect that is not installed.
         """
         return read_document(path, SCHEMA, cls._from_dict)
 
@@ -237,7 +237,7 @@ class CalibratedPlant(Described):
 
 
 def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:
-    """All parameters must be there, each in its unit: what is left out would silently be a published value."""
+    """Require all parameters, each in its unit: a missing one would silently take its published value."""
     for parameter in plant.parameters.values():
         if parameter.name not in written:
             raise ModelError(f"the parameter {parameter.name} is missing")

@@ -32,18 +32,18 @@ from deatwin.plant.errors import DataError
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuringChain:
-    """Drive and sensor of a rig; by default those of the thesis, as far as they are known.
+    """Drive and sensor hardware of a rig; by default that of the thesis, as far as it is known.
 
     Parameters
     ----------
     analogue_output : Converter
-        Gives the commands.
+        Converter that outputs the commands.
     amplifier : Amplifier
-        Makes high voltage of them.
+        Amplifier that turns commands into high voltage.
     laser : Laser
-        Looks at the ball.
+        Displacement sensor that points at the ball.
     analogue_input : Converter
-        Takes the laser's output.
+        Converter that samples the laser's output.
 
     Examples
     --------
@@ -59,12 +59,12 @@ class MeasuringChain:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The chain that `dataclasses.asdict` described.
+        """Return the chain that a mapping from `dataclasses.asdict` describes.
 
         Parameters
         ----------
         data : mapping
-            Plain data, also as it comes back from JSON.
+            Plain data, also after a round trip through JSON.
 
         Returns
         -------
@@ -73,7 +73,7 @@ class MeasuringChain:
         Raises
         ------
         DataError
-            If a part is missing or not as its class describes it.
+            If a part is missing or does not have the fields of its class.
         """
         kinds = {"analogue_output": Converter, "amplifier": Amplifier, "laser": Laser, "analogue_input": Converter}
         try:
@@ -84,48 +84,48 @@ class MeasuringChain:
 
     @property
     def command_limit(self) -> float:
-        """Largest command, of either sign, that output and amplifier are rated for, V."""
+        """Largest magnitude of the command for which output and amplifier are rated, V."""
         return min(self.analogue_output.limit, self.amplifier.input_full_scale)
 
     @property
     def film_step(self) -> float:
-        """Voltage at the film of one code of the output, V."""
+        """Film voltage of one output code, V."""
         return self.analogue_output.step * self.amplifier.gain
 
     @property
     def reading_step(self) -> float:
-        """Displacement of one code of the input, m."""
+        """Displacement of one input code, m."""
         return self.analogue_input.step * self.laser.metres_per_volt
 
     @property
     def noise(self) -> float:
-        """Standard deviation of what `record` adds to readings, m.
+        """Standard deviation of the noise that `record` adds to readings, m.
 
-        The laser's noise and the input's, and a twelfth of the square of each step. The latter holds where the
-        motion spreads over many steps (B. Widrow and I. Kollár, "Quantization Noise", Cambridge University Press,
-        2008); a ball at rest sees one step's rounding, the same each time.
+        The variance is the sum of the laser's noise, the input's noise, and a twelfth of the square of each
+        quantisation step. The twelfth holds for motion over many steps (B. Widrow and I. Kollár, "Quantization
+        Noise", Cambridge University Press, 2008); at rest the rounding error is constant.
         """
         laser, volts = self.laser, self.analogue_input
         in_volts = volts.noise**2 + volts.step**2 / 12.0
         return math.sqrt(laser.noise**2 + laser.resolution**2 / 12.0 + in_volts * laser.metres_per_volt**2)
 
     def applied(self, commands: ArrayLike) -> NDArray[np.float64]:
-        """The commands that the amplifier gets, each held until the next.
+        """Return the commands that reach the amplifier, rounded to the codes of the output.
 
         Parameters
         ----------
         commands : array_like
-            Wished, V, of any shape.
+            Requested commands, V, of any shape.
 
         Returns
         -------
         array
-            V, of the same shape: the codes nearest to them.
+            Nearest codes, V, of the same shape; each is held until the next.
 
         Raises
         ------
         DataError
-            If a command lies beyond what output and amplifier are rated for, or is no number.
+            If a command exceeds the rating of output or amplifier, or is not a number.
         """
         wished = np.asarray(commands, dtype=np.float64)
         beyond = ~(np.abs(wished) <= self.command_limit)
@@ -138,12 +138,12 @@ class MeasuringChain:
         return self.analogue_output.convert(wished)
 
     def record(self, readings: ArrayLike, rng: np.random.Generator, *, sample_time: float) -> NDArray[np.float64]:
-        """What is recorded of noise-free readings: lag, range, noise, and the rounding of laser and input.
+        """Apply lag, range, noise and rounding of laser and input to noise-free readings.
 
         Parameters
         ----------
         readings : (..., n) array_like
-            Displacement from the laser's reference distance at each sample, m.
+            Displacement from the laser's reference distance at each of n samples, m.
         rng : numpy.random.Generator
             Source of the noise of laser and input.
         sample_time : float
@@ -152,7 +152,7 @@ class MeasuringChain:
         Returns
         -------
         (..., n) array
-            m. A displacement beyond the range of laser or input reads as its end; NaN stays.
+            Recorded readings, m. Displacements beyond the range of laser or input are clipped; NaN stays NaN.
 
         Raises
         ------
@@ -161,8 +161,8 @@ class MeasuringChain:
 
         Notes
         -----
-        The lag is taken by linear interpolation between samples, the first reading being held before the first
-        sample: at 50 Hz and 1.6 ms a sine of 1 Hz is wrong by at most 0.06 % of its amplitude.
+        The lag interpolates linearly between samples, and holds the first reading before the first sample. For a sine
+        of 1 Hz, at 50 Hz and 1.6 ms, the error is at most 0.06 % of the amplitude.
         """
         given = np.asarray(readings, dtype=np.float64)
         if given.ndim == 0 or given.size == 0 or not 0.0 < sample_time < math.inf:

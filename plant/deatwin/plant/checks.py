@@ -1,4 +1,4 @@
-"""What must hold before a recording is used; each check raises one clear error."""
+"""Checks of a recording before it is used; each raises one clear error."""
 
 from collections.abc import Sequence
 
@@ -35,7 +35,10 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Refuse commands far outside of the rig's range. `recording` its first input is the command in V."""
+    """Refuse commands far outside of the rig's range. `recording` its first input is the command in V.
+
+    The range is widened by half its width on either side; without one it is that of a 30 kV amplifier.
+    """
     ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max

@@ -21,14 +21,14 @@ def quantise(values: ArrayLike, step: float) -> NDArray[np.float64]:
     Parameters
     ----------
     values : array_like
-        In any unit.
+        Values in any unit.
     step : float
-        In the same unit; 0 leaves the values as they are.
+        Step in the same unit; 0 returns the values unchanged.
 
     Returns
     -------
     array
-        Of the same shape. Halfway cases go to the even multiple; NaN stays.
+        Rounded values, of the same shape. Ties go to the even multiple; NaN stays NaN.
 
     Raises
     ------
@@ -48,16 +48,16 @@ def quantise(values: ArrayLike, step: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A part of the rig with the origin of its values.
+    """Hardware part of a rig, with the origin of its values.
 
     Parameters
     ----------
     name : str
-        Maker and type.
+        Manufacturer and type.
     source : str
-        Where the values stand.
+        Document that states the values.
     unconfirmed : tuple of str
-        Names of the values that were not read in a data sheet.
+        Names of the values that no data sheet confirms.
     """
 
     name: str
@@ -67,20 +67,20 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Converter(Part):
-    """Digital to analogue or analogue to digital.
+    """Digital-to-analogue or analogue-to-digital converter.
 
     Parameters
     ----------
     name, source, unconfirmed
-        As for every `Part`.
+        Name and origin; see `Part`.
     bits : int
-        Of its codes, which are from ``-2**(bits - 1)`` to ``2**(bits - 1) - 1``.
+        Number of bits of the codes, which run from ``-2**(bits - 1)`` to ``2**(bits - 1) - 1``.
     full_scale : float
-        Voltage between which, and its negative, the codes lie, V.
+        Largest voltage of the codes, V; they span ``-full_scale`` to ``full_scale``.
     limit : float
-        Largest voltage, of either sign, for which it is rated, V.
+        Largest rated magnitude of the voltage, V.
     noise : float
-        Standard deviation of its own noise, V.
+        Standard deviation of the converter's own noise, V.
     """
 
     bits: int
@@ -101,7 +101,7 @@ class Converter(Part):
         return self.full_scale * 2.0 ** (1 - self.bits)
 
     def convert(self, volts: ArrayLike) -> NDArray[np.float64]:
-        """Voltages as codes have them: rounded, and clipped to the first and the last.
+        """Return voltages rounded to codes, and clipped to the first and the last code.
 
         Parameters
         ----------
@@ -118,16 +118,16 @@ class Converter(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Amplifier(Part):
-    """High-voltage amplifier, as far as the thesis describes it: a gain and its ends.
+    """High-voltage amplifier, described as in the thesis by a gain with limits.
 
     Parameters
     ----------
     name, source, unconfirmed
-        As for every `Part`.
+        Name and origin; see `Part`.
     input_full_scale : float
-        Command at which it gives its full output, V.
+        Command that gives full output, V.
     output_full_scale : float
-        That output, V.
+        Full output, V.
     """
 
     input_full_scale: float
@@ -148,29 +148,29 @@ class Amplifier(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Laser(Part):
-    """Triangulating displacement sensor with an analogue output.
+    """Laser triangulation sensor with an analogue output.
 
     Parameters
     ----------
     name, source, unconfirmed
-        As for every `Part`.
+        Name and origin; see `Part`.
     reach : float
-        Displacement from its reference distance, to either side, that it can measure, m. Its analogue output
-        goes to `output_full_scale` there.
+        Largest measurable displacement from the reference distance, to either side, m. The analogue output is then
+        `output_full_scale`.
     output_full_scale : float
         V.
     noise : float
-        Standard deviation of its noise, m. A data sheet's repeatability holds after averaging that a record of
-        50 Hz leaves no time for: what is measured on the rig is better.
+        Standard deviation of the noise, m. Prefer a value measured on the rig: the repeatability of a data sheet holds
+        after averaging, for which sampling at 50 Hz leaves no time.
     resolution : float
-        Step of its digital value, m.
+        Quantisation step of the digital value, m.
     linearity : float
-        Largest departure from a straight line over the whole range, as a share of that range (twice the reach).
-        It is no noise: over the millimetre that a ball moves it acts as a gain error and a slight curvature.
+        Largest deviation from a straight line, as a share of the whole range (twice the reach). It is not noise: over
+        the millimetre that a ball moves, it acts as a gain error and a slight curvature.
     scan_time : float
-        Time of one exposure, s.
+        Duration of one exposure, s.
     averages : int
-        Exposures of which each value is the mean.
+        Number of exposures averaged for each value.
     """
 
     reach: float
@@ -193,12 +193,12 @@ class Laser(Part):
 
     @property
     def lag(self) -> float:
-        """Age of a value when it appears, s: to the middle of the exposures that it averages."""
+        """Age of a value when it is output, s: the time since the middle of the averaged exposures."""
         return 0.5 * self.averages * self.scan_time
 
     @property
     def metres_per_volt(self) -> float:
-        """Displacement per volt of its output, m/V."""
+        """Displacement per volt of the output, m/V."""
         return self.reach / self.output_full_scale
 
 

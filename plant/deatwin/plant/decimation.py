@@ -16,28 +16,27 @@ _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # of the filter, edges rela
 
 
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
-    """Keep every so many samples, after a low-pass filter without phase on inputs, outputs and extras.
+    """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
-    Filtered alike, inputs and outputs of a linear system still obey it; of a nonlinear one only as far as
-    little power is removed (see `removed_share`). A new row holds its input as long as ``factor`` old rows: its
-    input is the filtered command at the middle of that time, and its reading is taken at the end (or the start)
-    of it, as that of the old rows was. So the model of the new rows has the phase of the held system; its
-    gain is that of a held input to the order ``(omega T)^2 / 24``. Samples to which the filter would have to be
-    continued beyond the record are left out, about nine new ones at each end; the clock is kept.
+    A linear system still relates inputs and outputs that were filtered alike; a nonlinear one does so only if little
+    power is removed (see `removed_share`). A new row holds its input for ``factor`` old rows: its input is the
+    filtered command in the middle of that time; its reading is taken at the end (or the start), as in the old rows. A
+    model of the new rows thus has the phase of the held system, and its gain to the order ``(omega T)^2 / 24``.
+    About nine new samples at each end are dropped, where the filter would reach beyond the record; the clock is kept.
 
     Parameters
     ----------
     recording : Recording
-        Evenly sampled.
+        Evenly sampled recording.
     factor : int
-        Number of old samples for a new one, at least 1.
+        Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        When, within its row, a reading is taken.
+        Time within a row at which the reading is taken.
 
     Returns
     -------
     Recording
-        With ``factor`` times the sample time; its provenance tells the factor.
+        Recording with ``factor`` times the sample time; its provenance states the factor.
 
     Raises
     ------
@@ -76,21 +75,21 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
 
 
 def removed_share(recording: Recording, factor: int) -> dict[str, float]:
-    """Return the share of the variance of each signal that `decimate` removes, by the signal's name.
+    """Return the share of each signal's variance that `decimate` removes.
 
-    What is removed of the input of a nonlinear system acts on, all the same, on its output.
+    A nonlinear system still responds to the removed part of its input, which the decimated record no longer shows.
 
     Parameters
     ----------
     recording : Recording
-        Before decimation.
+        Recording before decimation.
     factor : int
-        Number of old samples for a new one, at least 2.
+        Number of old samples per new sample, at least 2.
 
     Returns
     -------
     dict
-        Between 0 and 1; 0 for a constant signal.
+        Share of the variance by signal name, 0 to 1; 0 for a constant signal.
     """
     low_pass = _low_pass(factor, 0)
     half = low_pass.size // 2

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
-from deatwin.plant.intake import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
+from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
 from deatwin.plant.schemacheck import shape_fault
 
 # A number that may be too large for a float: only then are numbers read the slow way.
@@ -51,7 +51,7 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
 
 
 _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)
-"""What a document of the right schema may raise whose values are of the wrong kind, too large or too deep."""
+"""Errors that values of the wrong kind, too large or too deep may raise in a document of the right schema."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:

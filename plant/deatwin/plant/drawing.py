@@ -1,4 +1,4 @@
-"""What all results that draw themselves share."""
+"""Helpers of all results that draw themselves."""
 
 from __future__ import annotations
 

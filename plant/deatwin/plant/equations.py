@@ -1,4 +1,4 @@
-"""From a rig and its effects to one semi-explicit, index-1 differential-algebraic equation (DAE).
+"""Semi-explicit, index-1 differential-algebraic equation (DAE) of a rig and its effects.
 
 .. math::
     M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
@@ -45,7 +45,7 @@ class Equations:
     rest: ca.Function  # ``(x, z, u, p, c) ->`` residual whose zero is the state of rest
     guess: ca.Function  # ``(p, c) -> (x; z)`` to start the search of the rest state
     hold: ca.Function  # ``(x, z, p, c) -> d`` at rest
-    history: int = 0  # How many past samples of the command follow it in *u*
+    history: int = 0  # Number of past samples of the command that follow it in *u*
     channels: Mapping[str, float] = field(default_factory=dict)
 
     def held_inputs(self, command: float) -> np.ndarray:
@@ -54,18 +54,18 @@ class Equations:
 
     @property
     def names_of_rest(self) -> tuple[str, ...]:
-        """What an error text calls the equations of rest, in the order of the unknowns."""
+        """Names of the equations of rest in error texts, in the order of the unknowns."""
         rates = (f"the rate of state {name}" for name in self.states)
         return (*rates, *(f"the balance for coordinate {name}" for name in self.coordinates))
 
     @property
     def sample_start(self) -> int | None:
-        """Where in *u* the clock time at which a sample begins is; None where no effect asks for it."""
+        """Position in *u* of the clock time at which a sample begins; None if no effect needs it."""
         return self._place_of(SAMPLE_START)
 
     @property
     def step_middle(self) -> int | None:
-        """Where in *u* the clock time of the middle of a step is; None where a sample is not divided."""
+        """Position in *u* of the clock time in the middle of a step; None if samples are not divided."""
         return self._place_of(STEP_MIDDLE)
 
     def _place_of(self, channel: str) -> int | None:

@@ -3,27 +3,27 @@
 import difflib
 from collections.abc import Iterable
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 class DeatwinError(Exception):
-    """Base of every error that deatwin raises on purpose; its text is one clear line for the user."""
+    """Base class of all errors that deatwin raises on purpose; the text is one clear line for the user."""
 
 
 class DataError(DeatwinError, ValueError):
-    """A recording, a data file or a value is at fault; the text names file, row and column."""
+    """Error in a recording, a data file or a value; the text names file, row and column."""
 
 
 class RigError(DeatwinError, ValueError):
-    """A rig file or a plant description is at fault."""
+    """Error in a rig file or a plant description."""
 
 
 class ModelError(DeatwinError, ValueError):
-    """A model file is at fault, or a model cannot be made of these samples."""
+    """Error in a model file, or samples from which no model can be made."""
 
 
 class SimulationError(DeatwinError, RuntimeError):
-    """A simulation could not be finished, for example for pull-in."""
+    """Simulation that could not be finished, for example because of pull-in."""
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:

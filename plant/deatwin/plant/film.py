@@ -50,12 +50,12 @@ class FilmPoint:
 
     @property
     def active(self) -> bool:
-        """Whether there is an electrode here."""
+        """True if there is an electrode here."""
         return self.radius is not None
 
 
 def film_points(points: Sequence[FilmPoint], build: Builder) -> list[FilmPoint]:
-    """The same points, each with virtual stretches, so that the stress in it is known."""
+    """Return the points with virtual stretches, with respect to which the stress at each point is known."""
     zeros = build.constant("virtual_stretch", np.zeros(2 * len(points)))
     pairs = [(zeros[2 * k], zeros[2 * k + 1]) for k in range(len(points))]
     return [
@@ -65,7 +65,7 @@ def film_points(points: Sequence[FilmPoint], build: Builder) -> list[FilmPoint]:
 
 
 def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickness: Symbol) -> list[Symbol]:
-    r"""What each point adds to the capacitance, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`."""
+    r"""Capacitance of each point, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`."""
     factor = permittivity * VACUUM_PERMITTIVITY / thickness**2
     return [
         factor * p.coverage * p.volume * (p.stretches[0] * p.stretches[1]) ** 2 if p.active else ca.SX(0)
@@ -77,11 +77,11 @@ def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickn
 class AnyFilm(ABC):
     """The film as effects at the place *film* see it, however its branches flow."""
 
-    points: Sequence[FilmPoint]  # Where stretches are taken
+    points: Sequence[FilmPoint]  # Points at which stretches are taken
     elastic: Symbol  # Energy of the equilibrium network, J
-    rest_stretch: float  # Where to look for the relaxed state
+    rest_stretch: float  # Start value of the search for the relaxed state
     relaxing: Symbol = 0.0  # Energy of the branches, J
-    capacitances: Sequence[Symbol] = ()  # What each point adds to the capacitance, F; 0 where there is no electrode
+    capacitances: Sequence[Symbol] = ()  # Contribution of each point to the capacitance, F; 0 without an electrode
 
     @property
     def stored(self) -> Symbol:
@@ -104,15 +104,15 @@ class AnyFilm(ABC):
         return ca.gradient(self.stored, coordinate) - electric
 
     def with_elastic(self, factor: Symbol) -> Self:
-        """The same film with a softer or stiffer equilibrium network."""
+        """Return the film with a softer or stiffer equilibrium network."""
         return replace(self, elastic=factor * self.elastic)
 
     def with_energy(self, density: Callable[[Any, Any], Symbol]) -> Self:
-        """The same film with a further hyperelastic energy."""
+        """Return the film with an additional hyperelastic energy."""
         return replace(self, elastic=self.elastic + sum(p.volume * density(*p.stretches) for p in self.points))
 
     def with_permittivity(self, factor: Callable[[FilmPoint], Symbol]) -> Self:
-        """The same film with a permittivity that differs from point to point."""
+        """Return the film with a permittivity that differs between points."""
         if not self.capacitances:
             raise RigError("this rig's film has no electrode, so its permittivity does nothing")
         pairs = zip(self.points, self.capacitances, strict=True)

@@ -35,14 +35,14 @@ DURATION = 1100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """How far a quantity may lie beside its specification, all values being equally likely.
+    """Fabrication tolerance of a quantity, uniformly distributed about its specification.
 
     Parameters
     ----------
     share : float
-        Largest relative departure to either side.
+        Largest relative deviation to either side.
     reason : str
-        Why so much.
+        Reason for its size.
     """
 
     share: float
@@ -73,14 +73,14 @@ the thesis gives none."""
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """What happens to an actuator while it is recorded.
+    """Changes in an actuator during its recording.
 
     Parameters
     ----------
     story : str
-        In one sentence, what is seen and why.
+        Sentence that tells what is observed and why.
     effects : tuple of Effect
-        The physics of it.
+        Effects that cause the changes.
     """
 
     story: str
@@ -113,23 +113,23 @@ HISTORIES: tuple[History, ...] = (
         effects=(ElectrodeLoss(share=0.5, at=45.0),),
     ),
 )
-"""Of the first to the sixth; sizes and times lie in the typical ranges that the effects give."""
+"""Histories of the six actuators; sizes and times lie in the typical ranges of the effects."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Actuator:
-    """One of the six.
+    """One of six simulated actuators of the same specification.
 
     Parameters
     ----------
     name : str
         ``DEA 1`` to ``DEA 6``.
     plant : Plant
-        As fabricated, with its history.
+        Plant as fabricated, with the effects of its history.
     story : str
-        What happens to it, in one sentence.
+        Sentence that tells what happens to the actuator.
     seed : tuple of int
-        Of its excitation and of its sensor's noise.
+        Seed of the excitation and of the sensor noise.
     """
 
     name: str
@@ -138,12 +138,12 @@ class Actuator:
     seed: tuple[int, ...]
 
     def excitation(self, duration: float = DURATION) -> Experiment:
-        """The thesis' noise, drawn for this actuator.
+        """Return the thesis' noise excitation, drawn for this actuator.
 
         Parameters
         ----------
         duration : float
-            s. A shorter one is other noise, not the beginning of the longer one.
+            Duration, s. A shorter excitation is other noise, not the beginning of a longer one.
 
         Returns
         -------
@@ -160,14 +160,14 @@ class Actuator:
         Parameters
         ----------
         experiment : Experiment, optional
-            Only commands and clock are used; by default `excitation`.
+            Experiment of which only commands and clock are used; by default `excitation`.
         rng : numpy.random.Generator, optional
-            Source of the sensor's noise; by default of the actuator's own seed.
+            Source of the sensor noise; by default the actuator's own seed.
 
         Returns
         -------
         Experiment
-            With readings, m.
+            Experiment with readings, m.
 
         Raises
         ------
@@ -178,12 +178,12 @@ class Actuator:
 
 
 def specification() -> Plant:
-    """What all six were to be: the thesis' plant without a drift, with the real drive and sensor.
+    """Return the common specification: the thesis' plant without drift, with the real drive and sensor.
 
     Returns
     -------
     Plant
-        With hysteresis only.
+        Plant with hysteresis as its only effect.
     """
     nominal, chain = thesis_plant(), MeasuringChain()
     rig = replace(nominal.rig, chain=chain, noise=chain.noise)
@@ -191,17 +191,17 @@ def specification() -> Plant:
 
 
 def fleet(seed: int = 0) -> tuple[Actuator, ...]:
-    """The six actuators.
+    """Return six simulated actuators that differ in fabrication and history.
 
     Parameters
     ----------
     seed : int
-        Of the fabrications, the excitations and the sensors' noise; the histories are the same for all seeds.
+        Seed of fabrication, excitation and sensor noise; the histories are the same for all seeds.
 
     Returns
     -------
     tuple of Actuator
-        Of length 6.
+        Six actuators, ``DEA 1`` to ``DEA 6``.
 
     References
     ----------

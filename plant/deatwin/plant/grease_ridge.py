@@ -24,6 +24,10 @@ class GreaseRidge(Effect):
               B\Bigl(\frac{t - t_1}{T}, \frac{t_2 - t}{T}\Bigr), \qquad B(a, b) = S(a)\,S(b), \qquad
               S(x) = \frac{1}{1 + e^{-x}}
 
+    Here y is the displacement, p = 50 µm the assumed distance of the lumps, d = 2 µm, and T = 0.5 s. No state. The ball
+    snaps from lump to lump if :math:`2\pi F_g/p` exceeds the film's stiffness. Law: Prandtl-Tomlinson friction,
+    Iglesias & Gonçalves, arXiv:1708.03414.
+
     Source: Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited",
     arXiv:1708.03414 (the law).
     """

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Of a terminal, and of a batch system that is about to kill."""
+"""Signals of a terminal, and of a batch system that is about to kill."""
 MISTAKEN = (SystemError, NotImplementedError)
-"""What CasADi's wrappers raise where an interrupt comes while a matrix is converted."""
+"""Errors that CasADi's wrappers raise if an interrupt comes while a matrix is converted."""
 
 
 def obey() -> None:

@@ -1,4 +1,4 @@
-r"""What a film bears: the signals that tell where it is about to lose tension or to break down, and the events.
+r"""Limits of a film: the signals that tell when it is about to lose tension or break down, and the events.
 
 A membrane carries no pressure: where a true in-plane stress
 
@@ -34,20 +34,20 @@ EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BR
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happened to the film in a sample.
+    """Event in the film during a sample, such as loss of tension or breakdown.
 
     Parameters
     ----------
     status : RunStatus
-        What happened.
+        Kind of event.
     time : float
         Clock time at which the sample's command was applied, s.
     command : float
-        In its unit.
+        Command, in the rig's unit.
     film_voltage : float
-        V; NaN for a rig that does not watch it.
+        Film voltage, V; NaN for a rig that does not watch it.
     place : str
-        Where in the film, empty where the rig does not tell.
+        Place in the film; empty if the rig does not tell it.
     """
 
     status: RunStatus
@@ -100,7 +100,7 @@ def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint
 def film_events(
     signals: Mapping[str, np.ndarray], status: RunStatus, timeline: Timeline, snaps: Sequence[int] = ()
 ) -> tuple[Event, ...]:
-    """What happened to the film along a simulation. Shapes: `signals` (n,)."""
+    """Return the events of the film along a simulation. Shapes: `signals` (n,)."""
     count = min((values.size for values in signals.values()), default=0)
     found = []
     for name, what, sign, limit in EVENTS:
@@ -124,7 +124,7 @@ def _event(
         status=what,
         time=timeline.start + sample * timeline.sample_time,
         command=float(timeline.commands[sample]),
-        # Of a sample that was not solved no voltage is known.
+        # The voltage of a sample that was not solved is unknown.
         film_voltage=float(signals["film_voltage"][seen]) if seen == sample and "film_voltage" in signals else np.nan,
         place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the middle" if known else uniform,
     )

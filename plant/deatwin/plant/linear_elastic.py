@@ -24,16 +24,16 @@ from deatwin.plant.material import Material
 
 @dataclass(frozen=True, kw_only=True)
 class LinearElastic:
-    """A free film of constant modulus, permittivity and thickness.
+    """Free film of constant modulus, permittivity and thickness.
 
     Parameters
     ----------
     elastic_modulus : float
-        Y in Pa; three shear moduli of an incompressible film.
+        Y in Pa; three times the shear modulus of an incompressible film.
     permittivity : float
-        Relative.
+        Relative permittivity.
     thickness : float
-        Undeformed, m.
+        Undeformed thickness, m.
 
     Examples
     --------
@@ -48,14 +48,14 @@ class LinearElastic:
 
     @classmethod
     def of(cls, substance: Material, thickness: float) -> Self:
-        """The linear model of a material at small strain, with all branches relaxed.
+        """Return the linear model of a material at small strain, with all branches relaxed.
 
         Parameters
         ----------
         substance : Material
-            With its published values.
+            Material with its published values.
         thickness : float
-            Undeformed, m.
+            Undeformed thickness, m.
 
         Returns
         -------
@@ -66,12 +66,12 @@ class LinearElastic:
         )
 
     def nominal_field(self, voltage: Any) -> Any:
-        """Voltage over the undeformed thickness.
+        """Return the voltage divided by the undeformed thickness.
 
         Parameters
         ----------
         voltage : float or array
-            V.
+            Film voltage, V.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class LinearElastic:
         return voltage / self.thickness
 
     def thickness_strain(self, field: Any) -> Any:
-        """Strain across the film.
+        """Return the strain across the film.
 
         Parameters
         ----------
@@ -91,12 +91,12 @@ class LinearElastic:
         Returns
         -------
         float or array
-            Dimensionless, not above 0.
+            Strain, dimensionless, not above 0.
         """
         return maxwell_strain(self.permittivity, field, self.elastic_modulus)
 
     def in_plane_strain(self, field: Any) -> Any:
-        """Strain along the film in both directions.
+        """Return the strain in the plane of the film, equal in both directions.
 
         Parameters
         ----------
@@ -106,6 +106,6 @@ class LinearElastic:
         Returns
         -------
         float or array
-            Dimensionless, not below 0.
+            Strain, dimensionless, not below 0.
         """
         return -self.thickness_strain(field) / 2

@@ -17,12 +17,12 @@ Symbol = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Branch:
-    """A Maxwell branch in parallel with the equilibrium network: a neo-Hookean spring behind a dashpot.
+    """Maxwell branch in parallel with the equilibrium network: a neo-Hookean spring in series with a dashpot.
 
     Parameters
     ----------
     name : str
-        ``branch`` for the first one, ``branch_2``, ``branch_3``, ... for the others.
+        Name: ``branch`` for the first branch, ``branch_2``, ``branch_3``, ... for the others.
     modulus : Parameter
         Shear modulus of the spring, Pa.
     time : Parameter
@@ -36,18 +36,18 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """A film material: its energy function and a published set of starting values.
+    """Film material: an energy function and a published set of starting values.
 
     Parameters
     ----------
     name : str
-        As written in a rig file.
+        Name in a rig file.
     energy : callable
-        ``energy(stretch_1, stretch_2, *elastic parameters)``, J/m³.
+        Function ``energy(stretch_1, stretch_2, *elastic_parameters)``, J/m³.
     elastic : tuple of Parameter
-        Parameters of `energy`, in its order.
+        Parameters of `energy`, in the order of its arguments.
     branches : tuple of Branch
-        Maxwell branches, none for a purely elastic material.
+        Maxwell branches; empty for a purely elastic material.
     permittivity : Parameter
         Relative permittivity of the stretched film.
     """
@@ -60,7 +60,7 @@ class Material:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters of the material: elastic, those of the branches, permittivity."""
+        """All parameters of the material: elastic ones, those of the branches, permittivity."""
         of_branches = (parameter for branch in self.branches for parameter in (branch.modulus, branch.time))
         return (*self.elastic, *of_branches, self.permittivity)
 
@@ -186,12 +186,12 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 
 
 def material(name: str) -> Material:
-    """The material of that name.
+    """Return the material of a name.
 
     Parameters
     ----------
     name : str
-        A key of `MATERIALS`.
+        Key of `MATERIALS`.
 
     Returns
     -------

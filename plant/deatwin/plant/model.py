@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plant:
-    """A rig with effects: declarative, immutable, cheap to make; equations are compiled when first needed.
+    """A rig with effects: immutable and cheap to make; its equations are compiled when first needed.
 
     Parameters
     ----------
     rig : Rig
-        Kinematics, loads and reading.
+        Rig, which gives kinematics, loads and reading.
     effects : tuple of Effect
-        In any order; each at most once.
+        Effects in any order, each at most once.
     values : mapping of str to float
-        Parameter values (SI) that replace the ones of rig and effects, for example after a calibration.
+        Parameter values, SI, that replace those of rig and effects, for example after a calibration.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class Plant:
         return tuple(f"{e.name}.{e.event}" for e in self.effects if e.event)
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """The same plant with more effects.
+        """Return the plant with more effects.
 
         Parameters
         ----------
@@ -103,12 +103,12 @@ class Plant:
         return replace(self, effects=(*self.effects, *effects))
 
     def without_effects(self, *names: str) -> Plant:
-        """The same plant, with its values, but without effects.
+        """Return the plant without some or all of its effects; its other values stay.
 
         Parameters
         ----------
         *names : str
-            Of those that are taken out; all of them where none is named.
+            Names of the effects to remove; all effects if none is named.
 
         Returns
         -------
@@ -119,12 +119,12 @@ class Plant:
         return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
     def with_values(self, values: Mapping[str, float]) -> Plant:
-        """The same plant with other parameter values.
+        """Return the plant with other parameter values.
 
         Parameters
         ----------
         values : mapping of str to float
-            SI values by name; the rest stays.
+            SI values by name; all others stay.
 
         Returns
         -------
@@ -133,12 +133,12 @@ class Plant:
         return replace(self, values={**self.values, **values})
 
     def with_rig(self, rig: Rig) -> Plant:
-        """The same plant on another rig.
+        """Return the plant on another rig.
 
         Parameters
         ----------
         rig : Rig
-            With parameters of the same names.
+            Rig with parameters of the same names.
 
         Returns
         -------
@@ -148,11 +148,11 @@ class Plant:
 
     @property
     def equations(self) -> Equations:
-        """The plant's DAE."""
+        """Return the plant's differential-algebraic equations."""
         return _equations(_Structure(self))
 
     def accepts(self, effect: Effect) -> bool:
-        """Whether an effect can be built into this plant.
+        """Tell if an effect can be added to this plant.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class Plant:
         Returns
         -------
         bool
-            False where the rig lacks the signal on which the effect acts, or the plant already has the effect.
+            False if the rig lacks the signal on which the effect acts, or the plant already has the effect.
         """
         if effect.name in self.effect_names:
             return False
@@ -176,17 +176,17 @@ class Plant:
 
     @property
     def simulator(self) -> Simulator:
-        """The compiled equations, shared by all plants of the same structure in this process."""
+        """Return the compiled equations, which all plants of the same structure in this process share."""
         with SIMULATOR_LOCK:  # threads that start together would each write and compile the same equations
             return _simulator(_Structure(self), compiler())
 
     @property
     def free_values(self) -> np.ndarray:
-        """Values of the free parameters, shape (n_p,), SI."""
+        """Return the values of the free parameters, shape (n_p,), SI."""
         return self.parameters.array(self.parameters.free)
 
     def timeline(self, experiment: Experiment) -> Timeline:
-        """The commands of an experiment from rest on.
+        """Return the commands of an experiment, beginning at rest.
 
         Parameters
         ----------
@@ -200,14 +200,14 @@ class Plant:
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
     def simulate(self, experiment: Experiment, *, progress: Progress | None = None) -> Simulation:
-        """Free-run simulation from rest through the start procedure and all recordings.
+        """Simulate in free run from rest through the start procedure and all recordings.
 
         Parameters
         ----------
         experiment : Experiment
-            Only the commands are used.
+            Experiment to simulate; only its commands are used.
         progress : callable, optional
-            Called with the share that is done.
+            Function called with the completed share, 0 to 1.
 
         Returns
         -------
@@ -226,24 +226,25 @@ class Plant:
         return Simulation.of(run, timeline, self.equations.signals, self.rig.input_unit)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:
-        """What a calibration of this plant leaves of finer equations of the same rig, on the commands of a recording.
+        """Return the error that remains when this plant is calibrated to finer equations of its rig.
 
-        Kept on disk: the second answer to a question is free.
+        Both plants get the commands of a recording. The result is cached on disk.
 
         Parameters
         ----------
         recording : Recording or Experiment
-            Only the commands are used; a recording alone starts from rest.
+            Recording of which only the commands are used; a single recording starts from rest.
 
         Returns
         -------
         Discrepancy
-            Rms, and a band over the command; what the rig states where it has no finer equations.
+            Rms error, and a band over the command. If the rig has no finer equations, it is the model error that it
+            states.
 
         Raises
         ------
         SimulationError
-            If one of the plants does not reach the end, for example for pull-in, or the finer film loses tension.
+            If a plant does not reach the end, for example because of pull-in, or the finer film loses tension.
         """
         from deatwin.plant.model_error import discrepancy  # which is made of plants
 
@@ -251,19 +252,19 @@ class Plant:
         return discrepancy(self, whole)
 
     def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
-        """Make recordings: simulate, and read with the rig's measuring chain, or else with its sensor's noise.
+        """Simulate recordings with the rig's measuring chain, or with its sensor noise if it has no chain.
 
         Parameters
         ----------
         experiment : Experiment
-            Only commands and clock are used.
+            Experiment of which only commands and clock are used.
         rng : numpy.random.Generator
             Source of the noise.
 
         Returns
         -------
         Experiment
-            With readings, SI.
+            Experiment with readings, SI.
 
         Raises
         ------
@@ -287,7 +288,7 @@ class Plant:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data: rig, effects and all parameters with unit, bounds and source."""
+        """Return plain data: rig, effects and all parameters with unit, bounds and source."""
         return {
             "rig": {"kind": self.rig.kind, **self.rig.to_dict()},
             "effects": [effect.entry for effect in self.effects],
@@ -296,7 +297,7 @@ class Plant:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The plant that `to_dict` described.
+        """Return the plant that `to_dict` described.
 
         Parameters
         ----------
@@ -310,7 +311,7 @@ class Plant:
         Raises
         ------
         RigError
-            If rig, effects or parameters are not known here.
+            If the rig, an effect or a parameter is unknown.
         """
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
@@ -327,7 +328,7 @@ SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
     {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
 )
-"""What a rig says of itself besides its equations."""
+"""Statements of a rig about itself besides its equations."""
 
 
 class _Structure:

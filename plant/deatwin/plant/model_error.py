@@ -1,4 +1,4 @@
-"""What a rig's own equations cannot follow: the rest between them and finer ones after a refit.
+"""Model error of a rig's own equations: the residual against finer ones after a refit.
 
 A reduced plant whose parameters were calibrated has absorbed much of its own error: what counts for a diagnosis is
 what it cannot absorb on a given excitation. Both plants are simulated on it, the free parameters of the coarse one
@@ -36,7 +36,7 @@ BINS = 12
 EVALUATIONS = 30
 """Simulations that a refit may take; it settles in about ten."""
 DIGITS = 2
-"""To which the parameters are rounded: the error moves by a few percent of itself within one step."""
+"""Step to which the parameters are rounded: within it the error changes by a few percent of itself."""
 
 
 @runtime_checkable
@@ -44,25 +44,25 @@ class Refinable(Protocol):
     """A rig that has finer equations."""
 
     def finer(self) -> Rig:
-        """The same rig with finer equations and parameters of the same names."""
+        """Return the rig with finer equations and parameters of the same names."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discrepancy:
-    """What a calibrated plant leaves of a finer one on an excitation.
+    """Error that remains after a plant is calibrated to a finer one on an excitation.
 
     Parameters
     ----------
     rms : float
-        Root mean square over all readings, SI.
+        Root mean square error over all readings, SI.
     motion : float
         Standard deviation of the readings, SI.
     before : float
-        Rms with the parameters as they were before the refit, SI.
+        Rms error with the parameters before the refit, SI.
     commands : ndarray, shape (n,)
-        Middles of equal intervals of the command, in its unit.
+        Centres of equal intervals of the command, in the rig's unit.
     mean, deviation : ndarray, shape (n,)
-        Mean and rms of fine minus coarse while the command was in each interval, SI; NaN where it never was.
+        Mean and rms of fine minus coarse readings in each interval of the command, SI; NaN in intervals never visited.
     """
 
     rms: float
@@ -74,37 +74,37 @@ class Discrepancy:
 
     @property
     def share(self) -> float:
-        """Rms as a share of the motion."""
+        """Rms error as a share of the motion."""
         return self.rms / self.motion if self.motion > 0 else 0.0
 
     def at(self, commands: np.ndarray) -> np.ndarray:
-        """Rms of the model error while a command acts.
+        """Return the rms model error at given commands.
 
         Parameters
         ----------
         commands : ndarray, shape (m,)
-            In their unit.
+            Commands, in the rig's unit.
 
         Returns
         -------
         ndarray, shape (m,)
-            SI; between the intervals' middles on a line, beyond them as in the last one.
+            Rms error, SI; linear between the centres of the intervals, constant beyond them.
         """
         seen = np.isfinite(self.deviation)
         return np.interp(commands, self.commands[seen], self.deviation[seen])
 
     @classmethod
     def between(cls, fine: np.ndarray, coarse: np.ndarray, commands: np.ndarray, before: float) -> Self:
-        """The discrepancy of two sets of readings.
+        """Return the discrepancy of two sets of readings.
 
         Parameters
         ----------
         fine, coarse : ndarray, shape (n,)
-            Readings, SI.
+            Readings of the fine and of the coarse plant, SI.
         commands : ndarray, shape (n,)
-            That acted, in their unit.
+            Commands of the readings, in the rig's unit.
         before : float
-            Rms before the refit, SI.
+            Rms error before the refit, SI.
 
         Returns
         -------
@@ -124,7 +124,7 @@ class Discrepancy:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data; an interval that was never visited has no numbers."""
+        """Return plain data; an interval that was never visited has no numbers."""
         bands = {
             name: [None if np.isnan(v) else float(v) for v in getattr(self, name)]
             for name in ("commands", "mean", "deviation")
@@ -133,7 +133,7 @@ class Discrepancy:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The discrepancy that `to_dict` described.
+        """Return the discrepancy that `to_dict` described.
 
         Parameters
         ----------
@@ -159,7 +159,7 @@ class Discrepancy:
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
-    """What a plant cannot follow of its finer twin on the commands of an experiment, kept on disk."""
+    """Return the residual of a plant against its finer twin on the commands of an experiment; it is kept on disk."""
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
         return _stated(plant.rig, commands)

@@ -12,14 +12,14 @@ from deatwin.plant.errors import RigError, nearest
 
 
 class Scale(Enum):
-    """The coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
+    """Coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
     RECIPROCAL = "1/value"
 
     def to_coordinate(self, value: float) -> float:
-        """The coordinate of a value.
+        """Return the coordinate of a value.
 
         Parameters
         ----------
@@ -35,12 +35,12 @@ class Scale(Enum):
         return float(np.log(value)) if self is Scale.LOGARITHMIC else 1.0 / value
 
     def to_value(self, coordinate: float) -> float:
-        """The value at a coordinate.
+        """Return the value at a coordinate.
 
         Parameters
         ----------
         coordinate : float
-            As `to_coordinate` gives it.
+            Coordinate, as from `to_coordinate`.
 
         Returns
         -------
@@ -52,7 +52,7 @@ class Scale(Enum):
         return float(np.exp(coordinate)) if self is Scale.LOGARITHMIC else 1.0 / coordinate
 
     def slope(self, value: float) -> float:
-        """Derivative of the value by its coordinate.
+        """Return the derivative of the value with respect to its coordinate.
 
         Parameters
         ----------
@@ -70,12 +70,12 @@ class Scale(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One physical quantity of a plant.
+    """Physical quantity of a plant with its range, source and scale.
 
     Parameters
     ----------
     name : str
-        Unique in its plant; a parameter of an effect is called ``effect.name``.
+        Name, unique in its plant; a parameter of an effect is called ``effect.name``.
     value : float
         SI value.
     unit : str
@@ -83,11 +83,11 @@ class Parameter:
     lower, upper : float
         Physical range, inclusive.
     source : str
-        Where the value comes from.
+        Source of the value.
     scale : Scale
-        The coordinate in which a fit moves it; all but the linear one need ``lower > 0``.
+        Coordinate in which a fit moves the value; all but the linear one need ``lower > 0``.
     known : bool
-        Measured by the experimenter, so a calibration holds it.
+        True if the experimenter measured the value, so that a calibration keeps it.
 
     Raises
     ------
@@ -115,13 +115,13 @@ class Parameter:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lower and upper end of the range in the coordinate in which a fit moves the value."""
+        """Lower and upper end of the range, in the coordinate of `scale`."""
         one, other = map(self.scale.to_coordinate, (self.lower, self.upper))
         return min(one, other), max(one, other)
 
     @property
     def is_low(self) -> bool:
-        """Whether the value is nearer to the lower end of its range than to the upper one, as a fit moves it."""
+        """True if the value is nearer to the lower than to the upper end of its range, in the coordinate of `scale`."""
         value, lower, upper = map(self.scale.to_coordinate, (self.value, self.lower, self.upper))
         return abs(value - lower) < abs(upper - value)
 
@@ -132,7 +132,7 @@ class ParameterSet(Mapping[str, Parameter]):
     Parameters
     ----------
     parameters : iterable of Parameter
-        In order; names must differ.
+        Parameters in order; names must differ.
 
     Raises
     ------
@@ -172,12 +172,12 @@ class ParameterSet(Mapping[str, Parameter]):
         return tuple(p.name for p in self.values() if not p.known)
 
     def array(self, names: Iterable[str] | None = None) -> np.ndarray:
-        """Values in order.
+        """Return values in order.
 
         Parameters
         ----------
         names : iterable of str, optional
-            Which ones; all by default.
+            Names of the parameters; all by default.
 
         Returns
         -------
@@ -187,7 +187,7 @@ class ParameterSet(Mapping[str, Parameter]):
         return np.array([self[name].value for name in (self if names is None else names)], dtype=float)
 
     def with_values(self, values: Mapping[str, float]) -> ParameterSet:
-        """The same set with other values.
+        """Return the set with other values.
 
         Parameters
         ----------

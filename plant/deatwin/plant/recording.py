@@ -18,33 +18,33 @@ _CLOCK_TOLERANCE = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Recording:
-    """An evenly sampled record of inputs and outputs, in SI units.
+    """Evenly sampled record of inputs and outputs in SI units.
 
     Parameters
     ----------
     inputs : (n_inputs, n) array
         Inputs in the units `input_units`; the command of a rig is in V.
     outputs : (n_outputs, n) array
-        Outputs in the units `output_units`; a displacement is in m. No rows where only commands are known.
+        Outputs in the units `output_units`; a displacement is in m. It has no rows if only commands are known.
     sample_time : float
         Time between two samples, s.
     start : float
-        Time of the first sample on the running clock of the experiment, s.
+        Time of the first sample on the clock of the experiment, s.
     input_names, output_names : tuple of str
-        A name for each row.
+        Name of each row.
     input_units, output_units : tuple of str
-        The SI unit of each row; an empty text where it is not known.
+        SI unit of each row; empty if unknown.
     extras : mapping of str to (n,) array
         Further channels in SI units, for example ``temperature`` in K.
     extra_units : mapping of str to str
-        The SI unit of each; where not given, that of its usual name, else an empty text.
+        SI unit of each further channel; by default that of its usual name, else empty.
     provenance : mapping of str to str
-        Where the samples come from: file, sha256 and the like.
+        Origin of the samples: file, sha256 and the like.
 
     Raises
     ------
     DataError
-        If shapes, names and units do not belong together, two inputs or two outputs have one name, a value is not
+        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not
         finite, or the sample time is not positive.
     """
 
@@ -105,27 +105,26 @@ class Recording:
         extra_units: Mapping[str, str] | None = None,
         provenance: Mapping[str, str] | None = None,
     ) -> Self:
-        """Make a recording of arrays; one-dimensional ones become one row.
+        """Make a recording from arrays; a one-dimensional array becomes one row.
 
         Parameters
         ----------
         inputs, outputs : (n,) or (rows, n) array_like
-            Samples in SI units; without names and units one input is a command in V and one output a
-            displacement in m.
+            Samples in SI units. By default a single input is a command in V, and a single output a displacement in m.
         sample_time : float
             Time between two samples, s.
         start : float
             Time of the first sample, s.
         input_names, output_names : sequence of str, optional
-            A name for each row.
+            Name of each row.
         input_units, output_units : sequence of str, optional
-            The SI unit of each row; unknown ("") where names are given without units.
+            SI unit of each row; unknown ("") if names are given without units.
         extras : mapping of str to (n,) array_like, optional
             Further channels in SI units.
         extra_units : mapping of str to str, optional
-            The SI unit of each.
+            SI unit of each further channel.
         provenance : mapping of str to str, optional
-            Where the samples come from.
+            Origin of the samples.
 
         Returns
         -------
@@ -134,7 +133,7 @@ class Recording:
         Raises
         ------
         DataError
-            As the class itself.
+            Same as for the class.
 
         Examples
         --------
@@ -165,12 +164,12 @@ class Recording:
 
     @property
     def timepts(self) -> NDArray[np.float64]:
-        """Times of the samples on the running clock, (n,) in s."""
+        """Times of the samples on the clock, shape (n,), s."""
         return self.start + self.sample_time * np.arange(self.n_samples, dtype=np.float64)
 
     @property
     def duration(self) -> float:
-        """Length of the record, s; the last sample lasts as long as the others."""
+        """Duration of the record, s, including the last sample."""
         return self.n_samples * self.sample_time
 
     @property
@@ -256,17 +255,17 @@ class Recording:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Experiment:
-    """Recordings on one running clock, in the order of their times.
+    """Recordings on one clock, sorted by start time.
 
     Parameters
     ----------
     recordings : tuple of Recording
-        At least one; put in order by their start.
+        One or more recordings, in any order.
 
     Raises
     ------
     DataError
-        If there are none, two of them overlap, or they differ in sample time or signals.
+        If there is no recording, two overlap, or they differ in sample time or signals.
     """
 
     recordings: tuple[Recording, ...]

@@ -30,11 +30,11 @@ from deatwin.plant.rigs.base import ReadingTime
 Floats = NDArray[np.float64]
 _GAP = 5.0  # usual steps; why is said above
 _FOLDED = 1.1
-"""Of the usual step: what a sample time no longer than that folds is the last tenth of the band, of which linear
+"""Longest sample time without filtering, in usual steps: it folds only the last tenth of the band, of which linear
 interpolation leaves less than a half anyway."""
 _FINEST = 10.0
-"""New rows to a usual step, at most: nine of ten would lie on a straight line between two others already, and a model
-would learn the interpolation."""
+"""Largest number of new rows per usual step: with ten, nine of ten already lie on a straight line between two others,
+and a model would learn the interpolation."""
 _STAYS = 0.5  # of the rows: more stay than change
 _TOLD = 2000  # new rows tell the gain of the interpolation to 1 %
 _ROUNDED = 1e-6  # of a step: times of so little jitter are even but for their print
@@ -43,7 +43,7 @@ _SAME = 1e-9  # of a step, for times that differ by rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resampling:
-    """How samples come onto an even clock."""
+    """Way in which samples are brought onto an even clock."""
 
     sample_time: float
     factor: int  # The samples are brought onto a clock so many times finer, and then decimated
@@ -67,7 +67,7 @@ class Resampling:
 
     @property
     def sentence(self) -> str:
-        """What is done to the samples, in one line."""
+        """Description of the resampling in one line."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
         nyquist = 0.5 / self.sample_time
@@ -135,7 +135,7 @@ def plan_resampling(
             f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
             f"{resampling_options(timepts)}"
         )
-    # Where the new clock is slower than a step, nothing is missing between two new rows.
+    # If the new clock is slower than a step, nothing is missing between two new rows.
     long = steps > max(_GAP * usual, _FOLDED * sample_time)
     if long.any() and not allow_gaps:
         row = int(np.argmax(long))
@@ -197,31 +197,31 @@ def resample(
     timepts: ArrayLike | None = None,
     reading: ReadingTime = ReadingTime.END_OF_HOLD,
 ) -> Recording:
-    """Bring a recording onto an even clock of another sample time, or rows that were taken at uneven times.
+    """Resample a recording to an even clock, from another sample time or from uneven times.
 
-    Readings and extras are interpolated linearly, commands held; a longer sample time is reached by way of `decimate`,
-    which filters first. The module says which rules apply and why.
+    Readings and extras are interpolated linearly; commands are held. A longer sample time is reached with
+    `deatwin.ident.narx.preprocess.decimate`, which filters first.
 
     Parameters
     ----------
     recording : Recording
-        Its rows.
+        Recording with the rows to resample.
     sample_time : float
-        Of the new clock, s.
+        New sample time, s.
     timepts : (n,) array_like, optional
-        When the rows were really taken, s; on the recording's own clock when not given.
+        True times of the rows, s; by default those of the recording's clock.
     reading : ReadingTime
-        When, within its row, a reading is taken; matters where fewer rows are kept.
+        Time within a row at which the reading is taken; relevant if the new sample time is longer.
 
     Returns
     -------
     Recording
-        From the first row's time on; its provenance tells how it was resampled.
+        Recording that starts at the first row's time; its provenance states how it was resampled.
 
     Raises
     ------
     DataError
-        If the times are not as many as the rows, do not increase, or leave a gap of more than five usual steps; or the
+        If there is not one time per row, the times do not increase or leave a gap of more than five usual steps, or the
         record is too short.
 
     Examples

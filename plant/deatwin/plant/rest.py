@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
-from deatwin.plant.undefined import undefined_by_parameters
+from deatwin.plant.safe_read import clipped
 
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
@@ -23,21 +24,21 @@ TENSION = "tension"
 """Signal in which a rig watches the least tension of its film."""
 CONTINUATION = 20
 HALVINGS = 5
-"""How often a step of the continuation is halved where no equilibrium is found."""
+"""Largest number of halvings of a continuation step without an equilibrium."""
 REACH, GROWTH = 0.1, 1.3
 """Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
 stretches, and how it grows."""
 SETTLED = 1e-11
 UNBALANCED = 1e-6
-"""What an equation of rest may be short of zero, against what an unknown that moves by its scale changes in it. An
-equilibrium that was found leaves about `SETTLED`, one that does not exist leaves a whole load."""
+"""Largest residual of an equation of rest, relative to its change when an unknown moves by its scale. An equilibrium
+that was found leaves about `SETTLED`; one that does not exist leaves a whole load."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RestState:
     """Equilibrium under a constant command."""
 
-    found: bool  # Whether an equilibrium was found
+    found: bool  # True if an equilibrium was found
     x: np.ndarray  # States, coordinates and held quantities, SI
     z: np.ndarray
     d: np.ndarray
@@ -71,7 +72,7 @@ def rest_state(
             fault = _unbalanced(equations, residual.ravel()[kept] / rows, matrix, kept)
             break
     n_x, found = len(equations.states), not fault
-    # Where no equilibrium was found there is nothing to differentiate.
+    # Without an equilibrium there is nothing to differentiate.
     w_p = _slope(equations, w, inputs, values) if found else np.zeros((w.size, values.size))
     d, d_w, d_p = (np.asarray(v) for v in functions.held(w, values, constants))
     return RestState(
@@ -88,7 +89,7 @@ def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tup
 
 
 def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """How the state of rest moves with the parameters; what may stay anywhere moves with its guess."""
+    """Sensitivity of the state of rest to the parameters; an unknown that may stay anywhere moves with its guess."""
     functions, kept = _functions(equations), resting(equations)
     jacobian, by_parameters = (np.asarray(v) for v in functions.slopes(w, inputs, values, equations.constants))
     w_p = np.asarray(functions.guess_slope(values, equations.constants))
@@ -130,7 +131,7 @@ def undefined_ahead(
 
 def _blamed(which: str, equations: Equations, values: np.ndarray) -> str:
     """Say which expression of the parameters takes an equation its value; empty where the parameters alone do not."""
-    culprit = undefined_by_parameters(equations, values)
+    culprit = _undefined_by_parameters(equations, values)
     return culprit and f"{which}: {culprit}; give the parameter a range in which it has one"
 
 
@@ -145,7 +146,7 @@ def _undefined_at_guess(
 
 
 def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> tuple[str, str]:
-    """Which equation has no value, or no slope, empty where all have; and what was put into it."""
+    """Name the equation without a value or slope, and its arguments; empty if all have one."""
     at = ", ".join(f"{n} = {v:.4g}" for n, v in zip(equations.states + equations.coordinates, w, strict=True))
     missing, bent = ~np.isfinite(residual), ~np.isfinite(jacobian).all(axis=1)
     if not (missing.any() or bent.any()):
@@ -156,7 +157,7 @@ def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray,
 
 
 def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept: np.ndarray) -> str:
-    """Which states have no equilibrium where Newton's method stands still; empty where the equations hold."""
+    """Name the states without an equilibrium where Newton's method stands still; empty if the equations hold."""
     if np.max(np.abs(left), initial=0.0) < UNBALANCED:
         return ""
     free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction in which nothing draws the unknowns back
@@ -173,7 +174,7 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """Whether the plant, brought slowly from rest to a command, has an equilibrium there, with its film in tension.
+    """True if the plant, brought slowly from rest to a command, has an equilibrium there with its film in tension.
     Shapes: `values` (n_p,).
     """
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
@@ -202,7 +203,7 @@ def _in_tension(equations: Equations, state: RestState, command: float, values: 
 
 @lru_cache(maxsize=64)
 def resting(equations: Equations) -> np.ndarray:
-    """Which unknowns have a place to rest."""
+    """Mask of the unknowns that have a definite place to rest."""
     entries, n_x = _functions(equations).pattern, len(equations.states)
     kept = np.arange(equations.scale.size)
     while free := [k for k in kept if k < n_x and not entries[kept, k].any()]:
@@ -239,3 +240,41 @@ def _functions(equations: Equations) -> _Functions:
         held=ca.Function("held", [w, p, c], [d, ca.densify(ca.jacobian(d, w)), ca.densify(ca.jacobian(d, p))]),
         pattern=np.asarray(ca.DM(r_w.sparsity(), 1).full()) != 0.0,
     )
+
+
+def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
+    """Name the innermost expression of the parameters alone, shape (n_p,), without a finite value; empty if all have."""
+    p = ca.vertcat(*map(ca.SX.sym, equations.parameters.free))
+    x, z, d, u, t = (ca.SX.sym(name, equations.dynamics.size1_in(k)) for k, name in enumerate("xzdut"))
+    c = ca.SX(equations.constants)
+    roots = [equations.mass(p, c), *(f(x, z, d, u, t, p, c) for f in (equations.dynamics, equations.output))]
+    inner = _of_parameters_alone(ca.vertcat(*map(ca.densify, roots)), p)
+    if not inner:
+        return ""
+    found = np.asarray(ca.Function("inner", [p], [ca.vertcat(*inner)])(values)).ravel()
+    if np.isfinite(found).all():
+        return ""
+    culprit = inner[int(np.argmin(np.isfinite(found)))]  # what it is made of comes before it, and is finite
+    numbers = dict(zip(equations.parameters.free, values, strict=True))
+    at = ", ".join(f"{symbol} = {numbers[str(symbol)]:.4g}" for symbol in ca.symvar(culprit))
+    return f"{clipped(str(culprit), 120)} has no finite value at {at}"
+
+
+def _of_parameters_alone(roots: Any, p: Any) -> list[Any]:
+    """The operations in an expression that depend on parameters only, each after those that it is made of."""
+    alone = {symbol.element_hash(): True for symbol in ca.vertsplit(p)}
+    found, waiting = [], [roots[k] for k in range(roots.numel())]
+    while waiting:
+        node = waiting[-1]
+        parts = [node.dep(k) for k in range(node.n_dep())]
+        if missing := [part for part in parts if part.element_hash() not in alone]:
+            if node.element_hash() not in alone:
+                waiting += missing
+                continue
+        waiting.pop()
+        if node.element_hash() not in alone:
+            own = all(alone[part.element_hash()] for part in parts) if parts else node.is_constant()
+            alone[node.element_hash()] = own
+            if own and any(not part.is_constant() for part in parts):
+                found.append(node)
+    return found

@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
 FURTHEST = 0.25
-"""From one command to the next no unknown moves further, in units of its scale: a film that snaps does."""
+"""Largest move of an unknown between two commands, in units of its scale: a film that snaps moves further."""
 HALVINGS = 14
-"""How often the way from rest is halved before there counts as none: pull-in is then found to a part in 16000."""
+"""Largest number of halvings of the way from rest; pull-in is then found to a part in 16000."""
 UPDATES = 20
 SETTLED = 1e-12
 """Change of the unknowns, against their scale, that ends Newton's method; nothing is differentiated through it."""
@@ -129,7 +129,7 @@ def followed(equations: Equations, here: np.ndarray, start: float, command: floa
 
 
 def _sign(equations: Equations, here: np.ndarray, command: float, values: np.ndarray) -> float:
-    """Of the determinant of the equations of rest: it changes in a fold."""
+    """Sign of the determinant of the equations of rest, which changes at a fold."""
     inputs = equations.held_inputs(command)
     slope = np.asarray(sample_functions(equations).rest_slope(here, inputs, values, equations.constants))
     kept = resting(equations)

@@ -1,4 +1,4 @@
-"""What is wrong with the equations of a rig of one's own, in one line that names the equation."""
+"""Errors in the equations of a user's rig, in one line that names the equation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.errors import RigError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
@@ -41,7 +41,7 @@ def size(value: Any, what: str) -> float:
 
 
 def unknown_symbols(arguments: Iterable[Symbol], equations: Mapping[str, Symbol]) -> str:
-    """Which equation has a symbol that it may not depend on."""
+    """Name the equation that contains a symbol on which it may not depend."""
     given = list(arguments)
     if not equations or not _free(given, ca.vertcat(*equations.values())):
         return ""

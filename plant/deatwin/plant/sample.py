@@ -21,7 +21,7 @@ class Sample:
     step: ca.Function  # One step, as `StepFunctions.plain`
     sample_time: float  # s
     values: np.ndarray  # shape (n_p,): Free parameters, SI
-    constants: np.ndarray  # shape (n_c,): Of the equations, SI
+    constants: np.ndarray  # shape (n_c,): Constants of the equations, SI
 
     def __call__(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
@@ -46,9 +46,7 @@ class Sample:
 
 
 def solved(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
-    """How many of the first samples were solved and have finite readings. `error` (n, ...); `reading` (n, ...);
-    `count` how many samples count.
-    """
+    """Number of samples at the beginning, of `count`, that were solved with finite readings; `error, reading` (n, ...)."""
     errors, readings = (np.asarray(v).ravel()[:count] for v in (error, reading))
     bad = ~((errors <= SETTLED) & np.isfinite(readings))
     return int(np.argmax(bad)) if bad.any() else count

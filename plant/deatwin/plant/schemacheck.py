@@ -1,4 +1,4 @@
-"""Whether the values of a document are of the kinds that its JSON Schema says.
+"""Check of a document's values against its JSON Schema.
 
 The schemas ship with the packages, as ``schemas/NAME.schema.json``. What is there is looked at, not which keys the
 document itself lacks or has besides: one of another version may differ there, and what is made of it asks for those
@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _TYPES: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),

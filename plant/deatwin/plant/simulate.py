@@ -16,8 +16,7 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
-from deatwin.plant.integrator.march import March
-from deatwin.plant.marching import CHUNK, marched, repeated
+from deatwin.plant.integrator.march import CHUNK, March, marched, repeated
 from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 
@@ -26,12 +25,12 @@ NO_READING = "the reading has no finite value at rest: a quotient by zero, or a 
 NO_EQUILIBRIUM = (
     "the plant has no equilibrium under this command, or runs away from it: lower the command, or check its equations"
 )
-"""Of a rig without a film, what `RunStatus.PULL_IN` says of one with it."""
+"""Text of `RunStatus.PULL_IN` for a rig without a film."""
 MARCHES = ("plain_march", "sensitive_march")
 
 
 class RunStatus(Enum):
-    """How a simulation ended; the text is the advice."""
+    """Way in which a simulation ended; its text is advice to the user."""
 
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
@@ -43,20 +42,20 @@ class RunStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the simulation reached its end; where the film lost tension or broke down it did, unsoundly."""
+        """True if the simulation reached its end, even if the film lost tension or broke down on the way."""
         return self in (RunStatus.DONE, RunStatus.SNAP_THROUGH, RunStatus.TENSION_LOST, RunStatus.BREAKDOWN)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """What a simulation gave."""
+    """Result of a simulation."""
 
-    status: RunStatus  # How it ended
+    status: RunStatus  # Way in which it ended
     outputs: np.ndarray  # shape (1 + m,): Reading at rest, then at the end of each sample that is valid, SI
     sensitivities: np.ndarray | None  # shape (1 + m, n_p): Derivative of `outputs` by the free parameters
     watched: np.ndarray | None
     failed_at: int | None  # Sample in which the simulation failed
-    advice: str  # What the status says; of a plant without a state of rest, which equation is at fault
+    advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
     snaps: tuple[int, ...] = ()  # Samples in which the film snaps to another equilibrium (plain runs)
 
 
@@ -205,7 +204,7 @@ class Simulator:
     def _fault(
         self, status: RunStatus, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
     ) -> str:
-        """What a sample that could not be solved says of the equations; empty where the status says it all."""
+        """Explain from the equations why a sample could not be solved; empty if the status says it all."""
         runs_away = status is RunStatus.PULL_IN and ACTED_ON not in self.equations.signals
         return undefined_ahead(self.equations, rest, path, inputs, values) or (NO_EQUILIBRIUM if runs_away else "")
 
@@ -255,7 +254,7 @@ class Stepper:
 
     @property
     def status(self) -> RunStatus:
-        """Whether all samples so far are valid."""
+        """True if all samples so far are valid."""
         return self._status
 
     @property

@@ -20,27 +20,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simulation:
-    """The recordings of an experiment as a plant makes them.
+    """Simulated recordings of an experiment.
 
     Parameters
     ----------
     status : RunStatus
-        How it ended; of a simulation that reached its end the first event, if there was one. Its text is the advice.
+        Way in which the simulation ended. If it reached its end, the first event, if there was one.
     outputs : tuple of ndarray, each of shape (1, n)
         Noise-free readings of each recording, SI; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
-        The plant's named signals along each recording, SI.
+        Watched signals of the plant along each recording, SI.
     failed_at : float or None
-        Clock time of a failure, s.
+        Clock time of the failure, s; None without failure.
     failed_command : float or None
-        Command at that time, in its unit.
+        Command at that time, in `command_unit`.
     command_unit : str
-        That unit.
+        Unit of the command.
     events : tuple of Event
-        What happened to the film, in the order of time, from the start procedure on: where it lost tension, broke
-        down, snapped to another equilibrium or pulled in.
+        Events of the film in order of time, including the start procedure: loss of tension, breakdown, snap to another
+        equilibrium, pull-in.
     advice : str
-        What the status says; of a plant without a state of rest, which equation is at fault.
+        Text of the status; for a plant without a state of rest, the equation at fault.
     """
 
     status: RunStatus
@@ -54,18 +54,18 @@ class Simulation:
 
     @classmethod
     def of(cls, run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Self:
-        """The simulation that a run over a timeline is.
+        """Return the simulation that a run over a timeline gives.
 
         Parameters
         ----------
         run : Run
-            With or without watched signals.
+            Result of the run, with or without watched signals.
         timeline : Timeline
-            What was simulated.
+            Timeline that was simulated.
         names : sequence of str
-            Of the watched signals.
+            Names of the watched signals.
         unit : str
-            Of the command.
+            Unit of the command.
 
         Returns
         -------
@@ -93,9 +93,9 @@ class Simulation:
 
     @property
     def sound_until(self) -> float:
-        """Clock time from which on readings are not to be believed, s; infinite where all are sound.
+        """Clock time after which readings are unreliable, s; infinite if all are reliable.
 
-        A film that snaps moves as it should, to another equilibrium.
+        A film that snaps to another equilibrium moves correctly and counts as reliable.
         """
         unsound = (event.time for event in self.events if event.status is not RunStatus.SNAP_THROUGH)
         return min(unsound, default=np.inf)
@@ -106,12 +106,12 @@ class Simulation:
         Parameters
         ----------
         experiment : Experiment
-            That was simulated; it has the clock, the commands and the units.
+            Experiment that was simulated, with clock, commands and units.
 
         Returns
         -------
         xarray.Dataset
-            Along ``sample``, with the coordinates ``time`` in s and ``record``; the watched signals in SI.
+            Dataset along ``sample`` with the coordinates ``time`` in s and ``record``; watched signals in SI.
         """
         records = experiment.recordings
         first, signals = (
@@ -136,17 +136,17 @@ class Simulation:
         )
 
     def require(self) -> Self:
-        """This simulation, if it reached its end.
+        """Return this simulation if it reached its end; raise an error otherwise.
 
         Returns
         -------
         Simulation
-            Also one in which the film lost tension or broke down on the way: its status and events say so.
+            This simulation, also if the film lost tension or broke down on the way, as its status and events state.
 
         Raises
         ------
         SimulationError
-            With time, command and place, if it did not.
+            If it did not reach its end; the text gives time, command and place.
         """
         if self.status.ok:
             return self

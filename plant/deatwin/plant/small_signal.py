@@ -42,11 +42,11 @@ class SmallSignal:
     .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
     """
 
-    a: np.ndarray  # shape (n_x, n_x): Of the states, each in units of its typical size
+    a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
     b: np.ndarray
     c: np.ndarray  # shape (n_x,): SI by typical size
     d: np.ndarray  # shape (1 + history,): SI by unit of the command
-    reading: float  # At rest, SI
+    reading: float  # Reading at rest, SI
     static_gain: float
 
     def __post_init__(self) -> None:
@@ -59,6 +59,8 @@ def small_signals(
 ) -> tuple[SmallSignal | None, ...]:
     """Linearise one sample of a plant about its states of rest at constant commands. `plant` with its sample time;
     `commands` (n,); `values` (n_p,).
+
+    The quantities held at the start (zero of the reading, capacitance at rest) stay held.
     """
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):

@@ -18,23 +18,23 @@ _RAISED = (Exception, SystemExit)
 
 
 def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
-    """The plant that a command line names.
+    """Load a plant from a rig file, a model file or a Python function.
 
     Parameters
     ----------
     source : str, path or RigFile
-        A rig file (``.toml``), read or not, a ``model.json``, or ``module:function`` whose function returns a Plant; modules
-        are also looked for in the working folder.
+        Rig file (``.toml``), as a path or already read; a ``model.json``; or ``module:function``, a function that
+        returns a Plant. Modules are also looked for in the working folder.
 
     Returns
     -------
     CalibratedPlant
-        Nominal, unless the source is a calibrated model.
+        Plant of the source; nominal unless the source is a calibrated model.
 
     Raises
     ------
     RigError, ModelError
-        If the source does not give a plant.
+        If the source does not describe a plant.
     """
     if isinstance(source, RigFile):
         return _of_rig_file(source)

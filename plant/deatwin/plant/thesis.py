@@ -9,13 +9,13 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 
 
 def thesis_plant() -> Plant:
-    """The thesis' actuator: prestrained diaphragm, Maxwell stress, permittivity drift and hysteresis.
+    """Return the thesis' actuator: prestretched diaphragm, Maxwell stress, permittivity drift and hysteresis.
 
-    Its 80 mm frame, 35 mm electrode, 3 g ball, gain of 800 and 50 Hz are the thesis'; "350 %" is taken as a
-    stretch of 3.5. The thesis does not say how the ball sits: here the film slides on it, the case in which
-    four coordinates stay within 2 % of a finite-element membrane up to the 3 kV of the largest command. The
-    material's values are those with which the membrane gives the reported stroke: about a millimetre there,
-    nearly linear below 2.5 V.
+    The 80 mm frame, 35 mm electrode, 3 g ball, gain of 800 and 50 Hz are from the thesis; its "350 %" is taken as a
+    stretch of 3.5. The thesis does not state the contact between film and ball. Here the film slides on the ball, the
+    case in which four coordinates agree within 2 % with a finite-element membrane up to 3 kV, the largest command. With
+    the chosen material values the membrane gives the reported stroke: about a millimetre at 3 kV, nearly linear below
+    a command of 2.5 V.
 
     Returns
     -------

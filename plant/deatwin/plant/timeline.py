@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.intake import ROWS
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
+from deatwin.plant.safe_read import ROWS
 
 OFF_CLOCK = 0.01
 """Share of a sample by which a record may miss the clock of the one before."""
@@ -20,7 +20,7 @@ OFF_CLOCK = 0.01
 class Timeline:
     """Commands held for one sample each."""
 
-    commands: np.ndarray  # shape (n,): From the start procedure through all recordings, in the command's unit
+    commands: np.ndarray  # shape (n,): Commands from the start procedure through all recordings, in the command's unit
     start: float  # Clock time at which the first command is applied, s
     sample_time: float  # s
     readings: tuple[np.ndarray, ...]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.integrator.march import March
-from deatwin.plant.marching import marched, repeated
+from deatwin.plant.integrator.march import March, marched, repeated
 from deatwin.plant.model import Plant
 from deatwin.plant.rest import rest_state
 

@@ -20,7 +20,7 @@ class AmplifierOffset(Effect):
 
     No state. Typical: 2 to 10 V at the film, 2.5 to 12.5 mV at the command of a gain of 800. Signature: a shift
     along the voltage axis, so :math:`y(-u; u_0) = y(u; -u_0)` and evenness is lost: the two branches differ by
-    about four times :math:`u_0u` over :math:`2u^2`. With one polarity it is nearly a gain error. Off at
+    about :math:`4u_0u` relative to :math:`2u^2`. With one polarity it looks nearly like a gain error. Off at
     :math:`u_0 = 0`.
 
     Parameters
@@ -30,7 +30,7 @@ class AmplifierOffset(Effect):
 
     References
     ----------
-    An offset as data sheets of amplifiers state it, referred to the input.
+    Offset referred to the input, as amplifier data sheets state it.
     """
 
     offset: float = 0.01

@@ -15,15 +15,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierSaturation(Effect):
-    r"""The amplifier gives less than asked for beyond a limit, alike for both polarities.
+    r"""The amplifier gives less voltage than commanded beyond a limit, equally for both polarities.
 
     .. math:: V \to V - s\,[p(V - V_l) - p(-V - V_l)], \qquad p(x) = w\ln(1 + e^{x/w})
 
-    No state. s = 1 clips, s < 1 bends. The corner is rounded over w: 20 V is next to sharp, an output stage that
-    runs out of current gives way over hundreds. Typical: a limit near the top of the range, 2.8 kV. Signature:
-    next to nothing four w below the limit, a flat top above it, at all frequencies, even in the voltage, before the
-    film. An `end_stop` clips the motion instead, so the ball's ringing is cut too; `strain_stiffening` bends from low
-    voltage on; a wide corner looks like `leakage`. Off at s = 0.
+    No state. s = 1 clips, s < 1 bends. The corner is rounded over w: 20 V is almost sharp; an output stage that
+    runs out of current yields over hundreds of volts. Typical: a limit near the top of the range, 2.8 kV. Signature:
+    almost nothing up to 4w below the limit and a flat top above it, at all frequencies, even in the voltage, before
+    the film. An `end_stop` clips the motion instead, so it also cuts the ball's ringing; `strain_stiffening` bends
+    from low voltage on; a wide corner looks like `leakage`. Off at s = 0.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class AmplifierSaturation(Effect):
 
     References
     ----------
-    A clipped output as data sheets of amplifiers state it; corner: softplus.
+    Clipped output, as amplifier data sheets state it; corner: softplus.
     """
 
     share: float = 1.0

@@ -16,36 +16,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierSlew(Effect):
-    r"""The amplifier follows its command no faster than a rate, up and down each at its own.
+    r"""The amplifier's voltage changes no faster than a limit, which may differ between rise and fall.
 
     .. math:: s\,\dot V\,\sqrt{w^2 + (x/\rho)^2} = x, \qquad x = V_a - V, \qquad
               \rho = \begin{cases} 1 & x > 0 \\ r & x < 0 \end{cases}
 
     One state V (V) and its rate (V/s). Far from the command the rate is 1/s up and -r/s down; near it the amplifier
-    is a lag of sw, which w keeps near :math:`T_0` = 2 ms: :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, with
-    :math:`w_0 = 400(1 + 1/r)` V for the limits far above typical, which no sample resolves. Typical: 1 to 50 kV/s; a
-    source that cannot sink falls slowly, r < 1. Signature: depends on the branch, only fast (or only falling) parts
-    are late, and the share that is late grows with amplitude and frequency; `electrode_rc` delays small signals as
-    much as large ones. "Up" is towards positive voltage, so r other than 1 breaks evenness y(V) = y(-V). Off at
-    s = 0, where :math:`V = V_a`. To first order in s there is but the lag :math:`sw_0`: a limit that nothing reaches
-    cannot be seen.
+    is a lag of sw, which w keeps near :math:`T_0` = 2 ms: :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, where
+    :math:`w_0 = 400(1 + 1/r)` V matters only for limits far above typical, which no sample resolves. Typical: 1 to
+    50 kV/s; a source that cannot sink current falls slowly, r < 1. Signature: only fast (or only falling) parts are
+    late, by a share that grows with amplitude and frequency; `electrode_rc` delays small signals as much as large
+    ones. "Up" is towards positive voltage, so r other than 1 breaks evenness y(V) = y(-V). Off at s = 0, where
+    :math:`V = V_a`. To first order in s only the lag :math:`sw_0` remains: a limit that is never reached cannot be
+    seen.
 
     Parameters
     ----------
     slowness : float
-        s in s/V, time for one volt upwards.
+        s in s/V, the time for one volt upwards.
     ratio : float
-        r, falling rate over rising rate.
+        r, the falling rate divided by the rising rate.
 
     Notes
     -----
-    The equation is the usual :math:`s\dot V = g(x)` with a bounded g, multiplied by x/g(x): Newton's method finds
-    its way from a far command, and s = 0 is exact. Where the voltage catches up within a sample, the step's
-    polynomial rounds the corner and overshoots by up to 3 % of the way, until the next sample.
+    The equation is the usual :math:`s\dot V = g(x)` with a bounded g, multiplied by x/g(x), so that Newton's method
+    converges from a distant command and s = 0 is exact. If the voltage catches up within a sample, the step's
+    polynomial rounds the corner and overshoots by up to 3 % of the jump until the next sample.
 
     References
     ----------
-    A slew rate as data sheets of amplifiers state it; corner: :math:`g(x) = x/\sqrt{w^2 + x^2}`.
+    Slew rate, as amplifier data sheets state it; corner: :math:`g(x) = x/\sqrt{w^2 + x^2}`.
     """
 
     slowness: float = 1e-4

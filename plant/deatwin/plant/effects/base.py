@@ -1,4 +1,4 @@
-"""What an effect is: a piece of physics that rewrites one signal of a plant."""
+"""Base class of effects: physics that rewrites one signal of a plant."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Family(Enum):
-    """Which part of physics an effect belongs to."""
+    """Part of the plant's physics to which an effect belongs."""
 
     ELECTRICAL = "electrical"
     FILM = "film"
@@ -28,7 +28,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Where in the plant an effect enters; another plant declares its own places in an `Enum` of its own."""
+    """Place in the plant where an effect acts; other plants may declare an `Enum` of their own."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -39,10 +39,10 @@ class Place(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
-    """A piece of physics that rewrites one signal of a plant; its off value nulls it exactly.
+    """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI. A subclass says in class variables what it is
-    called, where it enters, and which of its parameters is the strength that `off` sets to zero.
+    The fields of a subclass are its physical parameters in SI units. Its class variables give its name, the place and
+    signal on which it acts, and the parameter that is its strength.
     """
 
     name: ClassVar[str]
@@ -70,14 +70,14 @@ class Effect(ABC):
 
     @abstractmethod
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        """The signal as this effect leaves it.
+        """Return the signal that results from this effect.
 
         Parameters
         ----------
         signal : symbol or object
-            As it arrives.
+            Signal before this effect.
         build : Builder
-            Takes the states and equations that the effect brings.
+            Builder that collects the effect's states and equations.
 
         Returns
         -------
@@ -85,7 +85,7 @@ class Effect(ABC):
         """
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Where a residual says that a fit should begin.
+        """Suggest start points of a fit from a residual.
 
         Parameters
         ----------
@@ -97,37 +97,37 @@ class Effect(ABC):
         Returns
         -------
         tuple of Effect
-            This effect at the shapes that look promising; none by default, then a grid of shapes is tried.
+            This effect at promising shapes. Empty by default: a grid of shapes is then tried.
         """
         return ()
 
     def cycle(self, measured: Collection[str]) -> float:
-        """How long the cycle is that this effect follows: in a small part of it no more is seen than a drift.
+        """Return the period of the cycle that this effect follows; a short part of a cycle looks like a drift.
 
         Parameters
         ----------
         measured : collection of str
-            Further channels that the recordings bring.
+            Names of the further channels in the recordings.
 
         Returns
         -------
         float
-            s; 0 where there is none, or where its course was measured.
+            Period, s; 0 if there is no cycle or if the recordings measure it.
         """
         return 0.0
 
     @property
     def entry(self) -> str | dict[str, Any]:
-        """How a model file names it: what makes its equations, without the values of its parameters."""
+        """Return the entry of a model file that identifies the equations, without parameter values."""
         return self.name
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The parameters under their names in a plant, ``effect.name``."""
+        """Return the parameters under their names in a plant, ``effect.name``."""
         return tuple(replace(p, name=f"{self.name}.{p.name}") for p in self.describe())
 
     def described(self, name: str) -> Parameter:
-        """One of the parameters.
+        """Return the description of one parameter.
 
         Parameters
         ----------
@@ -146,14 +146,14 @@ class Effect(ABC):
         return tuple(f.name for f in fields(self) if f.name != self.strength)
 
     def own(self, name: str, build: Builder) -> Any:
-        """The symbol of one of this effect's parameters.
+        """Return the symbol of one of this effect's parameters.
 
         Parameters
         ----------
         name : str
             Field name.
         build : Builder
-            The plant under construction.
+            Builder of the plant.
 
         Returns
         -------

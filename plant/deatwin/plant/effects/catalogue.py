@@ -1,4 +1,4 @@
-"""All effects that this installation knows: the project's own and those of others, by entry points."""
+"""Catalogue of all installed effects: the project's own, and those of others by entry points."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _types() -> dict[str, type[Effect]]:
 
 
 def catalogue() -> tuple[Effect, ...]:
-    """Every known effect at its typical strength, in the order of names.
+    """Return every known effect at its typical strength, sorted by name.
 
     Returns
     -------
@@ -31,12 +31,12 @@ def catalogue() -> tuple[Effect, ...]:
 
 
 def effect_named(name: str) -> Effect:
-    """The effect of that canonical name, at its typical strength.
+    """Return an effect by its canonical name, at its typical strength.
 
     Parameters
     ----------
     name : str
-        For example ``"creep"``.
+        Canonical name, for example ``"creep"``.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def effect_named(name: str) -> Effect:
     Raises
     ------
     RigError
-        If there is none.
+        If no effect has this name.
 
     Examples
     --------

@@ -14,26 +14,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ChargeInjection(Effect):
-    r"""Charge that creeps from the electrodes into the film takes off a part of the field.
+    r"""Charge injected slowly from the electrodes into the film weakens the field.
 
     .. math:: V \to V - V_q, \qquad \tau_q\dot V_q = bV - V_q
 
-    One state :math:`V_q` (V), the voltage that the space charge makes; it starts empty. Typical: b = 0.01 to 0.1,
-    10 to :math:`10^4` s. Signature: after a step the force falls by :math:`(1-b)^2`, where `dielectric_absorption`
-    and `creep` make the motion grow; at 0 V the charge is left and pulls, with :math:`(bV)^2`; after a reversal of
-    polarity the force starts at :math:`(1+b)^2` of the ideal one, so evenness y(V) = y(-V) is lost over one history
-    (it holds where the whole history is mirrored). Off at b = 0.
+    One state :math:`V_q` (V), the voltage of the space charge, zero at first. Typical: b = 0.01 to 0.1, 10 to
+    :math:`10^4` s. Signature: after a step the force falls to :math:`(1-b)^2` of its first value, whereas
+    `dielectric_absorption` and `creep` make the motion grow; at 0 V the remaining charge pulls with :math:`(bV)^2`;
+    after a reversal of polarity the force starts at :math:`(1+b)^2` of the ideal one. Evenness y(V) = y(-V) therefore
+    fails within one history, but holds if the whole history is mirrored. Off at b = 0.
 
     Parameters
     ----------
     share : float
-        b, the part of a lasting voltage that the space charge takes off.
+        b, the share of a lasting voltage that the space charge cancels.
     time : float
         :math:`\tau_q` in s.
 
     References
     ----------
-    Homocharge with first-order kinetics: the lowest-order form; sizes are typical for polymer films and not
+    Homocharge with first-order kinetics, the lowest-order form; the sizes are typical for polymer films and are not
     confirmed for VHB.
     """
 

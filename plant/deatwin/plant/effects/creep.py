@@ -15,17 +15,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Creep(Effect):
-    r"""A further Maxwell branch: the film keeps relaxing after the nominal branch has.
+    r"""A further Maxwell branch: the film keeps relaxing after the nominal branch has relaxed.
 
     .. math:: W \to W + \mu_c\, e(\lambda/\xi), \qquad
               \tau_c\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
 
     One state :math:`\xi` (1), the viscous stretch (two at each point in a rig with a fine film); e is the
-    neo-Hookean energy of the spring for a modulus of 1, :math:`\kappa` its curvature where it is relaxed. Typical
-    for VHB: 10 to 60 kPa, 6 to 500 s; gain 15 to 20 % higher for a constant voltage than at 1 Hz. Signature: a
-    tail after each change of the mean, nearly linear in the squared voltage, that recovers; `dielectric_absorption`
-    has such a tail also where the film cannot move, `permittivity_drift` does not return. Off at
-    :math:`\mu_c = 0`.
+    neo-Hookean energy of the spring for a modulus of 1, :math:`\kappa` its curvature in the relaxed state. Typical
+    for VHB: 10 to 60 kPa, 6 to 500 s; the gain is 15 to 20 % higher for a constant voltage than at 1 Hz. Signature: a
+    tail after each change of the mean, nearly linear in the squared voltage, that recovers. `dielectric_absorption`
+    has such a tail even if the film cannot move; `permittivity_drift` does not recover. Off at :math:`\mu_c = 0`.
 
     Parameters
     ----------

@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CubicStiffness(Effect):
-    r"""Duffing's term: a force on the ball with the cube of its displacement from rest.
+    r"""Duffing's term: a force on the ball proportional to the cube of its displacement from rest.
 
     .. math:: F = -k_3\,y^3
 
-    No state. Typical: the film's own 30 N/m and a tenth of them at 0.5 mm give :math:`1.2\cdot10^7` N/m³.
-    Signature: static and even in the voltage; the loss of stroke grows with its third power, and the ball's
-    frequency moves with the amplitude, by :math:`\tfrac38 k_3a^2/k` relatively. It acts on the ball, so the film
-    below is not stretched less; `strain_stiffening` also lifts the sag. Off at :math:`k_3 = 0`.
+    No state. Typical: a tenth of the film's own 30 N/m at 0.5 mm, that is :math:`1.2\cdot10^7` N/m³.
+    Signature: static and even in the voltage; the loss of stroke grows with the cube of the stroke, and the ball's
+    frequency shifts with the amplitude a, by :math:`\tfrac38 k_3a^2/k` relatively. It acts on the ball and leaves the
+    sag of the film alone, which `strain_stiffening` lifts. Off at :math:`k_3 = 0`.
 
     Parameters
     ----------
     stiffness : float
-        :math:`k_3` in N/m³; negative where the spring softens.
+        :math:`k_3` in N/m³; negative for a softening spring.
 
     References
     ----------

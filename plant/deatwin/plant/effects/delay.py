@@ -19,25 +19,25 @@ if TYPE_CHECKING:
 LONGEST = 0.1
 """Upper end of the dead time, s."""
 ROUNDING = 1e-10
-"""Of a sample: what is so little less than a whole one is one."""
+"""Tolerance in samples: a shift this close to a whole sample counts as whole."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Delay(Effect):
-    r"""The command acts a dead time late.
+    r"""The command acts after a dead time.
 
-    With the shift :math:`s = \tau_d/h` in samples, k whole ones and a rest :math:`\sigma = s - k`
+    The shift in samples is :math:`s = \tau_d/h`, with k whole samples and a remainder :math:`\sigma = s - k`:
 
     .. math:: u \to u_{-k-1} \ \text{in the first part of a sample, that of the share} \ \sigma, \quad
               u_{-k} \ \text{in the second}
 
-    No state: past commands are inputs. A sample is divided where the command jumps, each part is solved in a step of
-    its own (`deatwin.plant.integrator.parts`), so that the jump costs no accuracy. A reading that follows the command
-    at once (`Rig.follows_at_once`) does not tell when within a sample it came: such a rig gets
-    :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as if the command were sampled and not held, which a fit can follow
-    from one whole sample to the next. Typical: 0 to 40 ms. Signature: phase linear in frequency, 7.2° per 20 ms at
-    1 Hz, without a change of gain, for all harmonics of the command alike; below 1 Hz a short `electrode_rc` or
-    `sensor_lag` looks the same, from 5 Hz on they roll off. Off at :math:`\tau_d = 0`.
+    No state: past commands are inputs. A sample is divided where the command jumps, and each part is solved in its own
+    step, so that the jump costs no accuracy. A reading that follows the command at once (`Rig.follows_at_once`) does
+    not reveal when within a sample the command came: such a rig gets :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as
+    if the command were sampled and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40
+    ms. Signature: phase linear in frequency, 7.2° per 20 ms at 1 Hz, without a change of gain, for all harmonics of the
+    command alike. Below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same; above 5 Hz they roll off. Off at
+    :math:`\tau_d = 0`.
 
     Parameters
     ----------

@@ -14,23 +14,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DielectricAbsorption(Effect):
-    r"""A part of the polarisation lags the field: the stress is E D with a late D, not :math:`\varepsilon E^2`.
+    r"""Part of the polarisation lags the field: the stress is E D with a lagging D, not :math:`\varepsilon E^2`.
 
     .. math:: V^2 \to V^2 - a\,V\,(V - p), \qquad \tau\dot p = V - p
 
-    One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; at once
-    there is (1 - a) of it. One p stands for the whole film and the dipoles stretch with it: a choice, where a
-    polarisation of each volume that stays when the film is stretched would be another. Typical for VHB: a = 0.01 to
-    0.05, 1 to 1000 s. It acts on the stress; the charge that the electrodes take is left that of the relaxed
-    permittivity. Signature: memory of the voltage and not of the motion, so it is there in a blocked film and
-    scales with V times its own past; the motion grows after a step as in `creep`, but nothing is left at 0 V (E D is
-    zero at once), and after a reversal of polarity the force starts at :math:`(1 - 2a)` of the ideal one and
-    recovers. Off at a = 0.
+    One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; (1 - a) of
+    it acts instantly. One p represents the whole film, and the dipoles stretch with the film; a polarisation per volume
+    that stays constant when the film is stretched would be another choice. Typical for VHB: a = 0.01 to 0.05, 1 to
+    1000 s. Only the stress is affected; the electrodes' charge follows the relaxed permittivity. Signature: memory of
+    the voltage and not of the motion, so it appears in a blocked film and scales with V times its own past. The motion
+    grows after a step as with `creep`, but nothing remains at 0 V (E D vanishes at once), and after a reversal of
+    polarity the force starts at :math:`(1 - 2a)` of the ideal one and recovers. Off at a = 0.
 
     Parameters
     ----------
     share : float
-        a, the part of the permittivity that lags.
+        a, the share of the permittivity that lags.
     time : float
         :math:`\tau` in s.
 

@@ -18,20 +18,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ElectrodeLoss(Effect):
-    r"""From a time on part of the electrode's area has no contact any more: its rim, for a round one.
+    r"""Part of the electrode's area loses contact at some time: its rim, if it is round.
 
     .. math:: A(t) = A\,[1 - l\;S(4(t - t_0)/h)], \qquad S(x) = \frac{1}{1 + e^{-x}}
 
-    with the sample time h, so that the loss takes about one sample. No state. A ring that has lost only part of its
-    contacts acts as a narrower one that has lost them all, and is described by it. Typical: steps of 1 to 50 % of
-    the area. Signature: from one moment on the motion is smaller by a share that hardly depends on the voltage (half
-    the relative change of the area), and the sag at 0 V stays, where a `sensor_jump` shifts all readings alike and a
-    `permittivity_drift` counts for more at high voltage. Off at l = 0.
+    with the sample time h, so that the loss takes about one sample. No state. A rim with some contacts lost acts as a
+    narrower rim with all contacts lost, and is described as such. Typical: steps of 1 to 50 % of the area. Signature:
+    from one moment on the motion is smaller by a share that hardly depends on the voltage (half the relative change of
+    the area), while the sag at 0 V stays. A `sensor_jump` instead shifts all readings alike, and a
+    `permittivity_drift` has more influence at high voltage. Off at l = 0.
 
     Parameters
     ----------
     share : float
-        l, the share of the area that is lost.
+        l, the lost share of the area.
     at : float
         :math:`t_0` on the clock, s.
 

@@ -14,34 +14,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ElectrodeRC(Effect):
-    r"""The film charges through a resistance, so its voltage lags the amplifier's.
+    r"""The film charges through a resistance, so its voltage lags the amplifier's voltage.
 
     .. math:: R\,\frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = V_a - V
 
-    :math:`C_p` is what is parallel to the film behind the resistance: cable, probe, output filter of a converter.
-    In units of the capacitance at rest, :math:`C_0 + C_p`,
+    :math:`C_p` is the capacitance in parallel with the film behind the resistance: cable, probe, output filter of a
+    converter. In units of the capacitance at rest, :math:`C_0 + C_p`,
 
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
-    One state :math:`\chi` (V), the charge over :math:`C_0 + C_p`. Where the electrode loses a share of its area
-    (`electrode_loss`), that share of :math:`C_0` and of C(q) goes, and its charge with it. Fresh carbon grease gives
-    0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: acts before the
-    square, so harmonics roll off; phase grows with frequency, and as C(q) grows threefold up to 3 kV, with the
-    voltage too. A `delay` does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
+    One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. If the electrode loses a share of its area
+    (`electrode_loss`), that share of :math:`C_0` and of C(q) is lost with its charge. Fresh carbon grease gives 0.1 ms
+    or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: it acts before the square,
+    so harmonics roll off; the phase lag grows with frequency and, since C(q) grows threefold up to 3 kV, with the
+    voltage. A `delay` does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------
     time : float
         :math:`\tau = R(C_0 + C_p)` at rest, s.
     film_share : float
-        s, the film's part of that capacitance. 1 where the resistance is the electrode's own, 0 for a lag of the
-        amplifier that does not see the film; with no knowledge, the film and the rest count equally (metres of
-        cable at 0.1 nF/m and a probe add up to as much as the film's 0.9 nF).
+        s, the film's share of that capacitance: 1 if the resistance is the electrode's own, 0 for an amplifier lag that
+        is independent of the film. By default film and parallel capacitance count equally: metres of cable at 0.1 nF/m
+        and a probe add up to the film's 0.9 nF.
 
     References
     ----------
-    Kirchhoff's laws for a resistance in series with two capacitances in parallel.
+    Kirchhoff's laws for a resistance in series with two parallel capacitances.
     """
 
     time: float = 0.05

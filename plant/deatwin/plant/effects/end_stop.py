@@ -15,20 +15,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EndStop(Effect):
-    r"""The ball touches something elastic beyond a position, which may take its energy.
+    r"""The ball meets an elastic stop beyond a position; the stop may absorb energy.
 
     .. math:: F = -k\,d\,\Bigl(1 + \frac{\lambda v}{\sqrt{1 + \lambda^2 v^2}}\Bigr), \qquad
               d = w\ln\bigl(1 + e^{(y - y_s)/w}\bigr)
 
-    No state. y is the displacement from rest, downwards; d is how far the ball has gone in, with the first touch
-    rounded over w = 5 µm. In slow contact the force is k d, and at any speed where nothing is lost, λ = 0. Else the
-    way in costs more and the way out gives back less, far above 1/λ twice as much and nothing: the stop never pulls.
-    A slow impact at :math:`v_0` takes :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and 20 s/m,
-    a fifth of the energy at 10 mm/s; 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a wall,
-    and a ball that rings on anything harder cannot be followed with 50 samples a second. Signature: nothing below
-    :math:`y_s`; above, the stroke grows by only :math:`k_f/(k_f + k)` of what it would, at any voltage and frequency,
-    and the ball's ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball still swings
-    through. Off at k = 0.
+    No state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch rounded over
+    w = 5 µm. The force is k d in slow contact, and at any speed if nothing is lost, λ = 0. Otherwise the stop resists
+    more on the way in and pushes less on the way out: far above a speed of 1/λ twice as much, and nothing. It never
+    pulls. A slow impact at :math:`v_0` loses :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and
+    20 s/m, a fifth of the energy at 10 mm/s. 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a
+    wall; ringing on anything harder cannot be followed with 50 samples a second. Signature: nothing below
+    :math:`y_s`; above it the stroke grows by only :math:`k_f/(k_f + k)` of its growth without a stop, at any voltage
+    and frequency, and the ball's ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball
+    still swings through. Off at k = 0.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class EndStop(Effect):
     References
     ----------
     Force proportional to depth times a function of speed: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440,
-    doi:10.1115/1.3423596, where it is :math:`1 + 3/2\,\alpha v`; here it stays between 0 and 2, and
+    doi:10.1115/1.3423596. Their function is :math:`1 + 3/2\,\alpha v`; the present one stays between 0 and 2, with
     :math:`\lambda = 3/2\,\alpha` for slow impacts.
     """
 

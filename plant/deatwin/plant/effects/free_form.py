@@ -1,4 +1,4 @@
-"""What is missing, as a sum of functions that stand for no physics."""
+"""Missing dynamics as a sum of functions without a physical meaning."""
 
 from __future__ import annotations
 
@@ -21,6 +21,10 @@ class FreeForm(Effect):
 
     .. math:: \text{signal} \to \text{signal} + S\sum_k c_k\,\varphi_k
 
+    It has no physical meaning, and neither conserves nor dissipates energy by construction, so it is not in the
+    catalogue. Each term with a memory adds a state. A calibration moves the coefficients :math:`c_k` and the shapes of
+    the terms; the size S is held, since it only gives them their unit. Off at S = 0.
+
     Examples
     --------
     >>> from deatwin.plant import Diaphragm, Plant
@@ -31,13 +35,13 @@ class FreeForm(Effect):
     size: float = 1e-3  # S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
     coefficients: tuple[float, ...] = (-1.0,)  # :math:`c_k`, one for each term
-    enters: Place = Place.BALL  # Where in the plant the signal lives
+    enters: Place = Place.BALL  # Place of the signal in the plant
     node: str = "force"  # Name of the signal there
     unit: str = "N"
 
     name: ClassVar[str] = "free_form"
     family: ClassVar[Family] = Family.MECHANICAL
-    """Of the default; nothing asks a free form for its family."""
+    """Family of the default; it is never used."""
     strength: ClassVar[str] = "size"
     order: ClassVar[int] = 100
     """Last: it is added to what physics makes of the signal."""
@@ -49,12 +53,12 @@ class FreeForm(Effect):
 
     @property
     def place(self) -> Place:  # type: ignore[override]
-        """Where it enters."""
+        """Place in the plant."""
         return self.enters
 
     @property
     def signal(self) -> str:  # type: ignore[override]
-        """What it is added to."""
+        """Signal to which the sum is added."""
         return self.node
 
     def describe(self) -> tuple[Parameter, ...]:
@@ -99,7 +103,7 @@ class FreeForm(Effect):
 
     @property
     def entry(self) -> dict[str, Any]:
-        """How a model file writes it: what makes its equations, without the values of its parameters."""
+        """Return the entry of a model file that identifies the equations, without parameter values."""
         return {
             "name": self.name,
             "place": self.enters.value,

@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Hysteresis(Effect):
-    r"""Bouc-Wen force on the ball, with n = 1.
+    r"""Bouc-Wen hysteresis force on the ball, with exponent n = 1.
 
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - \beta\,|v|\,\zeta - (1 - \beta)\,v\,|\zeta|
 
-    (:math:`A = 1, \gamma = 1 - \beta`). One state :math:`\zeta` (1), between -1 and 1 as long as the ball moves faster
-    than some 10 nm/s: magnitudes are smoothed, :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with :math:`v_0` = 10 nm/s
-    and that of :math:`\zeta` with 1e-4, so that the force has a derivative, and a slower ball is held by up to
-    :math:`2v_0/v` times the force. Where the motion turns, the force falls at :math:`1 + (2\beta - 1)\zeta` times the
-    rate at which it rises from rest: along a straight line for :math:`\beta` = 0.5, at twice that rate from
-    :math:`F_h` on for 1. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the width of
-    the loop stays as the frequency falls to zero, where that of `creep` shrinks; motions much smaller than the
-    distance have no loop, where `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
+    (:math:`A = 1, \gamma = 1 - \beta`). One state :math:`\zeta` (1), between -1 and 1 if the ball moves faster than
+    about 10 nm/s. Magnitudes are smoothed so that the force has a derivative: :math:`|v| \approx \sqrt{v^2 + v_0^2} -
+    v_0` with :math:`v_0` = 10 nm/s, and likewise :math:`|\zeta|` with 1e-4. A slower ball is held by up to
+    :math:`2v_0/v` times the force. At a reversal the force falls at :math:`1 + (2\beta - 1)\zeta` times the rate at
+    which it rises from rest: along a straight line for :math:`\beta` = 0.5, at twice that rate from :math:`F_h` for
+    :math:`\beta` = 1. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the loop keeps
+    its width as the frequency falls to zero, whereas that of `creep` shrinks; motions much smaller than the distance
+    have no loop, whereas `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Hysteresis(Effect):
     distance : float
         :math:`x_h` in m.
     beta : float
-        :math:`\beta`.
+        Shape :math:`\beta` of the loop.
 
     References
     ----------

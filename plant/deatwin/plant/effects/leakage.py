@@ -17,28 +17,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Leakage(Effect):
-    r"""A current through the film takes a drop over the series resistance off the film's voltage.
+    r"""A current through the film causes a voltage drop over the series resistance.
 
     .. math:: V = V_a - R\,I(V), \qquad I = \sum_k \sigma_0\,e^{|E_k|/E_B}E_k\,A_k, \qquad
               E_k = \frac{V}{H}(\lambda_1\lambda_2)_k
 
-    over the points k under the electrode, :math:`A_k` their present area. No state but one algebraic unknown, V (V).
-    The current is quasi-static and follows `electrode_rc`: where both are there, the drop is that of the voltage to
-    which the film has charged. Typical: below 0.1 % unless :math:`R > 10^9` Ω, then the field's exponential makes
-    it appear above 2.5 kV. Signature: compresses the top of the curve as an `amplifier_saturation` with a wide
-    corner does, even in the voltage, static; and it goes with the field, so with the film's stretch. Off at R = 0.
+    summed over the points k under the electrode with present areas :math:`A_k`. One algebraic unknown, V (V), and no
+    state. The current is quasi-static and follows `electrode_rc`: with both, the drop is that at the voltage to which
+    the film has charged. Typical: below 0.1 % unless :math:`R > 10^9` Ω; the field's exponential then makes it appear
+    above 2.5 kV. Signature: static and even in the voltage, it compresses the top of the curve as an
+    `amplifier_saturation` with a wide corner does; it depends on the field, and so on the film's stretch. Off at R = 0.
 
     Parameters
     ----------
     resistance : float
         R in Ω, in series with the film.
     field_scale : float
-        :math:`E_B` in V/m. The conductivity at low field is not a parameter: only :math:`R\sigma_0` enters.
+        :math:`E_B` in V/m. The low-field conductivity is not a parameter, since only :math:`R\sigma_0` enters.
 
     References
     ----------
     Foo, Koh, Keplinger, Kaltseis, Bauer & Suo, J. Appl. Phys. 111 (2012) 094107, doi:10.1063/1.4714557 (form; the
-    values are those of `deatwin.plant.laws.dielectric.conduction_density`).
+    values are those of `deatwin.plant.laws.conduction_density`).
     """
 
     resistance: float = 1e9

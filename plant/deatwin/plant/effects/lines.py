@@ -1,4 +1,4 @@
-"""Where a residual swings: starting points for effects that have a frequency."""
+"""Oscillations of a residual: start points for effects that have a frequency."""
 
 from __future__ import annotations
 
@@ -47,6 +47,8 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
     """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first. Shapes:
     `timepts` (n,); `residual` (n,).
+
+    A drift has more power than a weak tone, but no line.
     """
     from scipy.ndimage import median_filter
 
@@ -102,7 +104,7 @@ def spectral_peaks(
 
 
 def _maxima(values: np.ndarray) -> list[int]:
-    """Where values are not below their neighbours, highest first."""
+    """Positions of local maxima, highest first."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     peaks = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]))
     return [int(k) for k in peaks[np.argsort(-values[peaks], kind="stable")]]

@@ -17,30 +17,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Mullins(Effect):
-    r"""Pseudo-elastic softening below the largest deformation that the film has seen.
+    r"""The film is softer below the largest deformation it has seen so far (pseudo-elastic Mullins effect).
 
     .. math:: \frac{\partial E}{\partial q} \to \eta\,\frac{\partial E}{\partial q}, \qquad
               \eta = 1 - s\,\mathrm{erf}\,\frac{p(\hat w - w)}{m}, \qquad
               T\,\dot{\hat w} = p(w - \hat w), \qquad w = \frac{E}{V_0}
 
     E is the energy of the equilibrium network of the whole film and :math:`V_0` its volume. The state
-    :math:`\hat w` (J/m³) pursues the largest w within T = 2 ms from its value at rest on. The factor
-    :math:`\eta` (1) is a coordinate of its own, so that it multiplies the stresses without being differentiated.
-    As it depends on the film's coordinates through E alone, the force stays conservative below the maximum,
-    and a loop costs energy whenever it raises the maximum. :math:`p(x) = x^2/(x + m/100)` above 0, else 0,
-    rounds the corner: at the maximum nothing is softened, exactly.
+    :math:`\hat w` (J/m³) starts at its value at rest and follows the largest w within T = 2 ms. The factor
+    :math:`\eta` (1) is a separate coordinate, so that it multiplies the stresses without being differentiated.
+    Since it depends on the film's coordinates through E alone, the force is conservative below the maximum, and a
+    loop dissipates energy only when it raises the maximum. :math:`p(x) = x^2/(x + m/100)` above 0, else 0, rounds the
+    corner: at the maximum there is exactly no softening.
 
     Typical for VHB: 2 to 10 % in the first cycles. A film in its ring stores 2.5 kJ/m³ more at 2 kV than at rest,
-    12 at 2.6 kV, 40 at 3 kV; a strip at a stretch of 2 holds 25 kJ/m³. Signature: the film is softer only after it
-    was stretched further than ever; repeated cycles agree from the second on, and rest does not bring the
-    stiffness back, which tells it from `creep`. Off at s = 0.
+    12 at 2.6 kV, 40 at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film softens only when it is
+    stretched further than ever before; repeated cycles agree from the second on, and rest does not restore the
+    stiffness, which distinguishes it from `creep`. Off at s = 0.
 
     Parameters
     ----------
     softening : float
         s, the share of the stress that is lost far below the maximum (1/r of Ogden & Roxburgh).
     energy : float
-        m in J/m³: how far below the maximum 84 % of that is reached.
+        m in J/m³, the distance below the maximum at which 84 % of the softening is reached.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Where a residual steps: starting points for effects that set in at a time."""
+"""Steps of a residual: start points for effects that set in at a time."""
 
 from __future__ import annotations
 

@@ -19,19 +19,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PeriodicDisturbance(Effect):
-    r"""A sine is added to the reading: the mains, a fan, a shaking table.
+    r"""A sinusoidal disturbance is added to the reading: the mains, a fan, a shaking table.
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
 
-    No state. A tone above half the sampling rate is recorded at its alias: mains of 50 Hz, sampled 50 times a
-    second, beats within 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the
-    spectrum, at a frequency that the drive need not have, with the same size at 0 V as at 3 kV; a `resonance`
-    needs excitation. Off at a = 0.
+    No state. A tone above half the sampling rate is recorded at its alias: mains of 50 Hz, sampled at 50 Hz, beats
+    within 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the spectrum, even at a
+    frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs excitation. Off at a = 0.
 
     Parameters
     ----------
     amplitude : float
-        a in the unit of the reading, m for a displacement.
+        a in the unit of the reading; m for a displacement.
     frequency : float
         f in Hz.
     phase : float
@@ -39,7 +38,7 @@ class PeriodicDisturbance(Effect):
 
     References
     ----------
-    Oppenheim & Schafer, Discrete-Time Signal Processing, section on sampling (aliases).
+    Oppenheim & Schafer, Discrete-Time Signal Processing, section on sampling (aliasing).
     """
 
     amplitude: float = 5e-6
@@ -52,7 +51,7 @@ class PeriodicDisturbance(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
     order: ClassVar[int] = -1
-    """It is there before the sensor's lag and its limit; the curvature is that of the motion alone."""
+    """It precedes the sensor's lag and limit, but not its curvature, which acts on the motion alone."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
 
     def describe(self) -> tuple[Parameter, ...]:
@@ -70,7 +69,7 @@ class PeriodicDisturbance(Effect):
         return 1 / self.frequency
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """This effect at the lines that stand out of the residual's spectrum.
+        """Return this effect at the lines that stand out from the residual's spectrum.
 
         Parameters
         ----------
@@ -82,8 +81,8 @@ class PeriodicDisturbance(Effect):
         Returns
         -------
         tuple of Effect
-            At most three, each with amplitude and phase; frequencies up to half the sampling rate, and inside the
-            range of this effect.
+            At most three, each with amplitude and phase, at frequencies up to half the sampling rate and within this
+            effect's range.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]

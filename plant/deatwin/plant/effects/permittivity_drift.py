@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PermittivityDrift(Effect):
-    r"""The permittivity relaxes from one value to another while the experiment runs.
+    r"""The permittivity relaxes from one value to another during the experiment.
 
     .. math:: \varepsilon(t) = \varepsilon\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
-    No state: the clock is known, and before its zero nothing has drifted. Typical: 2 to 15 %, 100 to 10,000 s.
-    Signature: the gain changes, weighted by amplitude (1.5 times the relative change at 1.9 kV, 4 times at 3 kV),
-    while the sag at 0 V stays, which `prestretch_relaxation` moves. Off at a = 0.
+    No state: the clock is known, and nothing drifts before clock 0. Typical: 2 to 15 %, 100 to 10,000 s.
+    Signature: the gain changes, more at large amplitude (1.5 times the relative change at 1.9 kV, 4 times at 3 kV),
+    while the sag at 0 V stays; `prestretch_relaxation` moves the sag too. Off at a = 0.
 
     Parameters
     ----------
@@ -32,8 +32,8 @@ class PermittivityDrift(Effect):
 
     References
     ----------
-    Relaxation as one Debye process; sizes from the drifts of six actuators in thesis section 2.3.2. In acrylic
-    actuators that aged, the capacitance fell by 4 to 12 % in 1000 h: J. Appl. Phys. 115 (2014) 214105.
+    Relaxation as one Debye process; sizes from the drifts of six actuators in thesis section 2.3.2. The capacitance
+    of ageing acrylic actuators fell by 4 to 12 % in 1000 h: J. Appl. Phys. 115 (2014) 214105.
     """
 
     relative_change: float = -0.1

@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PermittivityStretch(Effect):
-    r"""The permittivity depends on the stretch, so the field also acts by electrostriction.
+    r"""The permittivity depends on the stretch, so that the field also acts by electrostriction.
 
     .. math:: \varepsilon(\lambda) = \varepsilon\,\bigl[1 + c(\lambda_1 + \lambda_2 - 2\lambda_p)\bigr]
 
-    No state. :math:`\varepsilon` keeps its meaning, the permittivity at the prestretch :math:`\lambda_p`. The
-    energy of the field is differentiated with this law in it, which multiplies the Maxwell stress
-    :math:`\varepsilon E^2` in direction i by :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB:
-    from the prestretch on, c = -0.08 to 0; at 3.5 the Maxwell stress is then up to 14 % smaller. Signature:
-    static, even in the voltage; nearly a change of the permittivity, only what the stretch adds bends the curve
-    of stroke over voltage, most above 2.5 kV. No sag, which `strain_stiffening` has. Off at c = 0.
+    No state. :math:`\varepsilon` remains the permittivity at the prestretch :math:`\lambda_p`. The energy of the
+    field is differentiated including this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` in
+    direction i by :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0 from the
+    prestretch; the Maxwell stress at 3.5 is then up to 14 % smaller. Signature: static and even in the voltage;
+    nearly a change of the permittivity, except that the additional stretch bends the curve of stroke over voltage,
+    most above 2.5 kV. It leaves the sag alone, which `strain_stiffening` changes. Off at c = 0.
 
     Parameters
     ----------
@@ -34,8 +34,9 @@ class PermittivityStretch(Effect):
 
     References
     ----------
-    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483. Their slope from rest of -0.053 for VHB,
-    as literature quotes it, is c = -0.053/(1 - 0.053(2 x 3.5 - 2)) = -0.072 from a prestretch of 3.5 on.
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483. Their slope of -0.053 from the unstretched
+    state for VHB, as the literature quotes it, is c = -0.053/(1 - 0.053(2 x 3.5 - 2)) = -0.072 from a prestretch of
+    3.5.
     """
 
     slope: float = -0.07

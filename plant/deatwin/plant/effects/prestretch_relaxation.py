@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class PrestretchRelaxation(Effect):
-    r"""The equilibrium tension of the mounted film decays while the experiment runs.
+    r"""The equilibrium tension of the mounted film decays during the experiment.
 
     .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
 
-    No state: the clock is known, and before its zero nothing has decayed. Typical for VHB that was given too
-    little time to rest: 2 to 15 % in 1000 to 100,000 s. Signature: needs no voltage; sag and gain grow together,
-    1 % of tension gives 1 % of sag, but 2.4 % of stroke at 1.9 kV and 5 % at 3 kV. A `permittivity_drift` leaves
-    the sag alone; `creep` follows the drive, and returns. Off at a = 0.
+    No state: the clock is known, and nothing decays before clock 0. Typical for VHB that had too little time to rest:
+    2 to 15 % in 1000 to 100,000 s. Signature: needs no voltage; sag and gain grow together, 1 % of tension gives 1 %
+    of sag, but 2.4 % of stroke at 1.9 kV and 5 % at 3 kV. A `permittivity_drift` leaves the sag alone; `creep` follows
+    the drive and recovers. Off at a = 0.
 
     Parameters
     ----------
     relative_loss : float
-        a, the share that is lost in the end.
+        a, the share of the tension that is finally lost.
     time : float
         :math:`\tau` in s.
 
     References
     ----------
-    A Maxwell branch that was charged by mounting the film and is far too slow for the drive; VHB keeps relaxing
-    after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
+    The form is a Maxwell branch that was loaded when the film was mounted and is far too slow for the drive. VHB keeps
+    relaxing after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
     """
 
     relative_loss: float = 0.05

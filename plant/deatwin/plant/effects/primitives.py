@@ -42,7 +42,7 @@ class Primitive(ABC):
 
     @property
     def degree(self) -> int:
-        """By which power of its factor it grows where the signal grows by a factor, and widths with it."""
+        """Exponent with which the value scales when the signal and its widths scale by a factor."""
         return 1
 
     @property
@@ -59,7 +59,7 @@ class Primitive(ABC):
         return signal
 
     def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
-        """How fast the memory changes."""
+        """Rate of change of the memory."""
         raise NotImplementedError(f"{self.kind} has no memory")
 
     def to_dict(self) -> dict[str, Any]:
@@ -109,7 +109,7 @@ class SignedSquare(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class DeadBand(Primitive):
-    r"""What lies beyond a band about zero, :math:`p(s - w) - p(-s - w)`."""
+    r"""Part of a signal beyond a band about zero, :math:`p(s - w) - p(-s - w)`."""
 
     width: float = 1.0  # w, half the band, in units of the scale
 
@@ -207,7 +207,7 @@ class Smallest(Largest):
 PRIMITIVES: Mapping[str, type[Primitive]] = {
     kind.kind: kind for kind in (Power, Magnitude, SignedSquare, DeadBand, LowPass, Play, Largest, Smallest)
 }
-"""All kinds by name."""
+"""Kinds by name."""
 
 
 def primitive_from(data: Mapping[str, Any]) -> Primitive:

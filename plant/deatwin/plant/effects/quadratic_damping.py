@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class QuadraticDamping(Effect):
-    r"""Drag that grows with the square of the velocity.
+    r"""A drag force proportional to the square of the velocity acts on the ball.
 
     .. math:: F = -c\,v\,|v|
 
-    No state; its derivative by v is continuous. Typical: 0.004 N s²/m² for a disc of 80 mm in air, of which
-    nothing is seen; 0.1 to 10 where air is pressed through the gap below the film or the ball moves in a liquid.
-    Signature: only where the ball is fast, so after steps and near its resonance; each half-swing loses a share
-    of its amplitude that is proportional to the amplitude, so large swings die faster than small ones, which no
-    `damping` does. Off at c = 0.
+    No state; its derivative with respect to v is continuous. Typical: 0.004 N s²/m² for a disc of 80 mm in air, which
+    is invisible; 0.1 to 10 if air is pressed through the gap below the film or the ball moves in a liquid. Signature:
+    visible only when the ball is fast, after steps and near its resonance; each half-swing loses a share of its
+    amplitude proportional to the amplitude, so large swings decay faster than small ones, unlike with linear
+    `damping`. Off at c = 0.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class QuadraticDamping(Effect):
 
     References
     ----------
-    Newton's drag :math:`\tfrac12\rho C_d A v^2`, with 1.2 kg/m³ and :math:`C_d` = 1.2 of a flat disc.
+    Newton's drag :math:`\tfrac12\rho C_d A v^2`, with 1.2 kg/m³ and :math:`C_d` = 1.2 for a flat disc.
     """
 
     coefficient: float = 1.0

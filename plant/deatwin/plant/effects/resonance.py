@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance(Effect):
-    r"""A second mass that hangs on the ball by a spring and a damper.
+    r"""A second mass hangs on the ball by a spring and a damper.
 
     .. math:: m_2\ddot x_2 = -F, \qquad F = m_2\omega^2(x_2 - y) + 2\zeta m_2\omega(\dot x_2 - \dot y), \qquad
               \omega = 2\pi f
 
-    F acts on the ball. Two states: :math:`x_2` (m), counted from where the mass hangs at rest, and its velocity
-    (m/s). It adds inertia and no weight: its own is borne by what it is a mode of. Typical: a mode of film, frame
-    or holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak with a
-    dip beside it that stays where it is when the voltage moves the ball's own frequency down from 16 Hz, and that
-    needs excitation, unlike a `periodic_disturbance`; far below f only the mass is seen. Modes above half the
-    sampling rate are not seen at their frequency: with 50 samples a second f ends at 24 Hz. Off at :math:`m_2 = 0`.
+    F acts on the ball. Two states: :math:`x_2` (m), relative to the position of the mass at rest, and its velocity
+    (m/s). It adds inertia but no weight, which the structure that vibrates carries. Typical: a mode of film, frame or
+    holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak beside a dip
+    that stays in place when the voltage lowers the ball's own frequency from 16 Hz, and that needs excitation, unlike a
+    `periodic_disturbance`; far below f it acts as mass alone. Modes above half the sampling rate do not appear at their
+    own frequency: with 50 samples a second the range of f ends at 24 Hz. Off at :math:`m_2 = 0`.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Resonance(Effect):
         return signal + self.own("mass", build) * (spring + damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """This effect at the frequencies where the residual's spectrum peaks.
+        """Return this effect at the frequencies where the residual's spectrum peaks.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Resonance(Effect):
         Returns
         -------
         tuple of Effect
-            At most four; none where the record is too short.
+            At most four; empty if the record is too short.
         """
         known = self.described("frequency")
         peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)

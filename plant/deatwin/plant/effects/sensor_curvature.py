@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorCurvature(Effect):
-    r"""The sensor's characteristic is bent: its gain changes with the reading.
+    r"""The sensor's characteristic is curved: its gain changes with the reading.
 
     .. math:: y \to y + \kappa y^2
 
-    No state. The reading is relative to rest, where the gain is right. Typical: a spot that walks on a ball of 4.5 mm
-    or a laser at the end of its range bends by 10 to 100 1/m, 1 to 10 % at 1 mm. Signature: static, at all
-    frequencies, and as large for a motion that the voltage did not make (ringing after a tap, a mass put on), which
-    `permittivity_stretch` leaves alone. Off at :math:`\kappa = 0`.
+    No state. The reading is relative to rest, where the gain is correct. Typical: a light spot that wanders on a ball
+    of 4.5 mm, or a laser at the end of its range, gives 10 to 100 1/m, that is 1 to 10 % at 1 mm. Signature: static,
+    the same at all frequencies, and as large for motion not caused by voltage (ringing after a tap, an added mass),
+    which `permittivity_stretch` leaves alone. Off at :math:`\kappa = 0`.
 
     Parameters
     ----------

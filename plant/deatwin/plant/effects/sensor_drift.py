@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorDrift(Effect):
-    r"""The sensor's zero moves while the experiment runs.
+    r"""The sensor's zero drifts during the experiment.
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    No state: the clock is known. Typical: micrometres to a tenth of a millimetre an hour, while a head warms up or a
-    mount settles. Signature: a baseline that moves without a change of gain, the same at 0 V and under drive, where
-    `permittivity_drift` scales the motion and leaves the sag at 0 V. Off at a = 0.
+    No state: the clock is known. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms
+    up or its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
+    `permittivity_drift` instead scales the motion and leaves the sag at 0 V. Off at a = 0.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class SensorDrift(Effect):
 
     References
     ----------
-    First-order warming of a sensor's head and mount.
+    First-order warming of the sensor's head and mount.
     """
 
     change: float = 50e-6

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorJump(Effect):
-    r"""From a time on all readings are shifted, as when somebody knocks the sensor.
+    r"""All readings shift at some time, as when somebody knocks against the sensor.
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 
-    No state. The step takes about one sample of h, so that its time has a derivative. Typical: tens of micrometres.
-    Signature: the shift is the same whatever the voltage, where an `electrode_loss` takes off a share of the motion
-    and leaves the sag at 0 V. Off at a = 0.
+    No state. The step takes about one sample time h, so that the reading has a derivative with respect to
+    :math:`t_0`. Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss`
+    instead removes a share of the motion and leaves the sag at 0 V. Off at a = 0.
 
     Parameters
     ----------

@@ -14,26 +14,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorLag(Effect):
-    r"""The reading follows the motion with a lag, of first order or with a second, faster or ringing one.
+    r"""The reading lags the motion, with dynamics of first or second order.
 
     .. math:: r\,\tau_s^2\ddot y + \tau_s\dot y + y = x
 
-    Two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a lag of first order, 1/4 two equal lags
-    one after another, 1/2 a Butterworth filter, above that it rings. Typical: 0.1 to 20 ms of averaging. Signature: as
-    a `delay` with a roll-off from :math:`1/(2\pi\tau_s)` on, and behind everything that is not linear, so that each
-    harmonic lags by its own frequency; the ball's ringing is damped in the reading only. Off at :math:`\tau_s = 0`,
-    where y = x.
+    Two states (m): y, the lagged reading, and :math:`\tau_s\dot y`. r = 0 is a first-order lag, 1/4 two equal lags in
+    series, 1/2 a Butterworth filter; above that the sensor rings. Typical: 0.1 to 20 ms of averaging. Signature: like a
+    `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but behind all nonlinearity, so that each harmonic lags
+    according to its own frequency; the ball's ringing is damped in the reading only. Off at :math:`\tau_s = 0`, where
+    y = x.
 
     Parameters
     ----------
     time : float
-        :math:`\tau_s` in s, by which slow motions lag.
+        :math:`\tau_s` in s, the lag of slow motions.
     inertia : float
-        r.
+        r, the coefficient of the second-order term.
 
     References
     ----------
-    Lags of first and second order; an average over T lags as :math:`\tau_s = T/2` does at low frequency.
+    Lags of first and second order; at low frequency an average over T lags as :math:`\tau_s = T/2` does.
     """
 
     time: float = 0.01

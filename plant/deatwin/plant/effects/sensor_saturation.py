@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSaturation(Effect):
-    r"""The reading is clipped at the upper end of the sensor's range.
+    r"""The sensor clips the reading at the upper end of its range.
 
     .. math:: y \to y - s\,p(y - y_l), \qquad p(x) = w\ln(1 + e^{x/w})
 
-    No state. s = 1 clips, s < 1 bends. The corner is rounded over w = 1 µm, below the sensor's noise. A lower end is
-    left out: the ball rests there, so it would show at 0 V at once. Typical: an analogue output scaled to the motion
-    that was expected, 0.4 mm. Signature: a flat top of the reading, ringing included, while the ball moves on: it
-    leaves the limit with the speed that it has, where an `end_stop` stops it and makes it ring. Off at s = 0.
+    No state. s = 1 clips, s < 1 bends. The corner is rounded over w = 1 µm, less than the sensor noise. There is no
+    lower limit: the ball rests there, so that such a limit would be obvious at 0 V. Typical: an analogue output scaled
+    to the expected motion, 0.4 mm. Signature: the reading has a flat top, ringing included, while the ball moves on and
+    leaves the limit at full speed; an `end_stop` stops the ball and makes it ring. Off at s = 0.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class SensorSaturation(Effect):
 
     References
     ----------
-    A clipped output as data sheets of sensors state it; corner: softplus.
+    Clipped output, as sensor data sheets state it; corner: softplus.
     """
 
     share: float = 1.0

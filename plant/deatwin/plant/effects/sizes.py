@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 MOTION, FORCE, PERIOD, COMMAND, VOLTAGE = 0.3e-3, 9e-3, 0.06, 1.5, 1.2e3
-"""Of the diaphragm, SI: a usual displacement, the force that makes it, the period of its ringing, command and volts."""
+"""Sizes of the diaphragm, SI: typical displacement, force that causes it, period of the ringing, command, voltage."""
 DERIVED: Mapping[str, str] = {"kg": "N s2/m", "Pa": "N/m2", "Hz": "1/s"}
 SIGNALS: Mapping[str, str] = {
     "displacement": "m",
@@ -35,31 +35,31 @@ SIGNALS: Mapping[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Sizes:
-    """How large things usually are in a plant, in its own units.
+    """Typical sizes of a plant's quantities, in the plant's own units.
 
-    The effects of the catalogue state typical values, ranges and rounded corners for the diaphragm. On a plant that
-    differs by a change of units, such as a circuit that oscillates at 70 Hz in volts, the same effect acts under
-    the same law: its values are larger or smaller by powers of these sizes.
+    The effects of the catalogue state typical values, ranges and rounded corners for the diaphragm. On a plant of other
+    units and scales, such as a circuit that oscillates at 70 Hz in volts, an effect follows the same law with values
+    scaled by powers of these sizes.
 
     Parameters
     ----------
     motion : float
-        A usual displacement, or what takes its place, in the plant's unit of it.
+        Typical displacement, or the quantity in its place, in the plant's unit.
     force : float
-        What makes it, in the unit of the signal ``force``.
+        Typical force that causes the motion, in the unit of the signal ``force``.
     period : float
-        Of the ringing, or another time in which the plant moves, s.
+        Period of the ringing, or another typical time of the motion, s.
     command : float
-        A usual command.
+        Typical command, in its unit.
     voltage : float, optional
-        Of the amplifier, V, where its gain lies between it and the command; without it, `command` and its unit are
-        those of the amplifier too.
+        Typical amplifier voltage, V, if a gain lies between command and amplifier; otherwise the amplifier has the size
+        and unit of the command.
     reading : float, optional
-        A usual reading; `motion` by default.
+        Typical reading; `motion` by default.
     motion_unit, force_unit, command_unit, reading_unit : str
-        Their units, as products of powers: ``"V/s2"``.
+        Units, as products of powers such as ``"V/s2"``.
     body : str
-        What moves, for sentences: where the diaphragm has its ball.
+        Name of the moving part in sentences; the diaphragm has a ball.
 
     Examples
     --------
@@ -82,18 +82,18 @@ class Sizes:
     body: str = "ball"
 
     def of(self, effect: Effect) -> Effect:
-        """The same effect, typical of this plant.
+        """Return an effect scaled to this plant.
 
         Parameters
         ----------
         effect : Effect
-            At a strength that is meant for the diaphragm.
+            Effect with values meant for the diaphragm.
 
         Returns
         -------
         Effect
-            Of the same name; with values, ranges, units and words of this plant. One that acts on a film, or on
-            another signal that only film actuators have, is returned as it is.
+            Effect of the same name with this plant's values, ranges, units and words. An effect on a film, or on
+            another signal that only film actuators have, is returned unchanged.
         """
         if effect.signal not in SIGNALS or isinstance(effect, _Similar):
             return effect
@@ -101,7 +101,7 @@ class Sizes:
         return kind(**{p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()})
 
     def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
-        """What a value in a unit of the diaphragm is multiplied by on this plant, and its unit there."""
+        """Factor from a value in a unit of the diaphragm to this plant, and the unit on this plant."""
         read = effect.place is Place.SENSOR
         reading, reading_unit = self.reading or self.motion, self.reading_unit or self.motion_unit
         known = {
@@ -119,7 +119,7 @@ class Sizes:
         return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
 
     def _drive(self, effect: Effect) -> tuple[float, str]:
-        """The same for a volt, which is one of the command or one of the amplifier."""
+        """Factor and unit for a volt, which is a volt of the command or of the amplifier."""
         if effect.signal == "command":
             return self.command / COMMAND, self.command_unit
         if self.voltage is None:

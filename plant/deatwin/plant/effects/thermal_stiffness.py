@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ThermalStiffness(Effect):
-    r"""The equilibrium network is stiffer or softer in a warmer room.
+    r"""The stiffness of the equilibrium network changes with the room temperature.
 
     .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or}\quad
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
-    No state. Where the recording brings a channel ``temperature`` (K), :math:`\Delta T` is its departure from
-    :math:`T_0` = 293.15 K, and period and phase do nothing. Where it does not (the channel is then 0 K, which no
-    thermometer shows), the room is taken to swing by 1 K about its mean, as a thermostat lets it, so
-    :math:`k_T` is then the relative change that the swing makes; it counts from clock 0, for which the rig's
-    modulus holds. Typical: a few percent for each kelvin, minutes to a day. The elastic part of VHB alone was
-    seen to stiffen with the temperature (entropy asks for +0.34 % for each kelvin), the tape as a whole to
-    soften. Signature: sag and gain swing together, in a 1 : 2.4 ratio at 1.9 kV, also at 0 V, in a rhythm that
-    the drive does not have; a `permittivity_drift` goes one way and leaves the sag alone. Off at :math:`k_T = 0`.
+    No state. If the recording has a channel ``temperature`` (K), :math:`\Delta T` is its deviation from
+    :math:`T_0` = 293.15 K, and period and phase have no influence. Otherwise (the channel is then 0 K, which no
+    thermometer shows) the room temperature is assumed to swing by 1 K about its mean, as under a thermostat, and
+    :math:`k_T` is the relative change that this swing makes, relative to clock 0, for which the rig's modulus holds.
+    Typical: a few percent per kelvin, minutes to a day. In measurements the elastic part of VHB alone stiffened
+    with temperature (entropy predicts +0.34 % per kelvin), and the tape as a whole softened. Signature: sag and gain
+    swing together, in a ratio of 1 : 2.4 at 1.9 kV, also at 0 V, with a period that is absent from the drive; a
+    `permittivity_drift` goes one way and leaves the sag alone. Off at :math:`k_T = 0`.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class ThermalStiffness(Effect):
     reference: ClassVar[float] = 293.15
     """:math:`T_0` in K."""
     not_measured: ClassVar[float] = 0.0
-    """What the channel gives where no recording brings it, K."""
+    """Value of the channel in recordings without a thermometer, K."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
@@ -87,7 +87,7 @@ class ThermalStiffness(Effect):
         return 0.0 if "temperature" in measured else self.period
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """This effect with the slow cycles that explain most of the residual.
+        """Return this effect with the slow cycles that explain most of the residual.
 
         Parameters
         ----------
@@ -99,8 +99,8 @@ class ThermalStiffness(Effect):
         Returns
         -------
         tuple of Effect
-            At most three. A stiffer film sinks less, so with a negative `change_per_kelvin` the film's cycle has
-            the residual's phase.
+            At most three. A stiffer film sags less, so that with a negative `change_per_kelvin` the film's cycle has
+            the phase of the residual.
         """
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))

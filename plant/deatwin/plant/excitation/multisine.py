@@ -32,7 +32,7 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
     Raises
     ------
     DataError
-        If not even the first lies in the band.
+        If not even the first harmonic lies in the band.
 
     Examples
     --------
@@ -47,33 +47,33 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
 def random_odd_harmonics(
     rng: np.random.Generator, period: float, band: float, group: int = 3
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return odd harmonics, of which one at random in each group of neighbours is left out.
+    """Return odd harmonics with one omitted at random from each group of neighbours.
 
-    The lines that are left out are detection lines: what a plant answers there is its odd nonlinearity.
+    The omitted lines are detection lines: the plant's response there shows its odd nonlinearity.
 
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses the lines.
+        Source of the choice of lines.
     period : float
         s.
     band : float
         Highest frequency, Hz.
     group : int
-        Neighbouring odd harmonics of which one is left out; at least two. A last group that is not full stays
-        whole.
+        Number of neighbouring odd harmonics from which one is omitted, at least two. An incomplete last group keeps all
+        its lines.
 
     Returns
     -------
     excited : (m,) array of int
         Harmonics for `random_phase_multisine`, in units of ``1 / period``.
     detection : (k,) array of int
-        Those that were left out.
+        Omitted harmonics, in the same unit.
 
     Raises
     ------
     DataError
-        If the group has less than two members, or the band less than one group.
+        If the group has fewer than two members, or the band holds less than one group.
 
     References
     ----------
@@ -100,31 +100,31 @@ def random_phase_multisine(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return whole periods of a sum of sines of random phase on a bias.
+    """Return whole periods of a sum of sines with random phases, added to a bias.
 
-    Limits are respected without clipping, which would put power on lines that are to have none: phases that
-    leave them are drawn again, up to a hundred times.
+    The limits hold without clipping, which would put power on other lines: phases that violate the limits are drawn
+    again, up to a hundred times.
 
     Parameters
     ----------
     rng : numpy.random.Generator
         Source of the phases, uniform over the circle.
     period : float
-        s; rounded to whole samples, so that the signal is periodic to the last bit.
+        Period, s; rounded to whole samples, so that the signal is periodic to the last bit.
     sample_time : float
         Time between two samples, s.
     harmonics : (m,) array_like of int
         Excited lines in units of ``1 / period``, for example from `odd_harmonics`; below half the sample rate.
     rms : float
-        Root mean square about the bias, V; exact.
+        Root mean square about the bias, V; it holds exactly.
     mean : float
         Bias, V.
     amplitudes : (m,) array_like of float, optional
-        Of the sines, in any unit: `rms` scales them. All equal if not given.
+        Relative amplitudes of the sines, scaled by `rms`; all equal by default.
     periods : int
-        How many.
+        Number of periods.
     lower, upper : float
-        Limits, V; infinite for none.
+        Limits of the command, V; infinite for none.
 
     Returns
     -------
@@ -134,9 +134,9 @@ def random_phase_multisine(
     Raises
     ------
     DataError
-        If harmonics are not distinct whole numbers from 1 to below half the sample rate, amplitudes do not fit
-        them or are negative or all zero, no period is wanted, or no phases were found that keep to the limits;
-        the text says which rms would have kept to them.
+        If the harmonics are not distinct whole numbers from 1 to below half the sample rate, the amplitudes do not fit
+        them or are negative or all zero, `periods` is less than 1, or no phases satisfy the limits; the text then
+        states the rms that would.
 
     References
     ----------

@@ -19,15 +19,15 @@ def band_limited_noise(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return Gaussian noise from 0 Hz to a band limit about an operating point.
+    """Return Gaussian noise about an operating point, with power from 0 Hz to a band limit.
 
-    In this order: white Gaussian noise is filtered (every line of its spectrum above `band`, and that at
-    0 Hz, is zero), scaled to `variance` exactly, shifted by `mean`, and limited to `lower` and `upper`.
+    White Gaussian noise is filtered (every spectral line above `band`, and the line at 0 Hz, is set to zero), then
+    scaled to `variance` exactly, shifted by `mean`, and clipped to `lower` and `upper`.
 
-    The defaults are the thesis' excitation, of which variance, band and limits cannot all hold exactly: the
-    limits lie only 2.2 standard deviations from the mean. Here the limits hold exactly, for they protect the
-    film; the variance is hence that before the limits, clipping takes a little of it (0.343 V² are left) and
-    puts a little power above the band (0.22 %; `share_above_band` reports that of each signal).
+    The defaults are the thesis' excitation, whose variance, band and limits cannot all hold exactly: the limits lie
+    only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the film. Clipping
+    reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %; `share_above_band`
+    returns the value for a given signal).
 
     Parameters
     ----------
@@ -82,11 +82,11 @@ def two_level_noise(
     lower: float = 1.1,
     upper: float = 3.75,
 ) -> NDArray[np.float64]:
-    """Return band-limited noise whose mean, or variance, or both go to and fro between levels.
+    """Return band-limited noise whose mean, variance or both alternate between levels.
 
-    One noise of unit variance runs through all segments, each of which scales and shifts it; limits come
-    last. The variance of a single segment hence scatters about the given one. The change from one segment to
-    the next is a jump, which has power above the band.
+    One noise of unit variance runs through all segments; each segment scales and shifts it, and the limits come last.
+    The variance of a single segment therefore scatters about the given one. The change between segments is a jump,
+    which has power above the band.
 
     Parameters
     ----------
@@ -97,11 +97,11 @@ def two_level_noise(
     sample_time : float
         Time between two samples, s.
     means : sequence of float
-        Operating point of each level, V; equal ones if only the variance is to change.
+        Operating point of each level, V; equal values if only the variance shall change.
     variances : sequence of float
-        Variance of each level before the limits, V²; as many as there are means.
+        Variance of each level before the limits, V²; one per mean.
     segment : float
-        Time at a level before the next one's turn, s; rounded to whole samples.
+        Time at each level before the next, s; rounded to whole samples.
     band : float
         Band limit, Hz; at most half the sample rate.
     lower, upper : float
@@ -115,8 +115,8 @@ def two_level_noise(
     Raises
     ------
     DataError
-        If there are no levels or not one variance a mean, a variance is negative, the limits do not enclose
-        the means, a time is shorter than a sample, or the band does not fit duration and sample rate.
+        If there are no levels or not one variance per mean, a variance is negative, the limits do not enclose the
+        means, a time is shorter than a sample, or the band does not fit duration and sample rate.
     """
     if len(means) == 0 or len(means) != len(variances):
         raise DataError(f"{len(means)} means and {len(variances)} variances: need one variance a mean")
@@ -132,11 +132,11 @@ def two_level_noise(
 
 
 def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
-    """Return the share of a signal's power, that at 0 Hz left out, which lies above a frequency.
+    """Return the share of a signal's power above a frequency; power at 0 Hz does not count.
 
-    The signal is taken for one period of a periodic one, as `band_limited_noise` is: what this finds in its
-    noise above its band is then what the limits made, and nothing else. In a signal that does not end where
-    it began, the jump between the ends counts too.
+    The signal is treated as one period of a periodic signal, as `band_limited_noise` is; the share above the band of
+    that noise comes from its limits alone. If a signal does not end where it began, the jump between its ends counts
+    too.
 
     Parameters
     ----------
@@ -145,17 +145,17 @@ def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> fl
     sample_time : float
         Time between two samples, s.
     band : float
-        Frequency above which power is counted, Hz.
+        Frequency above which power counts, Hz.
 
     Returns
     -------
     float
-        Between 0 and 1.
+        Share of the power, 0 to 1.
 
     Raises
     ------
     DataError
-        If the commands are constant, or not a row of finite numbers, or sample time or band are not positive.
+        If the commands are constant or not a row of finite numbers, or sample time or band is not positive.
 
     Examples
     --------

@@ -9,18 +9,18 @@ from deatwin.plant.excitation.samples import command_array, sample_count
 def with_rests(
     commands: ArrayLike, sample_time: float, every: float, rest: float, level: float = 0.0
 ) -> NDArray[np.float64]:
-    """Return a signal with rests put in between its pieces.
+    """Return a signal with rests inserted between its pieces.
 
-    At rest the film shows what is left of creep, drift and charge, and where the sensor's zero has gone.
+    At rest the film shows the remains of creep, drift and charge, and the shift of the sensor's zero.
 
     Parameters
     ----------
     commands : (n,) array_like
-        Commands, V; nothing of them is lost.
+        Commands, V; all of them are kept.
     sample_time : float
         Time between two samples, s.
     every : float
-        Length of the pieces, s; rounded to whole samples. The last may be shorter; no rest follows it.
+        Length of the pieces, s; rounded to whole samples. The last piece may be shorter; no rest follows it.
     rest : float
         Length of the rests, s; rounded to whole samples.
     level : float
@@ -29,7 +29,7 @@ def with_rests(
     Returns
     -------
     (n + k m,) array
-        Commands, V: k rests of m samples.
+        Commands, V, with k rests of m samples each.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def with_rests(
 
 
 def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
-    """Return a signal of which every second segment has the opposite sign.
+    """Return a signal with the sign of every second segment reversed.
 
-    Maxwell stress goes with the square of the voltage: whatever changes with the sign is charge in the film,
-    an offset of the amplifier, or an amplifier that gives one polarity only.
+    Maxwell stress is proportional to the square of the voltage. A response that changes with the sign therefore
+    reveals charge in the film, an amplifier offset, or an amplifier of one polarity.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: 
     sample_time : float
         Time between two samples, s.
     segment : float
-        Time from one reversal to the next, s; rounded to whole samples. The first segment keeps its sign.
+        Time between reversals, s; rounded to whole samples. The first segment keeps its sign.
 
     Returns
     -------

@@ -18,7 +18,7 @@ def random_holds(
     shortest: float = 2.0,
     longest: float = 25.0,
 ) -> NDArray[np.float64]:
-    """Return levels that are held for random times, both uniformly distributed.
+    """Return random levels held for random times, both uniformly distributed.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def random_holds(
     lower, upper : float
         Range of the levels, V.
     shortest, longest : float
-        Range of the holds, s; rounded to whole samples, at least one.
+        Range of the hold times, s; rounded to whole samples, at least one.
 
     Returns
     -------
@@ -61,10 +61,10 @@ def random_holds(
 def staircase(
     sample_time: float, lower: float = 1.1, upper: float = 3.75, levels: int = 6, hold: float = 300.0
 ) -> NDArray[np.float64]:
-    """Return equal steps up and down again, each level held.
+    """Return a staircase of equal steps up and down again, with each level held.
 
-    The highest level is held once, each other one on the way up and on the way down, so that the two can be
-    compared: creep goes on in the same direction, hysteresis does not.
+    Each level but the highest is held on the way up and on the way down, so that the two can be compared: creep
+    continues in the same direction, hysteresis does not.
 
     Parameters
     ----------
@@ -73,19 +73,19 @@ def staircase(
     lower, upper : float
         Lowest and highest level, V.
     levels : int
-        How many, at least two.
+        Number of levels, at least two.
     hold : float
         Time at each level, s; rounded to whole samples.
 
     Returns
     -------
     (n,) array
-        Commands, V; ``2 * levels - 1`` holds.
+        Commands, V, of ``2 * levels - 1`` holds.
 
     Raises
     ------
     DataError
-        If there are less than two levels, the range is empty, or the hold is shorter than a sample.
+        If there are fewer than two levels, the range is empty, or the hold is shorter than a sample.
     """
     _check_range(lower, upper)
     if levels < 2:
@@ -101,21 +101,21 @@ def triangles(
     rates: Sequence[float] = (1e-3, 1e-2, 1e-1),
     cycles: int = 1,
 ) -> NDArray[np.float64]:
-    """Return triangles at several rates, one after the other.
+    """Return triangle waves at several rates, one after the other.
 
-    Loops that stay open however slowly they are gone through are hysteresis; those of a lag close.
+    A loop that stays open at any low rate is hysteresis; the loop of a lag closes.
 
     Parameters
     ----------
     sample_time : float
         Time between two samples, s.
     lower, upper : float
-        Where each triangle begins, and its peak, V.
+        Start and peak of each triangle, V.
     rates : sequence of float
-        Cycles a second, Hz. Each cycle is rounded to an even number of samples, so that one of them is at the
-        peak.
+        Frequencies of the cycles, Hz. Each cycle is rounded to an even number of samples, so that one sample lies at
+        the peak.
     cycles : int
-        At each rate, at least one.
+        Number of cycles at each rate, at least one.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def binary_sequence(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Chooses where in its period the sequence begins.
+        Source of the sequence's starting point within its period.
     sample_time : float
         Time between two samples, s.
     lower, upper : float
@@ -167,9 +167,9 @@ def binary_sequence(
     bits : int
         Length of the shift register, 2 to 20; a period has ``2**bits - 1`` holds.
     hold : float
-        Time at each, s; rounded to whole samples.
+        Duration of each hold, s; rounded to whole samples.
     periods : int
-        How many, at least one.
+        Number of periods, at least one.
 
     Returns
     -------

@@ -17,10 +17,10 @@ def linear_chirp(
     mean: float = 2.4,
     amplitude: float = 0.3,
 ) -> NDArray[np.float64]:
-    """Return a sine on a bias whose frequency changes by equal steps in equal times.
+    """Return a sine on a bias whose frequency changes linearly with time.
 
-    It starts at the bias, upwards. The defaults end near the resonance of the thesis' ball at that bias,
-    sqrt(g/z)/2π for a sag z, which tells the sag whatever the sensor's zero does.
+    It starts at the bias, upwards. The defaults end near the resonance of the thesis' ball at that bias, sqrt(g/z)/2π
+    for a sag z, which reveals the sag independently of the sensor's zero.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def linear_chirp(
     mean : float
         Bias, V.
     amplitude : float
-        Of the sine, V.
+        Amplitude of the sine, V.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def linear_chirp(
     Raises
     ------
     DataError
-        If the duration is shorter than a sample, a frequency out of range, or the amplitude negative.
+        If the duration is shorter than a sample, a frequency is out of range, or the amplitude is negative.
     """
     t, end = _times(duration, sample_time, first, last, amplitude)
     cycles = first * t + (last - first) * t**2 / (2.0 * end)
@@ -58,10 +58,10 @@ def logarithmic_chirp(
     mean: float = 2.4,
     amplitude: float = 0.3,
 ) -> NDArray[np.float64]:
-    """Return a sine on a bias whose frequency changes by equal factors in equal times.
+    """Return a sine on a bias whose frequency changes exponentially with time.
 
-    It starts at the bias, upwards. Each octave takes the same time, so that slow and fast dynamics get the
-    same share of the experiment.
+    It starts at the bias, upwards. Each octave takes the same time, so that slow and fast dynamics get equal shares of
+    the experiment.
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ def logarithmic_chirp(
     sample_time : float
         Time between two samples, s.
     first, last : float
-        Frequency at the beginning and at the end, Hz; above 0 and at most half the sample rate, not equal.
+        Frequency at the beginning and at the end, Hz; above 0, at most half the sample rate, and not equal.
     mean : float
         Bias, V.
     amplitude : float
-        Of the sine, V.
+        Amplitude of the sine, V.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def logarithmic_chirp(
     Raises
     ------
     DataError
-        If the duration is shorter than a sample, a frequency out of range, both frequencies equal, or the
-        amplitude negative.
+        If the duration is shorter than a sample, a frequency is out of range, the frequencies are equal, or the
+        amplitude is negative.
     """
     t, end = _times(duration, sample_time, first, last, amplitude)
     if first == last:

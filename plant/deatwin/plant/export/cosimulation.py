@@ -42,27 +42,27 @@ _BUILD = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
-    """Write a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
+    """Export a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
 
-    One sample is one step, over which the inputs are held; the outputs are those after the sample. A longer step of
-    communication takes several samples; one that ends between two samples is an error of the importing tool.
+    One sample is one step, over which the inputs are held; the outputs are those after the sample. A longer
+    communication step covers several samples; one that ends between two samples is an error of the importing tool.
 
     Parameters
     ----------
     source : SampledSource
-        The system; its name is the model identifier.
+        Sampled system; its name is the model identifier.
     path : path
-        File to write, ``.fmu``; replaced as a whole.
+        File to write, ``.fmu``; it is replaced as a whole.
 
     Returns
     -------
     Path
-        The file.
+        Path of the written file.
 
     Raises
     ------
     ModelError
-        If the FMI headers or a C compiler are missing.
+        If the FMI headers or a C compiler is missing.
     DataError
         If the file cannot be written.
     """

@@ -32,11 +32,11 @@ class Description:
 
     name: str  # Model identifier
     plain: bytes
-    inputs: tuple[Signal, ...]  # With their units
+    inputs: tuple[Signal, ...]  # Inputs with their units
     outputs: tuple[Signal, ...]
     start: Mapping[str, float]  # Values of the states at the start, by the names of their variables
     sample_time: float  # Advised step, s
-    text: str  # What the model is, in one line
+    text: str  # Description of the model in one line
 
     def tidied(self) -> bytes:
         """With units, default experiment and texts, without variables of CasADi's own, which are never computed."""
@@ -121,7 +121,7 @@ def _experiment(sample_time: float) -> ET.Element:
 
 
 def _insert(root: ET.Element, position: int, *elements: ET.Element | None) -> None:
-    """In the order that the schema asks for: behind the interface type."""
+    """Insert elements at a position, in their order."""
     for element in reversed([e for e in elements if e is not None]):
         root.insert(position, element)
 

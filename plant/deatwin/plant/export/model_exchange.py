@@ -36,7 +36,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.rest import RestState
 
 _TOLERANCE = 1e-12
-"""Of the algebraic equations, which are in units of the unknowns' typical sizes."""
+"""Tolerance of the algebraic equations, in units of the unknowns' typical sizes."""
 _UPDATES = 50
 _UNITS = "states in units of their typical sizes; time is the experiment's clock"
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")
@@ -45,30 +45,30 @@ _FRESH = "  m->up_to_date = 0;\n"
 
 
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
-    """Write a plant as an FMU for model exchange, with its source and a binary for this computer.
+    """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
 
-    Inputs are held by the importing tool: the command is a discrete input that changes at events. The reading and the
+    The importing tool holds the inputs: the command is a discrete input that changes at events. The reading and the
     watched signals (``signal.film_voltage``) are outputs; the independent variable is the experiment's clock.
 
     Parameters
     ----------
     plant : Plant
-        Without effects that need past commands.
+        Plant without effects that need past commands.
     path : path
-        File to write, ``.fmu``; replaced as a whole.
+        File to write, ``.fmu``; it is replaced as a whole.
     name : str
-        Model identifier, a C identifier.
+        Model identifier; a valid C identifier.
 
     Returns
     -------
     Path
-        The file.
+        Path of the written file.
 
     Raises
     ------
     ModelError
-        If the plant has no state of rest, an effect cannot be exported so, or CasADi, the FMI headers or a C compiler
-        are missing.
+        If the plant has no state of rest, an effect cannot be exported this way, or CasADi, the FMI headers or a C
+        compiler is missing.
     """
     require_identifier(name)
     if not hasattr(ca.DaeBuilder, "export_fmu") or not hasattr(ca.DaeBuilder, "compile_fmu"):

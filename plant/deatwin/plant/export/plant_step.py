@@ -102,25 +102,25 @@ $channels
 
 
 def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
-    """The C source of a plant, with its present parameter values as numbers in it.
+    """Return the C source of a plant, with its present parameter values as constants.
 
     Parameters
     ----------
     plant : Plant
-        Of any rig and effects.
+        Plant with any rig and effects.
     name : str
-        Prefix of all names in the source.
+        Prefix of all names in the source; a valid C identifier.
 
     Returns
     -------
     SampledSource
-        ``u`` is the command, then further measured channels; ``y`` is the noise-free reading at the end of the sample,
-        then the watched signals, all SI but the command.
+        Source whose input ``u`` holds the command, then further measured channels, and whose output ``y`` holds the
+        noise-free reading at the end of the sample, then the watched signals. All are SI except the command.
 
     Raises
     ------
     ModelError
-        If the name is no C identifier, or the plant has no state of rest.
+        If the name is not a C identifier, or the plant has no state of rest.
     """
     require_identifier(name)
     rest = rest_of(plant)
@@ -188,7 +188,7 @@ def _casadi_code(step: ca.Function) -> str:
 
 
 def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals) -> str:
-    """What calls the step: state, start and clock."""
+    """C code that calls the step: state, start and clock."""
     equations = plant.equations
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):

@@ -53,17 +53,17 @@ class SampledSource:
     Parameters
     ----------
     name : str
-        Prefix of everything in it, a C identifier.
+        Prefix of all names in the source; a valid C identifier.
     text : str
-        The file.
+        Text of the C file.
     sample_time : float
-        s.
+        Sample time, s.
     inputs, outputs : tuple of Signal
-        In the order of ``u`` and ``y``.
+        Inputs in the order of ``u``, and outputs in the order of ``y``.
     description : str
-        What it is, in one line.
+        Description of the system in one line.
     has_clock : bool
-        Whether the state has a member ``start``, the clock time of the first sample in s.
+        True if the state has a member ``start``, the clock time of the first sample in s.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""From the table of a file to recordings: which clock, which pieces, which signals."""
+"""Recordings from the table of a file: its clock, its pieces, its signals."""
 
 import logging
 import re

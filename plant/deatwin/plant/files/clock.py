@@ -1,4 +1,4 @@
-"""From the times that a file holds to an even clock: order, gaps, evenness, sample time.
+"""Even clock from the times in a file: order, gaps, evenness, sample time.
 
 What counts as even, and why:
 
@@ -46,7 +46,7 @@ class Piece:
     last: int
     timepts: Floats  # Times of these rows as the file has them, s
     clock: Floats  # The even clock, s
-    interpolated: bool  # Whether the rows are off the even clock and have to be interpolated on it
+    interpolated: bool  # True if the rows are off the even clock and have to be interpolated
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
@@ -148,7 +148,10 @@ def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float,
 
 
 def _start(rows: Floats, sample_time: float) -> float:
-    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise."""
+    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise.
+
+    Rounded or jittering times may put the first one a quarter of a sample off, but not all of them together.
+    """
     late = rows - rows[0] - sample_time * np.arange(len(rows))
     shift = 0.5 * float(late.max() + late.min())
     return float(rows[0]) + (shift if abs(shift) > _AGREE * sample_time else 0.0)

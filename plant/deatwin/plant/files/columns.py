@@ -1,4 +1,4 @@
-"""Which column of a table is the input, the output and the further channels."""
+"""Columns of a table that hold the input, the output and the further channels."""
 
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
@@ -11,7 +11,7 @@ from deatwin.plant.files.timecolumns import holds_times, likely_times, time_colu
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.files.wanted import in_units, require_known_units
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "temperature", "force")
@@ -155,7 +155,10 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
+
+    Of several it is the one with the usual header, else the only one of the right kind.
+    """
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [
         column

@@ -17,7 +17,7 @@ from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import Unit
-from deatwin.plant.intake import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
+from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
@@ -42,7 +42,10 @@ class CsvTable(Table):
             yield row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n)."""
+        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
+
+        Decimal arithmetic makes each value the nearest one to the text: 0.1 mm is read as 0.1e-3.
+        """
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -141,7 +144,10 @@ class CsvTable(Table):
 
 
 def read_table(path: str | Path) -> CsvTable:
-    """Read a CSV file."""
+    """Read a CSV file.
+
+    Encodings: UTF-8, UTF-16 with its mark, GBK, Latin-1; delimiters: comma, semicolon, tab, bar, blanks.
+    """
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")

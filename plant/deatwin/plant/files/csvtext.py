@@ -13,7 +13,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # as a delimiter: any run of blanks and tabs
@@ -26,10 +26,10 @@ _FAR_APART = re.compile(r"\s{2,}|\t")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How the lines of a file are laid out."""
+    """Layout of the lines of a file."""
 
     delimiter: str  # Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs
-    first: int  # Which of the lines is the first that holds samples
+    first: int  # Number of the first line that holds samples
     head: tuple[list[str], ...] = ()
 
 

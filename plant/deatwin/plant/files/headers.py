@@ -11,7 +11,7 @@ _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
 _FORMS = (_IN_BRACKETS, _RATE, _LAST_PART, _IN_WORDS, _DIVIDED)
-"""How a header may give its unit, as the second group."""
+"""Patterns of a header with a unit, which is their second group."""
 _TIMES = re.compile(
     r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
     r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
@@ -103,6 +103,6 @@ def is_misspelt(unit: str) -> bool:
 
 
 def _is_rate(before: str, unit: str) -> bool:
-    """Whether what stands before a stroke belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
+    """True if the text before a slash belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
     rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

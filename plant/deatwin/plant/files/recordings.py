@@ -61,48 +61,48 @@ def read_recordings(
     output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
-    """Read the recordings of a file, in the format that the end of its name says.
+    """Read the recordings of a file; the file name extension gives the format.
 
     Parameters
     ----------
     path : str or Path
-        The file; of a workbook with several sheets also the sheet, ``lab.xlsx#Sheet2``.
+        File to read. Add the sheet of a workbook with several sheets: ``lab.xlsx#Sheet2``.
     input_column, output_column : str, optional
-        Header of the input and the output, or the place, ``"#2"`` for the second column; by default what the
-        file declares, else the columns ``command`` and ``displacement``. A unit may stand in the header, in a
-        line below it, in an attribute, or here behind an equals sign, ``"#2=mm"``; values without a known unit are
-        taken as they are.
+        Header of the input and of the output, or the position, ``"#2"`` for the second column. By default the columns
+        that the file declares, else ``command`` and ``displacement``. The unit may be given in the header, in a line
+        below it, in an attribute, or here after an equals sign, ``"#2=mm"``; values without a known unit are used
+        unchanged.
     time_column : str, optional
-        Header of the times, or the place; by default the column called ``time`` or the like, else the one with a
-        unit of time. The unit is that of the header, or stands behind an equals sign, ``"Timestamp=ms"``; else it
-        is the second; of dates ``"Date=dmy"`` or ``mdy`` says what comes first. Dates and Unix
-        times put the zero of the clock at the first sample; the provenance holds its date as ``clock_began``.
+        Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
+        time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
+        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. Dates and Unix times put the clock's zero at the first
+        sample; the provenance holds its date as ``clock_began``.
     allow_gaps : bool, default False
-        Split the record at its gaps and keep the clock. Else a gap is an error.
+        If True, split the record at its gaps and keep the clock; otherwise a gap is an error.
     dt : float, optional
-        Sample time, s, for a file without times. Where it has times, they must keep it.
+        Sample time, s, of a file without times. The times of other files must agree with it.
     resample : float, optional
-        Bring the samples onto an even clock of this sample time, s, as `deatwin.plant.resample` does; for files whose
-        times are uneven, and for those sampled faster than is wanted.
+        New sample time, s, of an even clock; see `deatwin.plant.resample`. Use it for uneven times, and for files that
+        were sampled faster than needed.
     reading : ReadingTime
-        When, within its row, a reading is taken; where `resample` keeps fewer rows, theirs are taken so too.
+        Time within a row at which the reading is taken; it also holds for rows that `resample` makes.
     input_unit, output_unit : str, optional
-        The unit in which input and output are wanted, SI by default. A column that says exactly this is taken as it
-        is, another known unit of the same kind is converted; "1" wants numbers without a unit.
+        Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
+        column with another known unit of the same kind is converted; "1" means numbers without a unit.
     rig : RigFile, optional
-        Refuse commands far outside of this rig's range.
+        Rig file; commands far outside its rig's range raise an error.
 
     Returns
     -------
     tuple of Recording
-        One, or with `allow_gaps` one between every two gaps.
+        One recording, or with `allow_gaps` one for each stretch between gaps.
 
     Raises
     ------
     DataError
-        If the file is missing, empty, damaged or of an unknown format, lacks a column or the times, holds a
-        value that is not a number, times that do not increase, a gap or uneven sampling, or commands far
-        outside of the rig's range; or a package that the format needs is not installed.
+        If the file is missing, empty, damaged or of an unknown format; lacks a column or the times; contains a value
+        that is not a number, times that do not increase, a gap, uneven sampling, or commands far outside the rig's
+        range; or if a package for the format is not installed.
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
@@ -125,12 +125,12 @@ def read_csv(
     output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> tuple[Recording, ...]:
-    """Read the recordings of a CSV file, whatever the end of its name.
+    """Read the recordings of a CSV file with any file name extension.
 
     Parameters
     ----------
     path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
-        As in `read_recordings`.
+        Same as in `read_recordings`.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def read_csv(
     Raises
     ------
     DataError
-        As `read_recordings`.
+        Same as for `read_recordings`.
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
@@ -159,22 +159,22 @@ def read_commands(
     input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
-    """Read the commands of a file; an output is neither needed nor looked at.
+    """Read only the commands of a file; it needs no output column.
 
     Parameters
     ----------
     path, input_column, time_column, dt, resample, reading, input_unit, rig
-        As in `read_recordings`.
+        Same as in `read_recordings`.
 
     Returns
     -------
     Recording
-        With no rows of outputs.
+        Recording with inputs only.
 
     Raises
     ------
     DataError
-        As `read_recordings`.
+        Same as for `read_recordings`.
     """
     asked, units = {"input": input_column, "time": time_column}, {"input": input_unit}
     return _recordings(
@@ -200,7 +200,7 @@ def read_recording(
     Parameters
     ----------
     path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig
-        As in `read_recordings`.
+        Same as in `read_recordings`.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def read_recording(
     Raises
     ------
     DataError
-        As `read_recordings`.
+        Same as for `read_recordings`.
     """
     return read_recordings(
         path,
@@ -239,15 +239,15 @@ def read_experiment(
     output_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Experiment:
-    """Read the recordings of one experiment, which share one running clock.
+    """Read the recordings of one experiment, which share one clock.
 
     Parameters
     ----------
     paths : iterable of (str or Path)
-        The files, in any order. Those whose times are dates, and TDMS waveforms that say when they started
-        (``wf_start_time``), are laid on the clock of the earliest.
+        Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
+        placed on the clock of the earliest.
     input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
-        As in `read_recordings`, the same for all files.
+        Same as in `read_recordings`, and the same for all files.
 
     Returns
     -------
@@ -256,7 +256,7 @@ def read_experiment(
     Raises
     ------
     DataError
-        As `read_recordings` and `Experiment`.
+        Same as for `read_recordings` and `Experiment`.
     """
     recordings = [
         recording
@@ -279,21 +279,21 @@ def read_experiment(
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a recording into a file that `read_recording` reads back to the last bit.
+    """Write a recording to a file that `read_recording` reads back to the last bit.
 
     Parameters
     ----------
     path : str or Path
-        The file; it appears whole or not at all. ``.csv``, ``.mat``, ``.tdms`` and ``.nc`` are known.
+        File to write, ``.csv``, ``.mat``, ``.tdms`` or ``.nc``; it appears complete or not at all.
     recording : Recording
-        In CSV the usual signals get their usual columns, others their name and SI unit; names, provenance or a
-        sample time that the columns cannot hold stand in a line ``# deatwin/recording/1`` above the header. The
-        other formats are in SI units and hold the same description.
+        Recording to write. In CSV, usual signals get their usual columns, and others their name and SI unit; a line
+        ``# deatwin/recording/1`` above the header holds names, provenance or a sample time that the columns cannot
+        hold. The other formats use SI units and hold the same description.
 
     Raises
     ------
     DataError
-        If the format is not known, a package that it needs is not installed, or the file cannot be written.
+        If the format is unknown, a package for it is not installed, or the file cannot be written.
     """
     write = _by_ending(path, _WRITERS, "written")
     with replacing(path) as temporary:
@@ -301,19 +301,19 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 
 
 def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
-    """Write columns into a CSV file; what is written reads back as the same numbers.
+    """Write columns to a CSV file; reading it back gives exactly the same numbers.
 
     Parameters
     ----------
     path : str or Path
-        The file; it appears whole or not at all.
+        File to write; it appears complete or not at all.
     columns : mapping of str to (n,) array_like
-        Headers, with the unit as their last part, and values in these units.
+        Values by header; the last part of a header is the unit of its values.
 
     Raises
     ------
     DataError
-        If the columns differ in length, or a header is not fit for a CSV file.
+        If the columns differ in length, or a header cannot stand in a CSV file.
     """
     values = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
     shapes = {column.shape for column in values.values()}
@@ -326,19 +326,19 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
 
 
 def write_text_atomic(path: str | Path, text: str) -> None:
-    """Write a UTF-8 text file through a temporary file beside it, so that no reader sees half of it.
+    """Write a UTF-8 text file atomically, so that no reader sees half of it.
 
     Parameters
     ----------
     path : str or Path
-        The file.
+        File to write.
     text : str
-        What it shall hold.
+        Content of the file.
 
     Raises
     ------
     DataError
-        If it cannot be written.
+        If the file cannot be written.
     """
     with replacing(path) as temporary:
         _write_text(temporary, text)

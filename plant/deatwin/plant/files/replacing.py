@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.intake import kind_of_file
+from deatwin.plant.safe_read import kind_of_file
 
 
 def place_of(path: str | os.PathLike[str]) -> Path:

@@ -1,4 +1,4 @@
-"""Which column of a table holds the times, and in which unit."""
+"""Column of a table that holds the times, and its unit."""
 
 import math
 import re
@@ -12,8 +12,8 @@ from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.files.wanted import split_stated
-from deatwin.plant.intake import clipped
 from deatwin.plant.resampling import resampling_options
+from deatwin.plant.safe_read import clipped
 
 _TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _STAMP_NAMES = (
@@ -26,7 +26,10 @@ _LISTED = 5  # columns that an error text names
 def time_column(
     table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
 ) -> tuple[int | None, str]:
-    """Return the column of the times, and its unit."""
+    """Return the column of the times, and its unit.
+
+    By default the one called ``time`` or similar, else one with a unit of time, else an evenly rising first one.
+    """
     if wanted is not None:
         return _named_times(table, taken, wanted)
     free = [column for column in range(len(table.headers)) if column not in taken]
@@ -129,7 +132,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     order = unit if unit in ORDERS else ""
     units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
     scale = time_scale(table.texts(column), unit)
-    # What deatwin wrote comes back as it was, whatever its clock.
+    # A file that deatwin wrote reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
     if order and not scale:

@@ -13,7 +13,7 @@ from decimal import Decimal
 
 from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.units import UNITS
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"
 """The provenance that holds the date of a clock's zero."""
@@ -26,7 +26,7 @@ _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 @dataclass(frozen=True, kw_only=True)
 class TimeScale:
-    """How a column of times is read: as seconds since its first value."""
+    """Column of times, read as seconds since its first value."""
 
     unit: str  # A key of `deatwin.plant.files.units.UNITS`; empty for dates and times of day
     began: datetime | None = None  # The first value, which is the zero of the clock; None where its date is not known
@@ -35,19 +35,19 @@ class TimeScale:
 
     @property
     def texts(self) -> bool:
-        """Whether the values are dates or times of day, and no numbers."""
+        """True if the values are dates or times of day, and not numbers."""
         return not self.unit
 
     @property
     def said(self) -> str:
-        """What the values were taken as."""
+        """Interpretation of the values, in words."""
         if self.unit:
             return f"Unix times in {self.unit}"
         return DATES if self.began else "times of day"
 
     @property
     def provenance(self) -> dict[str, str]:
-        """What a recording keeps of it; a date whose day and month nobody knows is none."""
+        """Record for the provenance; a date whose order of day and month is unknown is left out."""
         known = {BEGAN: self.began.isoformat()} if self.began and self.order else {}
         return {"times": self.said, **known}
 

@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``."""
+    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
+
+    Two whole numbers, since 35 / 1000 is the float nearest to 0.035 and 35 * 1e-3 is not.
+    """
 
     si: str  # The SI unit of the same kind, or the one that is wanted instead
     numerator: float = 1.0  # Their quotient is the factor
@@ -34,7 +37,7 @@ class Unit:
 
     @property
     def is_si(self) -> bool:
-        """Whether values in this unit are the same numbers in the unit `si`."""
+        """True if values in this unit are the same numbers in the unit `si`."""
         return self.numerator == self.denominator and self.shift == 0.0
 
     def onto(self, wanted: "Unit", name: str) -> "Unit":

@@ -7,7 +7,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import for_name, is_misspelt, without_unit
 from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
@@ -55,7 +55,10 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
-    """Return a table with columns in the units that are wanted instead of SI."""
+    """Return a table with columns in the units that are wanted instead of SI.
+
+    A column without a unit is left unchanged.
+    """
     ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1"))}
     names = list(table.names)
     for column in ways:

@@ -53,10 +53,10 @@ GCC_ONLY = (
 )
 """Clang refuses some of these, and has no use for the others."""
 LOOPS = ("-O3",)
-"""What code with loops gains from, and straight-line code does not."""
+"""Compiler options that help code with loops, but not straight-line code."""
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
-"""What a compiler defines where its vectors hold four numbers or more: with less, functions in lanes gain nothing."""
+"""Macro that a compiler defines if its vectors hold four numbers or more; with fewer, lanes gain nothing."""
 AS_WRITTEN = Exchange()
 ONE_AT_A_TIME = Lock()
 """Threads that need the same library wait for the one that builds it, instead of building it once more each."""
@@ -65,7 +65,7 @@ SAID = "DEATWIN_SAID"
 
 
 def cache_folder() -> Path:
-    """Where compiled code is kept, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
+    """Folder of compiled code, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
     folder = Path(os.environ.get("DEATWIN_CACHE") or _user_cache() / "deatwin")
     if not folder.is_dir():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ def cache_folder() -> Path:
 
 
 def _user_cache() -> Path:
-    """Where the system keeps a user's caches."""
+    """Folder in which the system keeps a user's caches."""
     if platform.system() == "Windows":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if platform.system() == "Darwin":
@@ -127,7 +127,7 @@ def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | 
 def compile_functions(
     functions: Mapping[str, ca.Function], in_lanes: Exchange = AS_WRITTEN, key: str | None = None
 ) -> dict[str, ca.Function]:
-    """The same functions, compiled if possible."""
+    """Return the functions, compiled if possible."""
     program = compiler()
     if program is None:
         _say_once("no C compiler found: simulations run about twenty times slower")
@@ -185,7 +185,7 @@ class _Target:
 
 @lru_cache(maxsize=4)
 def _target(program: str) -> _Target:
-    """What a compiler can do here; a user's cache may be shared by unlike computers, so that all of it is the key."""
+    """Abilities of the compiler on this computer, part of the key since unlike computers may share a user's cache."""
     version_text = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
     asked = subprocess.run(
         [program, THIS_PROCESSOR, "-dM", "-E", "-xc", os.devnull], check=False, capture_output=True, text=True
@@ -201,10 +201,8 @@ def _target(program: str) -> _Target:
 
 @lru_cache(maxsize=1)
 def _own_code() -> str:
-    """What turns equations into code: the modules of this folder, and those that repeat a step."""
-    here = Path(__file__).parent
-    files = (*sorted(here.glob("*.py")), here.parent / "marching.py")
-    return _digest(*(file.read_text(encoding="utf-8") for file in files))
+    """Digest of the modules of this folder, which turn equations into code."""
+    return _digest(*(file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.py"))))
 
 
 def _digest(*parts: str) -> str:
@@ -228,7 +226,10 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Whether a library is as it was built, which the end of its name tells; one that is not is removed."""
+    """Tell if a library is as it was built, by the checksum in its name; remove it if not.
+
+    Loading a library that was cut off would end the process.
+    """
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True

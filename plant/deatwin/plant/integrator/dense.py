@@ -87,10 +87,10 @@ STAGE = """\
     for (j = 0; j < L; ++j) sum += squares[j];
     weight[i] = 1.0 / sum;
   }"""
-"""What each stage says of its coordinates, in the first rows of `z` its states' equations; behind a row's entries
-stands the sum of squares of what they do to unknowns as large as their scale, against which a pivot counts, in whatever
-units. What is left of the states, and the right sides, which begin at column R, go in rows; the weights make each row
-one of length one."""
+"""Equations of each stage for its coordinates; the first rows of `z` are those of its states. Each row ends with the
+sum of squares of its entries times the unknowns' scales, with which pivots are compared whatever the units. The
+remaining equations of the states, and the right sides from column R on, go in rows; the weights make each row one of
+length one."""
 BLOCK = """\
   for (k = {first}; k < {last}; ++k) {{
     double largest = of[k][k] * of[k][k] * weight[k];

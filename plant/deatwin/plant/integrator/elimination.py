@@ -24,7 +24,7 @@ class Complex:
 
     @property
     def is_zero(self) -> bool:
-        """Whether both parts are zero by structure."""
+        """True if both parts are zero by structure."""
         return bool(self.real.is_zero() and self.imaginary.is_zero())
 
     def __sub__(self, other: Complex) -> Complex:
@@ -56,7 +56,7 @@ class Factors:
     columns: Sequence[int]
 
     def renamed(self, symbols: Iterator[Symbol]) -> Factors:
-        """The same pattern with a symbol for each part that is not zero by structure."""
+        """Return the pattern with a symbol for each part that is not zero by structure."""
 
         def named(part: Symbol) -> Symbol:
             return part if part.is_zero() else next(symbols)

@@ -95,7 +95,7 @@ class Exchange:
 
 
 def _body(name: str, source: str) -> re.Match[str] | None:
-    """Where the body of a function is in CasADi's code."""
+    """Position of the body of a function in CasADi's code."""
     pattern = rf"/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n(.*?)\n\}}\n"
     return re.search(pattern, source, flags=re.DOTALL)
 
@@ -107,7 +107,7 @@ def call_in_lanes(function: ca.Function, count: int) -> str:
 
 
 def in_lanes_name(function: ca.Function) -> str:
-    """What `in_lanes` calls the function that it writes."""
+    """Name of the function that `in_lanes` writes."""
     return f"{function.name()}_in_lanes"
 
 

@@ -1,15 +1,27 @@
-"""A function of one sample repeated over many, with its numbers in arrays that CasADi reads and writes in place."""
+"""A march through many samples, piece by piece, with its numbers in arrays that CasADi reads and writes in place.
+
+A sample that is not solved in one step is taken in shorter ones.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.sample import SHORTER_STEPS, solved
+
+CHUNK = 200
+"""Samples in one call of compiled code."""
+
 
 class March:
-    """Arguments and results of a function as arrays; each call works on what they hold."""
+    """Arguments and results of a function as arrays; each call works on what they hold.
+
+    A call by value would convert every number to CasADi and back, which takes longer than a small plant's step.
+    """
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]
@@ -27,7 +39,7 @@ class March:
 
     @property
     def arguments(self) -> list[np.ndarray]:
-        """To be filled: each matrix transposed, so shape (columns, rows)."""
+        """Arguments to fill: each matrix transposed, so of shape (columns, rows)."""
         return self._arguments
 
     def advance(self) -> list[np.ndarray]:
@@ -38,3 +50,47 @@ class March:
 
 def _array(size: tuple[int, int]) -> np.ndarray:
     return np.zeros((size[1], size[0]))
+
+
+def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
+    """A step repeated over a piece, as `marched` takes it."""
+    states = list(range(n_states))
+    return step.mapaccum(name, CHUNK, states, states)
+
+
+def marched(
+    march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float
+) -> Iterator[list[np.ndarray]]:
+    """Results of a march, for some samples at a time; ends early where one is not solved. Shapes: `inputs` (n_u, n)."""
+    u, t, h = march.arguments[-5:-2]
+    begin, n = 0, inputs.shape[1]
+    while begin < n:
+        count = min(CHUNK, n - begin)
+        # The last piece is filled up with its last sample.
+        u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
+        h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
+        results = march.advance()
+        good = solved(results[-1], results[n_states], count)
+        if good:
+            yield _kept(march, results, n_states, 0, good)
+        begin += good
+        if good < count:
+            u[:], time = inputs[:, begin], start + sample_time * begin
+            for shorter in SHORTER_STEPS:
+                h[:], t[:, 0] = sample_time / shorter, time + sample_time / shorter * np.arange(CHUNK)
+                results = march.advance()
+                if solved(results[-1], results[n_states], shorter) == shorter:
+                    yield _kept(march, results, n_states, shorter - 1, shorter)
+                    break
+            else:
+                return
+            begin += 1
+
+
+def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
+    """Results of some samples, without the error; the states after the last of them are the march's next."""
+    for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
+        width = argument.shape[0]
+        argument[:] = result[(last - 1) * width : last * width]
+    widths = [result.shape[0] // CHUNK for result in results[:-1]]
+    return [r[first * k : last * k].copy() for r, k in zip(results[:-1], widths, strict=True)]

@@ -25,9 +25,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.elimination import Complex, factorised
-from deatwin.plant.integrator.stages import Stages
+from deatwin.plant.integrator.stages import Stages, coupled
 
 Symbol = Any  # casadi.SX or casadi.MX
 
@@ -58,7 +57,7 @@ def solved_stages(stages: Stages) -> ca.Function:
     start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
     tangent, size = linear.correct(factors, start, values, x, mass, h)
 
-    # That nothing moves at the start of a step says nothing of its stages, at which the clock has run on.
+    # If nothing moves at the start of a step, the stages may still move, since the clock runs within the step.
     found, known = [tangent, size, size + 1], [factors, *step]
     correction = _correction(stages, linear, factors.numel())
     for number, count in enumerate(CORRECTIONS):
@@ -87,7 +86,10 @@ def _continued(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method."""
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
+
+    Convergence is linear: two successive changes give the rate, and so the remaining error.
+    """
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
@@ -107,7 +109,7 @@ def _full_update(stages: Stages, n_factors: int) -> ca.Function:
 
 
 def _restarted(update: ca.Function, guess: ca.Function) -> ca.Function:
-    """The same update from another guess, ``step -> w``."""
+    """Return the update from another guess, ``step -> w``."""
     arguments = update.mx_in()
     return ca.Function(f"from_{guess.name()}", arguments, update.call([guess(*arguments[4:]), *arguments[1:]]))
 
@@ -154,7 +156,10 @@ def _arguments(stages: Stages, n_factors: int) -> tuple[list[ca.MX], ca.MX, list
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _LinearSystems:
-    """The transformed systems of the simplified method."""
+    """The transformed systems of the simplified method.
+
+    `factor`: ``(J, M, h) -> factors``; `correct`: ``(factors, w, f at all stages, x, M, h) -> (w, size)``.
+    """
 
     factor: ca.Function
     correct: ca.Function
@@ -163,7 +168,7 @@ class _LinearSystems:
 def _linear_systems(stages: Stages) -> _LinearSystems:
     values, vectors = np.linalg.eig(stages.inverse)
     inverse = np.linalg.inv(vectors)
-    # Of a pair one is solved, and stands for both.
+    # Of a conjugate pair one is solved and represents both.
     kept = np.flatnonzero(values.imag >= 0)
     weights = np.where(values[kept].imag > 0, 2.0, 1.0)
     spectrum = (values[kept], vectors[:, kept] * weights, inverse[kept])
@@ -224,7 +229,7 @@ def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np
 
 
 def _entries(matrix: ca.MX) -> ca.MX:
-    """What a sparse matrix holds, as a column."""
+    """Nonzero entries of a sparse matrix as a column."""
     return ca.reshape(matrix.nz[:], matrix.nnz(), 1)
 
 

@@ -27,7 +27,7 @@ LEAST = 1e-9
 class Step(NamedTuple):
     """A step over a sample or half of it."""
 
-    begin: Any  # When it begins, s
+    begin: Any  # Beginning, s
     middle: Any  # Its middle, s, which tells the half: the ends may lie on a border
     width: Any
 
@@ -49,17 +49,17 @@ class Parts:
 
     @property
     def in_first(self) -> Symbol:
-        """Whether the present step is in the first part."""
+        """True if the present step is in the first part."""
         return self.middle - self.start < self.width / 2
 
     @property
     def _in_step(self) -> Symbol:
-        """Whether a step is taken at all, and not only looked at what is after one."""
+        """True if a step is really taken, and the equations are not only evaluated after one."""
         return self.middle - self.start < self.width
 
     @property
     def speed(self) -> Symbol:
-        """Of the clock, against that by which a step is taken."""
+        """Speed of the clock relative to the time of the step."""
         share = self._share
         return ca.if_else(self._in_step, 2 * ca.if_else(self.in_first, share, 1 - share), 1.0)
 

@@ -48,7 +48,10 @@ def reference_outputs(plant: Plant, experiment: Experiment, relative_tolerance: 
 
 
 class _System:
-    """The DAE over one step, in units of each unknown's typical size."""
+    """The DAE over one step, in units of each unknown's typical size.
+
+    A state without mass is algebraic here, so that a vanishing time constant is exact.
+    """
 
     def __init__(self, equations: Equations, values: np.ndarray, width: float, relative_tolerance: float) -> None:
         n_x = len(equations.states)

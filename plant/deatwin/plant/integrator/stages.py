@@ -11,14 +11,13 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
-from deatwin.plant.integrator.coupled import coupled
 from deatwin.plant.integrator.dense import solved_in_lanes
 from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
 UNROLLED = 16
 """Unknowns up to which linear algebra is written as straight-line code, for more with loops over sparse matrices."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
-"""Of the two ways to a Jacobian, the reverse one unless it needs half as many sweeps again: forces are gradients."""
+"""Jacobians by reverse sweeps unless these are half as many again as forward ones: forces are gradients."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +31,7 @@ class Stages:
     n_p: int
     n_c: int
     scale: np.ndarray  # shape (n_x + n_z,): Typical size of each unknown
-    nodes: np.ndarray  # shape (s,): Of the stages, in (0, 1]
+    nodes: np.ndarray  # shape (s,): Nodes of the stages, in (0, 1]
     inverse: np.ndarray  # shape (s, s): Inverse of the Butcher matrix
     residual: ca.Function  # ``(w, d, u, t, p, c) -> (f; g)`` with w = (x; z)
     jacobian: ca.Function  # ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``
@@ -51,7 +50,7 @@ class Stages:
         p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
         arguments = [w, d, u, t, p, c]
         split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
-        # What different forces have in common is found before it is differentiated.
+        # Common parts of different forces are found before differentiation.
         f = ca.cse(equations.dynamics(*split))
         y = equations.output(*split)
         mass = equations.mass(p, c)
@@ -85,7 +84,7 @@ class Stages:
 
     @property
     def unrolled(self) -> bool:
-        """Whether linear algebra is written as straight-line code."""
+        """True if linear algebra is written as straight-line code."""
         return self.n <= UNROLLED
 
     @property
@@ -216,3 +215,38 @@ class Stages:
         right = self.tangent()(w, *self.everywhere(self.slopes, w, known), x, dx, dd, mass, slope, h)
         _, entries = self.everywhere(self.jacobians, w, known)
         return self.last_stage(entries, mass, h, right)
+
+
+def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function:
+    r"""Matrix of k stages that are coupled by the inertia of their states.
+
+    .. math:: c_{ij}\,\mathrm{diag}(M, 0) - \delta_{ij}\,\mathrm{diag}(h, 1)\,J_i
+
+    Shapes: `coupling` (k, k).
+    """
+    n, nnz, count = pattern.size1(), pattern.nnz(), len(coupling)
+    rows, columns = (np.array(places, dtype=int) for places in pattern.get_triplet())
+    size, stage = n * count, np.arange(count)[:, None]
+    driven = ((stage * n + columns) * size + stage * n + rows).ravel()
+    i, j = np.nonzero(coupling)
+    state = np.arange(n_x)[:, None]
+    inert = ((j * n + state) * size + i * n + state).ravel()
+
+    places = np.unique(np.concatenate([driven, inert]))  # column by column
+    # Places without a number look up the zero behind the last number.
+    of_jacobian, of_mass, weight = np.full(places.size, nnz * count), np.full(places.size, n_x), np.zeros(places.size)
+    of_jacobian[np.searchsorted(places, driven)] = np.arange(nnz * count)
+    of_mass[np.searchsorted(places, inert)] = np.repeat(state, i.size)
+    weight[np.searchsorted(places, inert)] = np.tile(coupling[i, j], n_x)
+
+    entries, mass, h = ca.MX.sym("J", nnz, count), ca.MX.sym("mass", n_x), ca.MX.sym("h")
+    moving = np.tile(rows < n_x, count)
+    drive = ca.vec(entries) * (ca.DM(moving) * h + ca.DM(~moving))
+    numbers = ca.DM(weight) * _looked_up(mass, of_mass) - _looked_up(drive, of_jacobian)
+    matrix = ca.MX(ca.Sparsity.triplet(size, size, (places % size).tolist(), (places // size).tolist()), numbers)
+    return ca.Function("coupled", [entries, mass, h], [matrix])
+
+
+def _looked_up(numbers: ca.MX, places: np.ndarray) -> ca.MX:
+    """Look up entries of a column with a zero appended."""
+    return ca.reshape(ca.vertcat(numbers, 0).nz[places.tolist()], places.size, 1)

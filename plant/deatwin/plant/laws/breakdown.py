@@ -11,20 +11,20 @@ Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 
 @dataclass(frozen=True, kw_only=True)
 class BreakdownLaw:
-    r"""A power law :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q` found with films of equal-biaxial stretch.
+    r"""Power law of breakdown, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`, measured on films of equal-biaxial stretch.
 
     Parameters
     ----------
     field : float
-        :math:`E_1` of an unstretched film of the thickness `thickness`, V/m.
+        :math:`E_1`, breakdown field of an unstretched film of thickness :math:`h_1`, V/m.
     thickness : float
         :math:`h_1` in m.
     thickness_power : float
-        p; negative, since a thin film bears more.
+        p; negative, because a thin film withstands more.
     stretch_power : float
-        q.
+        q, exponent of the stretch.
     source : str
-        Where the numbers come from.
+        Publication of the numbers.
     """
 
     field: float
@@ -34,20 +34,21 @@ class BreakdownLaw:
     source: str
 
     def at(self, thickness: Symbol, stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-        r"""True field at breakdown.
+        r"""Return the true field at breakdown.
 
         Parameters
         ----------
         thickness : symbol, float or array
             Present thickness :math:`H/(\lambda_1\lambda_2)`, m.
         stretch_1, stretch_2 : symbol, float or array
-            Principal in-plane stretches. Where they differ, the law takes :math:`\sqrt{\lambda_1\lambda_2}`, the
-            equal stretch that thins the film as much: an assumption, the films of the sources had equal ones.
+            Principal in-plane stretches. If they differ, the law uses :math:`\sqrt{\lambda_1\lambda_2}`, the equal
+            stretch that thins the film as much; this is an assumption, since the films of the sources had equal
+            stretches.
 
         Returns
         -------
         symbol, float or array
-            V/m.
+            Field, V/m.
 
         Examples
         --------

@@ -33,11 +33,12 @@ VACUUM_PERMITTIVITY = 8.8541878188e-12
 
 
 def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_field: Any) -> Any:
-    r"""Co-energy of the field per reference volume under voltage control.
+    r"""Electric co-energy per reference volume under voltage control.
 
     .. math:: w_e = -\tfrac{\varepsilon_r\varepsilon_0}{2}\tilde E^2(\lambda_1\lambda_2)^2
 
-    Its derivative by a stretch is the Maxwell stress :math:`\varepsilon E^2` of an ideal dielectric elastomer.
+    Its derivative with respect to a stretch gives the Maxwell stress :math:`\varepsilon E^2` of an ideal dielectric
+    elastomer.
 
     Parameters
     ----------
@@ -46,12 +47,12 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
     permittivity : symbol or float
         Relative permittivity.
     nominal_field : symbol or float
-        Voltage over the undeformed thickness, V/m.
+        Voltage divided by the undeformed thickness, V/m.
 
     Returns
     -------
     symbol or float
-        J/m³.
+        Co-energy density, J/m³.
 
     References
     ----------
@@ -61,19 +62,19 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
 
 def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
-    r"""Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2`: pressure across, or tension taken off along the film.
+    r"""Maxwell stress :math:`\varepsilon_r\varepsilon_0E^2`: pressure across the film, or loss of tension along it.
 
     Parameters
     ----------
     permittivity : symbol or float
         Relative permittivity.
     field : symbol or float
-        True field, voltage over the present thickness, V/m.
+        True field, voltage divided by the present thickness, V/m.
 
     Returns
     -------
     symbol or float
-        Pa.
+        Stress, Pa.
 
     References
     ----------
@@ -85,34 +86,35 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
 def maxwell_strain(
     permittivity: Symbol, field: Symbol, elastic_modulus: Symbol, poissons_ratio: Symbol = 0.5
 ) -> Symbol:
-    r"""Small strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
+    r"""Small Maxwell strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
 
-    Along the film an incompressible one stretches by half of its size. A Poisson's ratio of 0 gives the thesis'
-    eq. 2.2; the module says why.
+    An incompressible film stretches in its plane by half this amount. A Poisson's ratio of 0 gives the thesis' eq. 2.2,
+    which counts the attraction of the electrodes alone.
 
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity; strain must not change it.
+        Relative permittivity, independent of strain.
     field : symbol or float
         True field, V/m.
     elastic_modulus : symbol or float
-        Y in Pa; three shear moduli of an incompressible film.
+        Y in Pa; three times the shear modulus of an incompressible film.
     poissons_ratio : symbol or float
-        One half where incompressible.
+        Poisson's ratio; one half for an incompressible film.
 
     Returns
     -------
     symbol or float
-        Dimensionless, negative.
+        Strain, dimensionless, negative.
     """
     return -(1 + 2 * poissons_ratio) / 2 * maxwell_stress(permittivity, field) / elastic_modulus
 
 
 def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Symbol) -> Symbol:
-    r"""Small strain across the film by electrostriction, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
+    r"""Small electrostrictive strain across the film, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
 
-    Thesis eq. 2.1: the strain goes with the square of the polarisation :math:`\varepsilon_0(\varepsilon_r - 1)E`.
+    Thesis eq. 2.1: the strain is proportional to the square of the polarisation
+    :math:`\varepsilon_0(\varepsilon_r - 1)E`.
 
     Parameters
     ----------
@@ -121,23 +123,24 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
     field : symbol or float
         True field, V/m.
     coefficient : symbol or float
-        Q in m⁴/C²; negative where the film becomes thinner.
+        Q in m⁴/C²; negative if the film becomes thinner.
 
     Returns
     -------
     symbol or float
-        Dimensionless.
+        Strain, dimensionless.
     """
     return coefficient * (VACUUM_PERMITTIVITY * (permittivity - 1) * field) ** 2
 
 
 def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_modulus: Symbol) -> Symbol:
-    r"""Relative permittivity with which Maxwell stress alone makes the strain of both effects.
+    r"""Relative permittivity for which Maxwell stress alone gives the strain of both effects.
 
     .. math:: \varepsilon_\mathrm{eff} = \varepsilon_r - Y Q\,\varepsilon_0(\varepsilon_r - 1)^2
 
-    Both strains go with the square of the field: at small strain electrostriction is a scale of the
-    permittivity, and displacement over voltage does not tell them apart. A capacitance does.
+    Both effects, Maxwell stress and electrostriction, cause strains proportional to the square of the field. At small
+    strain electrostriction only scales the permittivity: displacement over voltage does not distinguish them, but a
+    measurement of capacitance does.
 
     Parameters
     ----------
@@ -146,12 +149,12 @@ def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_mo
     coefficient : symbol or float
         Q in m⁴/C², as in `electrostrictive_strain`.
     elastic_modulus : symbol or float
-        Y in Pa of the incompressible film.
+        Y of the incompressible film, Pa.
 
     Returns
     -------
     symbol or float
-        Dimensionless.
+        Effective relative permittivity, dimensionless.
     """
     return permittivity - elastic_modulus * coefficient * VACUUM_PERMITTIVITY * (permittivity - 1) ** 2
 
@@ -159,19 +162,19 @@ def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_mo
 def electrostriction_factors(
     permittivity: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
-    r"""Electrostriction at large strain: the field's stress over that of a constant permittivity.
+    r"""Factors by which electrostriction at large strain multiplies the Maxwell stress of a constant permittivity.
 
     .. math:: f_i = 1 + \tfrac12\,\frac{\partial\ln\varepsilon}{\partial\ln\lambda_i}, \qquad
               \sigma_i = -f_i\,\varepsilon E^2
 
-    Follows from the co-energy with :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
-    permittivity holds it already. With `deatwin.plant.laws.permittivity.stretched` the factor varies with the stretch:
-    at small strain electrostriction is a mere scale of the permittivity, at large strain it is not.
+    They follow from the co-energy with :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
+    permittivity already contains them. With `deatwin.plant.laws.stretched` the factors vary with the stretch: at small
+    strain electrostriction merely scales the permittivity, at large strain it does not.
 
     Parameters
     ----------
     permittivity : callable
-        ``permittivity(stretch_1, stretch_2, *parameters)``.
+        Function ``permittivity(stretch_1, stretch_2, *parameters)``.
     stretch_1, stretch_2 : symbol or float
         Principal in-plane stretches.
     *parameters : symbol or float
@@ -180,7 +183,7 @@ def electrostriction_factors(
     Returns
     -------
     tuple of symbol
-        Along 1 and 2.
+        Factors along directions 1 and 2, dimensionless.
 
     References
     ----------
@@ -207,37 +210,37 @@ def capacitance(
     stretches : sequence of pairs of symbol or float
         Principal in-plane stretches at each point.
     areas : sequence of symbol or float
-        Reference area that each point stands for, m².
+        Reference area that each point represents, m².
     thickness : symbol or float
         Undeformed thickness H, m.
 
     Returns
     -------
     symbol or float
-        F.
+        Capacitance, F.
     """
     points = zip(permittivities, stretches, areas, strict=True)
     return VACUUM_PERMITTIVITY / thickness * sum(e * (first * second) ** 2 * a for e, (first, second), a in points)
 
 
 def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_scale: Symbol = 40e6) -> Symbol:
-    r"""Current through the film per present area, :math:`j = \sigma_0\,e^{|E|/E_B}\,E`.
+    r"""Conduction current density through the film, :math:`j = \sigma_0\,e^{|E|/E_B}\,E`, per present area.
 
-    Odd in the field, so that it always takes energy from the source.
+    The current is odd in the field, so that it always dissipates energy.
 
     Parameters
     ----------
     field : symbol or float
         True field, V/m.
     conductivity : symbol or float
-        :math:`\sigma_0` at low field, S/m. The default is unconfirmed: as later literature quotes the reference.
+        :math:`\sigma_0` at low field, S/m. The default is quoted from later literature and is unconfirmed.
     field_scale : symbol or float
-        :math:`E_B` in V/m; the default likewise.
+        :math:`E_B` in V/m. The default has the same origin.
 
     Returns
     -------
     symbol or float
-        A/m².
+        Current density, A/m².
 
     References
     ----------

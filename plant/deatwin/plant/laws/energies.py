@@ -15,7 +15,7 @@ Symbol = Any  # a CasADi SX, MX, DM or a float
 
 
 def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-    r""":math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
+    r"""First invariant :math:`I_1 = \lambda_1^2 + \lambda_2^2 + (\lambda_1\lambda_2)^{-2}`.
 
     Parameters
     ----------
@@ -25,13 +25,13 @@ def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Returns
     -------
     symbol or float
-        Dimensionless.
+        Invariant, dimensionless.
     """
     return stretch_1**2 + stretch_2**2 + 1 / (stretch_1 * stretch_2) ** 2
 
 
 def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
-    r""":math:`I_2 = \lambda_1^{-2} + \lambda_2^{-2} + (\lambda_1\lambda_2)^2`.
+    r"""Second invariant :math:`I_2 = \lambda_1^{-2} + \lambda_2^{-2} + (\lambda_1\lambda_2)^2`.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Returns
     -------
     symbol or float
-        Dimensionless.
+        Invariant, dimensionless.
     """
     return first_invariant(1 / stretch_1, 1 / stretch_2)
 
@@ -110,20 +110,20 @@ def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, th
 
 
 def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
-    r"""Ogden energy of any number of terms.
+    r"""Ogden energy with any number of terms.
 
     .. math:: W = \sum_p \frac{\mu_p}{\alpha_p}\bigl(\lambda_1^{\alpha_p} + \lambda_2^{\alpha_p}
               + \lambda_3^{\alpha_p} - 3\bigr), \qquad \mu_0 = \tfrac12\sum_p\mu_p\alpha_p
 
-    Some programs write :math:`2\mu_p/\alpha_p^2` instead, for which :math:`\mu_0 = \sum_p\mu_p`: convert their
-    moduli by :math:`2/\alpha_p`.
+    Some programs write :math:`2\mu_p/\alpha_p^2` instead, so that :math:`\mu_0 = \sum_p\mu_p`: multiply their moduli
+    by :math:`2/\alpha_p`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
         Principal in-plane stretches.
     *terms : symbol or float
-        :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`: moduli in Pa and exponents in turn.
+        Moduli in Pa and exponents in turn: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
 
     Returns
     -------
@@ -173,9 +173,9 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
-    The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is at most 4.94 % above the exact inverse, near
-    z = 0.80, and right at both ends. It is the one with which the sets of Wang et al. were found. At small
-    strain :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+    The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is exact at both ends and at most 4.94 % above the exact
+    inverse, near z = 0.80. Wang et al. identified their parameter sets with it. At small strain
+    :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
     locking_stretch : symbol or float
-        :math:`\lambda_L`, the largest chain stretch :math:`\sqrt{I_1/3}`; the root of the number of links in a
+        :math:`\lambda_L`, the largest chain stretch :math:`\sqrt{I_1/3}`: the square root of the number of links in a
         chain.
 
     Returns
@@ -215,7 +215,7 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
     Returns
     -------
     symbol or float
-        Dimensionless.
+        Energy divided by the modulus, dimensionless.
 
     References
     ----------

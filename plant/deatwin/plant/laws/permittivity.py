@@ -25,13 +25,13 @@ def stretched(
     from_1: Symbol = 1.0,
     from_2: Symbol = 1.0,
 ) -> Symbol:
-    r"""Permittivity that goes linearly with the stretches.
+    r"""Permittivity that depends linearly on the stretches.
 
     .. math:: \varepsilon = \varepsilon_0^r\,\bigl[1 + c\,(\lambda_1 + \lambda_2 - \lambda_{01} - \lambda_{02})\bigr]
 
-    For VHB 4910 literature quotes 4.68 and c = -0.053 from rest, fitted to values of Wissler & Mazza: 4.68, 3.71,
-    3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law meets within 5 %. Others found nearly no
-    change, so the slope starts from either.
+    For VHB 4910 the literature quotes 4.68 and c = -0.053 from the unstretched state, fitted to values of Wissler &
+    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law meets within 5 %. Others found
+    hardly any change, so a fit may start from either slope.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ def stretched(
     permittivity : symbol or float
         Relative permittivity at the stretches `from_1` and `from_2`.
     slope : symbol or float
-        c, relative change per stretch; zero or negative.
+        c, relative change per unit of stretch; zero or negative.
     from_1, from_2 : symbol or float
-        Stretches where `permittivity` holds: 1 for the tape, the prestretch for a value that a film in its frame
-        showed.
+        Stretches at which `permittivity` holds: 1 for the unstretched tape, the prestretch for a value measured on a
+        film in its frame.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def stretched(
 
     References
     ----------
-    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483 (its numbers unconfirmed).
+    Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483 (numbers unconfirmed).
     """
     return permittivity * (1 + slope * (stretch_1 + stretch_2 - from_1 - from_2))
 
@@ -63,11 +63,11 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
     Parameters
     ----------
     time : symbol or float
-        Since the relaxation began, s; before, the permittivity is the first one.
+        Time since the relaxation began, s; before it, the permittivity has its first value.
     permittivity : symbol or float
         First relative permittivity.
     relative_change : symbol or float
-        a, the change in the end over the first value; above -1.
+        a, the final change divided by the first value; above -1.
     time_constant : symbol or float
         :math:`\tau` in s.
 
@@ -87,7 +87,7 @@ def random_walk(
     spread: float = 0.05,
     spread_time: float = 1000.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""Permittivity that wanders: its logarithm is a Wiener process, so it never becomes negative.
+    r"""Draw a permittivity whose logarithm is a Wiener process, so that it never becomes negative.
 
     .. math:: \ln\frac{\varepsilon(t_{k+1})}{\varepsilon(t_k)} \sim
               \mathcal N\Bigl(0,\; s^2\,\frac{t_{k+1} - t_k}{T}\Bigr)
@@ -97,20 +97,20 @@ def random_walk(
     rng : numpy.random.Generator
         Source of the steps.
     duration : float
-        How long, s; rounded up to whole intervals.
+        Duration of the track, s; rounded up to whole intervals.
     interval : float
-        Between two values, s; a track is straight between them.
+        Time between two values, s; the track is straight between them.
     permittivity : float
         Relative permittivity at the start.
     spread : float
-        s, the standard deviation of the relative change that a time `spread_time` makes.
+        s, the standard deviation of the relative change over `spread_time`.
     spread_time : float
-        T in s.
+        T in s, the time over which `spread` holds.
 
     Returns
     -------
     times : (n,) array
-        From 0 to at least the duration, s.
+        Times from 0 to at least the duration, s.
     values : (n,) array
         Relative permittivity at those times.
 
@@ -133,27 +133,27 @@ def random_walk(
 
 
 def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> Symbol:
-    r"""Electric displacement :math:`D = \varepsilon_\infty\varepsilon_0E + P` with a part that lags.
+    r"""Electric displacement :math:`D = \varepsilon_\infty\varepsilon_0E + P` with a lagging polarisation P.
 
     Parameters
     ----------
     field : symbol or float
         True field, V/m.
     permittivity : symbol or float
-        :math:`\varepsilon_\infty`, relative permittivity at once.
+        :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     polarisation : symbol or float
-        P, what `polarisation_rate` moves, C/m².
+        P, the polarisation that follows `polarisation_rate`, C/m².
 
     Returns
     -------
     symbol or float
-        C/m².
+        Electric displacement, C/m².
     """
     return permittivity * VACUUM_PERMITTIVITY * field + polarisation
 
 
 def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_constant: Symbol) -> Symbol:
-    r"""Debye relaxation, :math:`\dot P = (\Delta\varepsilon\,\varepsilon_0E - P)/\tau`.
+    r"""Rate of a Debye relaxation, :math:`\dot P = (\Delta\varepsilon\,\varepsilon_0E - P)/\tau`.
 
     Under a harmonic field :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)`.
 
@@ -164,14 +164,14 @@ def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_co
     polarisation : symbol or float
         P in C/m².
     step : symbol or float
-        :math:`\Delta\varepsilon`, by which the relative permittivity grows in time.
+        :math:`\Delta\varepsilon`, the final increase of the relative permittivity.
     time_constant : symbol or float
         :math:`\tau` in s.
 
     Returns
     -------
     symbol or float
-        C/(m² s).
+        Rate, C/(m² s).
 
     References
     ----------
@@ -188,32 +188,33 @@ def polarised_energy(
     polarisation: Symbol,
     step: Symbol,
 ) -> Symbol:
-    r"""Co-energy of the field with a polarisation that lags, per volume.
+    r"""Electric co-energy per volume with a lagging polarisation.
 
     .. math:: w = -\tfrac12\varepsilon_\infty\varepsilon_0E^2 - PE + \frac{P^2}{2\Delta\varepsilon\,\varepsilon_0},
               \qquad E = \tilde E\lambda_1\lambda_2
 
-    Its slope by a stretch is the Maxwell stress -E D in place of :math:`-\varepsilon E^2`, its slope by P drives
-    `polarisation_rate`, so the rate dissipates :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. That P
-    per volume, and not the dipoles' lengths, stays when the film is stretched at once is a choice.
+    Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`; that
+    with respect to P drives `polarisation_rate`, which dissipates :math:`\tau\dot
+    P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. A sudden stretch leaves P per volume unchanged, not the dipoles'
+    lengths; this is a choice.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
         Principal in-plane stretches.
     permittivity : symbol or float
-        :math:`\varepsilon_\infty`, relative permittivity at once.
+        :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     nominal_field : symbol or float
-        Voltage over the undeformed thickness, V/m.
+        Voltage divided by the undeformed thickness, V/m.
     polarisation : symbol or float
         P in C/m².
     step : symbol or float
-        :math:`\Delta\varepsilon`; above 0.
+        :math:`\Delta\varepsilon`, the final increase of the relative permittivity; above 0.
 
     Returns
     -------
     symbol or float
-        J/m³.
+        Co-energy density, J/m³.
     """
     field = nominal_field * stretch_1 * stretch_2
     at_once = electric_energy(stretch_1, stretch_2, permittivity, nominal_field)

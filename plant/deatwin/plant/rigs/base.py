@@ -1,4 +1,4 @@
-"""What a rig is: kinematics, loads and a reading, written as equations."""
+"""Base class of rigs: kinematics, loads and a reading, written as equations."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SOLVED = 1e-6
 
 
 class ReadingTime(Enum):
-    """When, within its row, a reading is taken."""
+    """Time within a row at which the reading is taken."""
 
     END_OF_HOLD = "end of hold"
     """The row's command has acted for a whole sample when the row's reading is taken."""
@@ -35,16 +35,16 @@ class ReadingTime(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class StartProcedure:
-    """How an experiment goes from rest to its first command.
+    """Start of an experiment, from rest to its first command.
 
     Parameters
     ----------
     rest_command : float
-        Command at which the plant rested, in the unit of the command.
+        Command at which the plant rests before the start, in the command's unit.
     ramp : float
-        Time over which the command goes linearly to the first one, s.
+        Time in which the command moves linearly to the first command, s.
     hold : float
-        Time for which the first one is then held, s.
+        Time for which the first command is then held, s.
     """
 
     rest_command: float
@@ -54,22 +54,22 @@ class StartProcedure:
 
 @dataclass(frozen=True, kw_only=True)
 class Rig(ABC):
-    """Kinematics and loads of an experiment.
+    """Kinematics, loads, drive and sensor of an experiment.
 
     Parameters
     ----------
     sample_time : float
-        s.
+        Sample time, s.
     noise : float
-        Standard deviation of the sensor's noise, SI.
+        Standard deviation of the sensor noise, SI.
     reading : ReadingTime
-        When in its row a reading is taken.
+        Time within a row at which the reading is taken.
     model_error : float
-        Rms error of the rig's own equations against a finer model, after a calibration, SI.
+        Rms error of the rig's equations relative to a finer model, after a calibration, SI.
     command_range : tuple of float, or None
-        Lowest and highest command that the drive may give, in the command's unit; None where it is not known.
+        Lowest and highest command of the drive, in the command's unit; None if unknown.
     chain : MeasuringChain, or None
-        Hardware of drive and sensor; None for white noise of `noise` alone.
+        Hardware of drive and sensor; None if readings have only white noise of size `noise`.
     """
 
     sample_time: float
@@ -87,46 +87,46 @@ class Rig(ABC):
     model_share: ClassVar[float] = 0.0
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
     follows_at_once: ClassVar[bool] = False
-    """Whether the reading follows the command without any dynamics."""
+    """True if the reading follows the command without any dynamics."""
     sizes: ClassVar[Sizes | None] = None
-    """How large things are here, where the catalogue's effects are to be taken at other sizes than the diaphragm's."""
+    """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
     @property
     @abstractmethod
     def parameters(self) -> tuple[Parameter, ...]:
-        """Parameters of the base plant."""
+        """Return the parameters of the base plant."""
 
     @property
     @abstractmethod
     def start(self) -> StartProcedure:
-        """How an experiment starts.
+        """Return how an experiment starts.
 
-        Where a recording begins at a state that nobody knows, the rig lets each state start from a parameter,
+        If a recording begins at an unknown state, let each state start from a parameter,
         ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration finds like any other.
         """
 
     @abstractmethod
     def write(self, build: Builder) -> Any:
-        """Write the equations.
+        """Write the rig's equations.
 
         Parameters
         ----------
         build : Builder
-            Takes states, coordinates, rates and balances.
+            Builder that collects states, coordinates, rates and balances.
 
         Returns
         -------
         casadi.SX
-            The reading, SI.
+            Reading, SI.
         """
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data from which `from_dict` makes the same rig."""
+        """Return plain data from which `from_dict` makes the same rig."""
         return {**asdict(self), "reading": self.reading.value}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The rig that `to_dict` described.
+        """Return the rig that `to_dict` described.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class Rig(ABC):
         Raises
         ------
         RigError
-            If a field is not of its kind, or out of range.
+            If a field has the wrong type or is out of range.
         """
         limits, chain = data["command_range"], data.get("chain")
         read = {
@@ -153,12 +153,12 @@ class Rig(ABC):
         return rig
 
     def with_effects(self, *effects: Effect) -> Plant:
-        """A plant of this rig and effects.
+        """Return the plant of this rig and effects.
 
         Parameters
         ----------
         *effects : Effect
-            None for the base plant.
+            Effects of the plant; without any, it is the base plant.
 
         Returns
         -------
@@ -169,19 +169,19 @@ class Rig(ABC):
         return Plant(rig=self, effects=effects)
 
     def effects(self) -> tuple[Effect, ...]:
-        """What may be missing from this rig: every effect of the catalogue, at the sizes of this rig.
+        """Return the effects that a model of this rig may lack: the whole catalogue, at the sizes of this rig.
 
-        A rig with physics of its own adds the effects that may be missing from it.
+        A rig with physics of its own overrides this method to add its own effects.
 
         Returns
         -------
         tuple of Effect
-            Also those that this rig has no signal for.
+            Effects, including those that act on a signal which this rig lacks.
         """
         return catalogue() if self.sizes is None else tuple(self.sizes.of(effect) for effect in catalogue())
 
     def for_motion(self, motion: float) -> Self:
-        """The same rig, with the model error that it has on recordings of a given size.
+        """Return the rig with the model error that applies to motion of a given size.
 
         Parameters
         ----------
@@ -196,5 +196,5 @@ class Rig(ABC):
         return replace(self, model_error=max(self.model_error, share * motion))
 
     def rivals(self) -> tuple[Rig, ...]:
-        """Other readings of what the experimenter left open; this one is not among them."""
+        """Return other rigs that fit what the experimenter stated; this rig is not among them."""
         return ()

@@ -13,9 +13,8 @@ import numpy as np
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import RigError
 from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
-from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
+from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
 
 Symbol = Any
 HELD = ("clamped", "free")
@@ -23,45 +22,46 @@ HELD = ("clamped", "free")
 
 @dataclass(frozen=True, kw_only=True)
 class BowTie(FilmActuator):
-    r"""Film between a fixed bar and a moved one, narrowing linearly to a waist half way; the reading is its elongation.
+    r"""Film that narrows linearly to a waist between a fixed and a moving bar; the reading is its elongation.
 
     .. math:: H w(s)\Bigl(\frac{\partial W}{\partial\lambda}
               - \varepsilon\frac{V^2}{H^2}\lambda\lambda_s^2\Bigr) = F \quad\text{at all } s, \qquad
               x = L\int_0^1\lambda\,ds, \qquad w = w_0 + (w_1 - w_0)\,s
 
-    from the waist (s = 0) to a bar (s = 1), the other half being its mirror image: strips in series, each under
-    the whole dead load. A strip does not feel its neighbours' shear, which holds for films that narrow slowly.
-    Sides are ``"clamped"``: stiff fibres across the film hold the side stretch (pure shear), or ``"free"``, and
-    each strip contracts as it likes (uniaxial), which leaves little elongation.
+    from the waist (s = 0) to a bar (s = 1); the other half is its mirror image. The film is a series of strips, each
+    under the whole dead load. Shear between neighbouring strips is neglected, which holds for films that narrow
+    slowly. The sides are ``"clamped"``: stiff fibres across the film hold the side stretch (pure shear), or ``"free"``:
+    each strip contracts freely (uniaxial), which leaves little elongation.
 
-    The waist is stretched most, is thinnest and has the highest field; but what its field gains its stiffness
-    takes, so far from pull-in all strips lengthen by nearly the same share, and the shape alone brings nothing over
-    a strip of the mean width. Free sides: the waist pulls in first, before that strip would. Clamped sides: a waist
-    near its limit of stretch lags behind.
+    The waist is stretched most, is thinnest and has the highest field. Its higher stiffness cancels this gain: far from
+    pull-in all strips lengthen by nearly the same share, and the shape has no advantage over a strip of the mean width.
+    With free sides the waist pulls in first, before that strip would. With clamped sides a waist near its limit of
+    stretch lags behind.
 
-    Neither the thesis' drawing (2.2.3) nor those of the first bow-tie actuators (Kornbluh, Pelrine and others)
-    were at hand: the outline and its free or fibre-held sides are assumed. A frame of hinged bars that turns
-    sideways expansion into elongation, as some of these actuators have it, is not in this rig.
+    The drawings in the thesis (2.2.3) and of the first bow-tie actuators (Kornbluh, Pelrine and others) were not
+    available: the outline and its free or fibre-held sides are assumptions. Some of these actuators have a frame of
+    hinged bars that turns sideways expansion into elongation; this rig has none.
 
     Parameters
     ----------
     length : float
-        L, along the motion before stretching, m.
+        L, the length along the motion before stretching, m.
     waist_width, bar_width : float
-        :math:`w_0, w_1` before stretching, m.
+        :math:`w_0, w_1`, the widths before stretching, m.
     prestretch : float
-        Along the motion, without voltage, of a strip of the mean width: it fixes the dead load, which stays when
-        a fit moves the material.
+        Stretch along the motion, without voltage, of a strip of the mean width. It fixes the dead load, which stays
+        when a fit changes the material.
     side_prestretch : float, or None
-        Across that strip; None: :math:`\lambda^{-1/2}`, as a free strip has it.
+        Stretch across that strip; None for the :math:`\lambda^{-1/2}` of a free strip.
     sides : {"clamped", "free"}
-        How they are held.
+        Support of the sides.
     stations : int
-        Gauss points from waist to bar.
+        Number of Gauss points from waist to bar.
     material, thickness, mass, damping, gain, start_ramp, start_hold
-        As for every `FilmActuator`.
+        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
     """
 
     length: float = 40e-3

@@ -1,4 +1,4 @@
-"""All rigs that this installation knows: the project's own and those of others, by entry points."""
+"""Catalogue of all installed rigs: the project's own, and those of others by entry points."""
 
 from __future__ import annotations
 

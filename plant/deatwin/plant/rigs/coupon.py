@@ -21,27 +21,27 @@ Symbol = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Coupon(Rig):
-    r"""Uniaxial pull of a hyperelastic strip between two clamps.
+    r"""Hyperelastic strip pulled uniaxially between two clamps; the reading is its force.
 
     .. math:: F = \frac{1}{L}\,\frac{d}{d\lambda}\Bigl[w H L\; W(\lambda, \lambda^{-1/2})\Bigr]
 
-    An isotropic, incompressible strip that is free at its sides contracts by :math:`\lambda^{-1/2}` in both
-    directions, with relaxing branches too, so no coordinate is left to solve for. The strip has no branch of
-    its own: what relaxes comes as an effect. Each pull is an experiment of its own, from rest at stretch 1. A
-    measured force belongs to the stretch of its own row, that is to the end of the hold; a ramp seen as a
-    staircase then leads a branch by half a sample, 0.5 % of its stress at a time of 2 s and 50 Hz.
+    An isotropic, incompressible strip with free sides contracts by :math:`\lambda^{-1/2}` in both directions, even
+    with relaxing branches, so that there is no unknown coordinate. The strip has no branch of its own: relaxation is
+    added as an effect. Each pull is a separate experiment, from rest at stretch 1. A measured force belongs to the
+    stretch of its own row, at the end of the hold. A ramp represented as a staircase therefore leads a branch by half a
+    sample: 0.5 % of the branch's stress for a relaxation time of 2 s at 50 Hz.
 
-    Width and thickness enter only as the area that multiplies every modulus: where the source does not tell
-    them, ratios of moduli and the times are found, their absolute size is not.
+    Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
+    a fit finds relaxation times and ratios of moduli, but not their absolute size.
 
     Parameters
     ----------
     material : str
-        Name in `deatwin.plant.material.MATERIALS`.
+        Key of `deatwin.plant.MATERIALS`.
     width, thickness, length : float
-        Of the unstretched strip between the clamps, m.
+        Dimensions of the unstretched strip between the clamps, m.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
     """
 
     material: str = "VHB 4910"

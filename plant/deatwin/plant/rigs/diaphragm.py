@@ -20,8 +20,7 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
@@ -39,36 +38,37 @@ Ball = str
 
 @dataclass(frozen=True, kw_only=True)
 class Diaphragm(Rig):
-    """Prestrained film in a ring with a ball at its centre; command in, displacement of the ball out.
+    """Prestretched film in a ring with a ball at its centre; the reading is the ball's displacement.
 
     Parameters
     ----------
     material : str
-        Name in `deatwin.plant.material.MATERIALS`.
+        Key of `deatwin.plant.MATERIALS`.
     thickness : float
-        Of the film before stretching, m.
+        Thickness of the film before stretching, m.
     prestretch : float
-        Equal-biaxial stretch at which the film was mounted.
+        Equal-biaxial stretch of the mounted film.
     frame_radius, electrode_radius, contact_radius : float
-        Of the ring, of the electrode at rest, and of the film's contact with the ball, m.
+        Radius of the ring, of the electrode at rest, and of the film's contact with the ball, m.
     mass : float
-        Of the ball, kg.
+        Mass of the ball, kg.
     gain : float
         Film volts per command volt.
     start_ramp, start_hold : float
-        Start procedure, s.
+        Ramp and hold of the start procedure, s.
     ball : {"bonded", "sliding"}
-        How the film sits on the ball.
+        Contact between film and ball.
     ball_is_known : bool
-        Whether the experimenter said so; if not, the other form is a rival.
+        True if the experimenter stated the contact; otherwise the other contact is an alternative.
     prestretch_is_known : bool
-        Whether the experimenter is sure of it; if not, 3.5 or 4.5 is a rival, whichever is farther from it.
+        True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from it, is an
+        alternative.
     resolution : {"reduced", "fine"}
-        A few coordinates, or axisymmetric elements whose branches flow at each point by themselves.
+        Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point.
     elements : int
-        Of the fine film under the electrode; half as many lie in the annulus.
+        Number of elements of the fine film under the electrode; the annulus has half as many.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
     """
 
     material: str = "VHB 4905"
@@ -89,8 +89,8 @@ class Diaphragm(Rig):
     sample_time: float = 0.02
     noise: float = 2e-6
     model_error: float = 1e-6
-    """What a rig that is not quite as described adds to the error of the equations: finite-element rigs of another
-    mesh and another law of flow left 0.4 to 0.8 µm beyond it."""
+    """Allowance for a rig that is not quite as described: finite-element rigs of another mesh and another law of flow
+    left 0.4 to 0.8 µm beyond the error of the equations."""
 
     kind: ClassVar[str] = "diaphragm"
     input_name: ClassVar[str] = "command"
@@ -98,7 +98,7 @@ class Diaphragm(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 0.01
-    """That error as a share of the motion, where it moves far: most of it lies at the highest voltages."""
+    """Share of the motion that this error reaches for large motion: most of it lies at the highest voltages."""
 
     def __post_init__(self) -> None:
         for name, known in (("ball", BALLS), ("resolution", RESOLUTIONS)):
@@ -132,7 +132,7 @@ class Diaphragm(Rig):
         return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
-        """The other reading time; the other support of the ball and another prestretch, where they are not known."""
+        """Return the rig with the other reading time, and with the other contact and prestretch if they are unknown."""
         other_time = next(t for t in ReadingTime if t is not self.reading)
         rivals = [replace(self, reading=other_time)]
         if not self.ball_is_known:
@@ -144,12 +144,12 @@ class Diaphragm(Rig):
         return tuple(rivals)
 
     def finer(self) -> Diaphragm:
-        """The same rig with finer equations, for `Plant.model_error`.
+        """Return the rig with finer equations, for `Plant.model_error`.
 
         Returns
         -------
         Diaphragm
-            Of resolution ``"fine"``; with twice the elements if this one is fine already.
+            Rig of resolution ``"fine"``, with twice the elements if this rig is already fine.
         """
         if self.resolution == "fine":
             return replace(self, elements=2 * self.elements)
@@ -175,19 +175,19 @@ class Diaphragm(Rig):
         return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
 
     def sag(self, radius: float, build: Builder) -> Symbol:
-        r"""Sag of a uniformly stretched film as mounted, :math:`z = mg\ln(B/r)/(2\pi N)`: where to look for rest.
+        r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.
 
         Parameters
         ----------
         radius : float
-            r in m, of the film as mounted.
+            Radius r in the mounted film, m.
         build : Builder
-            Has the parameters.
+            Builder that holds the parameters.
 
         Returns
         -------
         casadi.SX
-            m.
+            Sag, m.
         """
         stress = build.own("shear_modulus") * (self.prestretch**2 - self.prestretch**-4)
         tension = stress * build.own("thickness") / self.prestretch**2
@@ -199,17 +199,18 @@ class Diaphragm(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """The rig that a rig file describes.
+        """Return the rig that a rig file describes.
 
         Parameters
         ----------
         described : RigFile
-            As `read_rig` gives it. Where it does not say how the film sits on the ball, the rig has a rival.
+            Content of the rig file, from `read_rig`. If it does not state the contact between film and ball, the other
+            contact is an alternative.
 
         Returns
         -------
         Diaphragm
-            Its noise includes the rounding to the sensor's resolution.
+            Rig whose noise includes the rounding to the sensor's resolution.
         """
         film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
         limits = (drive.command_min, drive.command_max)

@@ -1,10 +1,11 @@
-"""What planar, stacked, bow-tie and rolled actuators share: a flat film, one moved part, dead loads, a drive."""
+"""Common base of planar, stacked, bow-tie and rolled actuators: a flat film, one moved part, dead loads, a drive."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,16 +13,14 @@ import numpy as np
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.stress import nominal_stress
-from deatwin.plant.limits import BREAKDOWN, breakdown_share
+from deatwin.plant.limits import BREAKDOWN, breakdown_share, watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.kinematics import Kinematics
-from deatwin.plant.rigs.material_film import material_film
+from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
 
 Symbol = Any
 
@@ -133,17 +132,17 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _size(self) -> float:
-        """Of the film along the motion, m: what a stretch of one moves."""
+        """Length of the film along the motion, m: the displacement for a stretch of one."""
 
     @property
     @abstractmethod
     def _rest_position(self) -> float:
-        """Where to look for the position at rest, m."""
+        """Start value of the position at rest, m."""
 
     @property
     @abstractmethod
     def _rest_stretch(self) -> float:
-        """Where to look for the film's stretches at rest."""
+        """Start values of the film's stretches at rest."""
 
     @property
     @abstractmethod
@@ -156,7 +155,7 @@ class FilmActuator(Rig):
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        """Of loads and springs, J."""
+        """Potential energy of loads and springs, J."""
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
@@ -184,3 +183,35 @@ def watch_field(film: AnyFilm, build: Builder) -> None:
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points))
     build.watch("field", voltage * ca.mmax(thinnings) / thickness)
+
+
+Sides = Callable[[str, Symbol, float, Builder], tuple[Symbol, list[Symbol]]]
+
+
+def _equal(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return along, []
+
+
+def _free(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    side = build.coordinate(name, scale=1.0)
+    build.guess(side, across)
+    return side, [side]
+
+
+def _clamped(name: str, along: Symbol, across: float, build: Builder) -> tuple[Symbol, list[Symbol]]:
+    return build.constant(name, across), []
+
+
+SIDES: Mapping[str, Sides] = MappingProxyType({"equal": _equal, "free": _free, "clamped": _clamped})
+"""``SIDES[how](name, along, across, build)``: the stretch across a film that has the stretch `along` (a symbol)
+along the motion and `across` at rest, and the coordinates that it takes."""
+LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyType(
+    {"equal": watch_breakdown, "free": watch_breakdown, "clamped": watch_limits}
+)
+"""Limits to watch: a film with free sides has no tension to lose."""
+
+
+def check_sides(sides: str, known: Collection[str]) -> None:
+    """Refuse sides that a rig does not have."""
+    if sides not in known:
+        raise RigError(f"unknown sides {sides!r}{nearest(sides, known)} (known: {', '.join(known)})")

@@ -1,4 +1,4 @@
-"""What a rig's coordinates make of its film: points with stretches."""
+"""Film of a rig: its points and stretches in terms of the rig's coordinates, its material, and what drives it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from deatwin.plant.effects.base import Place
-from deatwin.plant.film import AnyFilm, FilmPoint
+from deatwin.plant.film import AnyFilm, FilmPoint, film_points, point_capacitances
+from deatwin.plant.material import Material
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -20,7 +21,7 @@ Symbol = Any
 class Kinematics:
     """A film in terms of coordinates."""
 
-    points: Sequence[FilmPoint]  # Where stretches are taken, in terms of the coordinates
+    points: Sequence[FilmPoint]  # Points at which stretches are taken, in terms of the coordinates
     coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
     film: Callable[..., AnyFilm]
 
@@ -48,3 +49,29 @@ class BallInFilm(Protocol):
 def electrode_share(build: Builder) -> Symbol:
     """Share of the electrode's area that is there still."""
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))
+
+
+def material_film(shape: Kinematics, substance: Material, rest_stretch: float, build: Builder) -> AnyFilm:
+    """The film of a rig before any effect."""
+    points = film_points(shape.points, build)
+    elastic = [build.parameter(p.name) for p in substance.elastic]
+    film = shape.film(
+        points=points,
+        elastic=sum(p.volume * substance.energy(*p.stretches, *elastic) for p in points),
+        capacitances=point_capacitances(points, build.parameter("permittivity"), build.parameter("thickness")),
+        rest_stretch=rest_stretch,
+    )
+    for branch in substance.branches:
+        modulus, time = build.parameter(branch.modulus.name), build.parameter(branch.time.name)
+        film = film.with_branch(branch.name, modulus, time, build)
+    return film
+
+
+def squared_voltage(film: AnyFilm, build: Builder) -> Any:
+    """Return the squared voltage of the Maxwell stress, from the command through amplifier and electrode."""
+    build.watch("capacitance", film.capacitance)
+    command = build.place(Place.DRIVE, "command", build.command)
+    amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)
+    voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
+    effective = build.share("field_voltage", build.place(Place.DRIVE, "field_voltage", voltage))
+    return build.place(Place.DRIVE, "squared_voltage", effective**2)

@@ -16,11 +16,8 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
-from deatwin.plant.rigs.drive import squared_voltage
-from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses, watch_field
-from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-from deatwin.plant.rigs.material_film import material_film
-from deatwin.plant.rigs.sides import LIMITS, SIDES, check_sides
+from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_sides, relaxed_stresses, watch_field
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share, material_film, squared_voltage
 
 Symbol = Any
 MIDDLE = 0.5**0.5
@@ -29,36 +26,38 @@ MIDDLE = 0.5**0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Planar(FilmActuator):
-    r"""Film between a fixed bar and a moved one; the reading is how far the voltage lengthens it.
+    r"""Film between a fixed and a moving bar; the reading is its elongation under voltage.
 
     .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
 
-    along the motion, and the same with 1 and 2 exchanged across it where the sides are free. The dead loads
-    :math:`F_1, F_2` are those that hold the film of published values at its prestretch without voltage; they
-    stay when a fit moves the material. Sides may be
+    along the motion; if the sides are free, the same equation holds across it with 1 and 2 exchanged. The dead loads
+    :math:`F_1, F_2` hold the film of published values at its prestretch without voltage; they stay when a fit changes
+    the material. The sides may be
 
     - ``"equal"``: both directions carry the same nominal stress and move as one. Without prestretch this is the
       free equal-biaxial film of the closed forms;
     - ``"free"``: each direction has its own dead load; a `side_prestretch` of :math:`\lambda^{-1/2}` needs none;
     - ``"clamped"``: rails hold the side stretch (pure shear).
 
-    The thesis (2.2.3) is taken to mean by *planar* that the film's expansion in its plane is used directly.
+    By *planar* the thesis (2.2.3) is taken to mean that the film's expansion in its plane is used directly.
 
     Parameters
     ----------
     length, width : float
-        Before stretching, along and across the motion, m.
+        Dimensions along and across the motion before stretching, m.
     prestretch : float
-        Along the motion, without voltage.
+        Stretch along the motion, without voltage.
     side_prestretch : float, or None
-        Across it; None: as along.
+        Stretch across the motion; None for the same stretch as along it.
     sides : {"equal", "free", "clamped"}
-        How they are held.
+        Support of the sides.
     material, thickness, mass, damping, gain, start_ramp, start_hold
-        As for every `FilmActuator`; where both directions move, `mass` and `damping` act on the motion along 1.
+        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s. If both directions move, `mass` and `damping`
+        act on the motion along 1.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
 
     References
     ----------
@@ -125,25 +124,25 @@ class Planar(FilmActuator):
 
 @dataclass(frozen=True, kw_only=True)
 class BlockedPlanar(Rig):
-    r"""The film of a `Planar` between fixed bars; the reading is the film's pull at them.
+    r"""Film of a `Planar` between two fixed bars; the reading is the film's pull on them.
 
     .. math:: F = H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr)
 
-    Nothing moves, so voltage takes off the same force whatever the elasticity: what drive and dielectric do alone.
+    Nothing moves, so the force that voltage removes does not depend on elasticity: it shows drive and dielectric alone.
 
     Parameters
     ----------
     material : str
-        Name in `deatwin.plant.material.MATERIALS`.
+        Key of `deatwin.plant.MATERIALS`.
     thickness, length, width : float
-        Before stretching, m.
+        Dimensions before stretching, m.
     prestretch, side_prestretch : float
-        Between the bars, and across; both held.
+        Stretch between the bars, and across them; both are held.
     gain : float
         Film volts per command volt.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`; the noise is a load cell's, N.
+        Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """
 
     material: str = "VHB 4905"

@@ -69,7 +69,7 @@ def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Support:
-    """What the ball leaves free: the fourth coordinate, and the contact's stretch and the bow that it makes."""
+    """Freedom that the ball leaves: the fourth coordinate, and the contact's stretch and bow that follow from it."""
 
     coordinate: Symbol
     contact: Symbol
@@ -121,7 +121,10 @@ def _points(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Zone:
-    """A ring of the film."""
+    """A ring of the film.
+
+    `flat(rho)`: meridional and hoop stretch of the flat film at a reference radius.
+    """
 
     flat: Callable[[Symbol], tuple[Symbol, Symbol]]
     outer: Symbol
@@ -158,7 +161,7 @@ class _Geometry:
         return cls._between(rig.frame_radius, rig.contact_radius, tuple(edges))
 
     def as_symbols(self, build: Builder) -> _Geometry:
-        """The same with symbols, so that rigs of all sizes share compiled code."""
+        """Symbols in place of the numbers, so that rigs of all sizes share compiled code."""
         frame, contact = build.constant("frame", self.frame), build.constant("contact", self.contact)
         outer = build.constant("frame_reference", self.frame_reference)
         inner = build.constant("contact_reference", self.contact_reference)

@@ -26,10 +26,10 @@ from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.intake import RIG_BYTES, clipped, read_regular
 from deatwin.plant.rigs.rigkeys import RIG_KEYS
-from deatwin.plant.rigs.rigmistakes import lines_of, mistakes_of, told
-from deatwin.plant.rigs.tomlslips import slip_of
+from deatwin.plant.rigs.rigmistakes import format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.toml_hints import slip_of
+from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,18 +109,17 @@ def read_rig(path: str | Path) -> RigFile:
     Parameters
     ----------
     path : str or Path
-        A TOML file with the sections and keys that this module's docstring lists.
+        TOML file; the page "Your own rig file" explains its sections and keys.
 
     Returns
     -------
     RigFile
-        In SI units.
+        Content of the rig file in SI units.
 
     Raises
     ------
     RigError
-        If the file is missing or not TOML, or as `RigFile.from_dict`; where there are several mistakes, with their
-        lines.
+        If the file is missing or not TOML, or a key or value is wrong; the text lists all mistakes with their lines.
     """
     try:
         content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
@@ -143,9 +142,9 @@ def read_rig(path: str | Path) -> RigFile:
 
 
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
-    """Return the rig of sections and keys; several mistakes are told with their lines in the file's text."""
+    """Return the rig of sections and keys; several mistakes are listed with their lines in the file's text."""
     if mistakes := mistakes_of(data):
-        raise RigError(told(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
+        raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
     return RigFile(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
 
 

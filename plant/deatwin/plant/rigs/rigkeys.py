@@ -1,10 +1,11 @@
-"""The keys of a rig file: one table that reads them, writes them, and is their JSON Schema (rigschema.py)."""
+"""The keys of a rig file: one table that reads them, writes them, and is their JSON Schema."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,13 +16,13 @@ class NumberKey:
     lower: float  # Range, both ends included, in the file's unit
     upper: float
     per_si: float = 1.0  # File units in one SI unit
-    required: bool = True  # Whether it must be there
+    required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
 
     @property
     def allowed(self) -> str:
-        """What may stand there."""
+        """Allowed values, in words."""
         return f"a number from {self.lower:g} to {self.upper:g}"
 
     def fault(self, value: object) -> str:
@@ -59,13 +60,13 @@ class TextKey:
     """A text of the file."""
 
     field: str
-    choices: tuple[str, ...] = ()  # What is allowed; any text where empty
-    required: bool = True  # Whether it must be there
+    choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
+    required: bool = True  # True if the key must be present
     about: str = ""
 
     @property
     def allowed(self) -> str:
-        """What may stand there."""
+        """Allowed values, in words."""
         return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
 
     def fault(self, value: object) -> str:
@@ -163,3 +164,36 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return text.lower()
     return f'"{clipped(text)}"' if isinstance(value, str) else clipped(text)
+
+
+SCHEMA = "deatwin/rig/1"
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the schema that ships as ``schemas/rig.schema.json``."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": SCHEMA,
+        "title": "A rig file",
+        "description": "What the experimenter knows of a diaphragm rig, as TOML. The electrode is smaller than the "
+        "frame, the contact than the electrode, command_min_V than command_max_V.",
+        "type": "object",
+        "additionalProperties": False,
+        "required": list(RIG_KEYS),
+        "properties": {
+            section: {
+                "type": "object",
+                "additionalProperties": False,
+                "required": [name for name, key in keys.items() if key.required],
+                "properties": {name: _key(key) for name, key in keys.items()},
+            }
+            for section, keys in RIG_KEYS.items()
+        },
+    }
+
+
+def _key(key: NumberKey | TextKey) -> dict[str, Any]:
+    about = {"description": key.about} if key.about else {}
+    if isinstance(key, NumberKey):
+        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
+    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

@@ -1,4 +1,4 @@
-"""All mistakes of a rig file at once: at which key, in which line where that is known, and what is allowed."""
+"""All mistakes of a rig file at once: key, line if known, and what is allowed."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.plant.errors import nearest
-from deatwin.plant.intake import clipped
 from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
+from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
 """A section, or a section and a key of it; nothing for the file as a whole."""
@@ -31,10 +31,10 @@ _KEY = re.compile(rf"\s*({_PATH})\s*=")
 class Mistake:
     """A mistake of a rig file."""
 
-    text: str  # What is wrong, and what is allowed
+    text: str  # Mistake, and what is allowed
     at: Place = ()
-    line_of: Place = ()  # What stands in the line to look at
-    missing: Place = ()  # What is not there, and what was probably meant by a name that is not known
+    line_of: Place = ()  # Entry whose line the user should look at
+    missing: Place = ()  # Missing entry, and the entry that an unknown name probably means
     meant: Place = ()
 
     @property
@@ -75,7 +75,7 @@ def lines_of(text: str) -> dict[Place, int]:
     return found
 
 
-def told(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -> str:
+def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -> str:
     """Write mistakes as the text of one error."""
     if len(mistakes) == 1:
         (only,) = mistakes
@@ -91,7 +91,7 @@ def told(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place, int]) -
 
 
 def _line(mistake: Mistake, lines: Mapping[Place, int]) -> int | None:
-    """Of the key, or else of its section: the keys of an inline table stand in its line."""
+    """Line of the key, or else of its section: the keys of an inline table stand in its line."""
     return lines.get(mistake.line_of, lines.get(mistake.line_of[:1]))
 
 

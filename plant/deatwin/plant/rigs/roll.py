@@ -24,33 +24,34 @@ class Roll(FilmActuator):
     .. math:: B H\Bigl(\frac{\partial W}{\partial\lambda} - \varepsilon\frac{V^2}{H^2}\lambda\lambda_h^2\Bigr)
               = k\,(\ell_0 - \lambda L) + F
 
-    The layers hold each other around the core: the hoop stretch :math:`\lambda_h` stays, the film is in pure
-    shear and all layers have the same axial stretch. The wound film is thin beside the core, so its layers also
-    share one hoop stretch. The spring's free length :math:`\ell_0` is the one that holds the film of published
-    values at its prestretch without voltage; it stays when a fit moves the material. The thesis (2.2.3) is taken
-    to mean a roll that works by elongation.
+    The layers hold each other around the core: the hoop stretch :math:`\lambda_h` is constant, the film is in pure
+    shear, and all layers have the same axial stretch. The wound film is thin compared with the core, so that its layers
+    also share one hoop stretch. The spring's free length :math:`\ell_0` holds the film of published values at its
+    prestretch without voltage; it stays when a fit changes the material. The thesis (2.2.3) is taken to mean a roll
+    that works by elongation.
 
     Parameters
     ----------
     length : float
-        L, along the axis, of the unstretched film, m.
+        L, the length of the unstretched film along the axis, m.
     width : float
-        B, along the winding, of the unstretched film between electrodes, m; both films of a pair together.
+        B, the length of the unstretched film between electrodes along the winding, m; both films of a pair together.
     prestretch, hoop_prestretch : float
-        Along the axis and around it, without voltage.
+        Stretch along the axis and around it, without voltage.
     spring_rate : float
-        k in N/m.
+        k, the stiffness of the spring, N/m.
     load : float
-        F that pulls the roll longer, N.
+        F, a dead load that pulls the roll longer, N.
     material, thickness, mass, damping, gain, start_ramp, start_hold
-        As for every `FilmActuator`.
+        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
 
     References
     ----------
-    Lu, Foo, Huang, Zhu & Suo, J. Appl. Phys. 115 (2014) 184105: a film rolled to a tube under hoop prestretch
-    between rigid rings, of which this is the case of ends far apart.
+    Lu, Foo, Huang, Zhu & Suo, J. Appl. Phys. 115 (2014) 184105: a film rolled to a tube under hoop prestretch between
+    rigid rings; this rig is the limit of rings far apart.
     """
 
     length: float = 15e-3

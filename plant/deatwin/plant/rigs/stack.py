@@ -20,28 +20,29 @@ MIDDLE = 0.5**0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Stack(FilmActuator):
-    r"""Layers in series across their thickness; voltage shortens the stack, which is the reading.
+    r"""Stack of layers in series across their thickness; the reading is its contraction under voltage.
 
     With the height h of n layers the in-plane stretches are :math:`\lambda = \sqrt{nH/h}`, and
 
     .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F
 
-    where F pulls the stack longer. All layers see the whole voltage; electrodes and end plates do not hold the
-    film in its plane, so a stack without load is a free equal-biaxial film: at small strain it shortens by
+    where F pulls the stack longer. Each layer has the whole voltage. Electrodes and end plates do not constrain the
+    film in its plane, so that a stack without load is a free equal-biaxial film: at small strain it shortens by
     :math:`nH\,\varepsilon E^2/Y`. The thesis (2.2.3) is taken to mean a stack that works by contraction.
 
     Parameters
     ----------
     layers : int
-        n.
+        n, the number of layers.
     area : float
-        A of each layer before stretching, m².
+        A, the area of each layer before stretching, m².
     load : float
         F, a dead load on the lower end, N; positive pulls the stack longer.
     material, thickness, mass, damping, gain, start_ramp, start_hold
-        As for every `FilmActuator`.
+        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain
-        As for every `Rig`.
+        Drive and sensor; see `Rig`.
 
     References
     ----------

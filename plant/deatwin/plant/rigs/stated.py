@@ -1,4 +1,4 @@
-"""What a rig read from a file states of itself: each field of its kind, and of a size that something has."""
+"""Checks of the fields of a rig read from a file: their types, and physically possible sizes."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from deatwin.plant.errors import RigError
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
 
 
 LARGEST = 1e12
-"""In any unit: its square is a number still."""
+"""Largest number in any unit; its square is still finite."""
 _SIZE, _STRETCH, _AMOUNT, _DAY = (1e-9, 1e3), (0.1, 10.0), (0.0, 1e6), (0.0, 86400.0)
 _RANGES: dict[str, tuple[float, float]] = {
     "sample_time": (1e-6, 1e3),
@@ -27,7 +27,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys(("prestretch", "side_prestretch", "hoop_prestretch"), _STRETCH),
     **dict.fromkeys(("elements", "layers", "stations"), (1, 1e6)),
 }
-"""Of fields that rigs of the house have, both ends included, SI; a rig of another house has its own checks."""
+"""Ranges of the fields of built-in rigs, both ends included, SI; other rigs have their own checks."""
 _KINDS = {
     "float": (int | float, "a number"),
     "int": (int, "a whole number"),

@@ -112,7 +112,7 @@ def _schema(source: str) -> str | None:
     """Schema of a JSON file; None if the file cannot be read, which loading it will report."""
     from deatwin.plant.documents import read_json
     from deatwin.plant.errors import ModelError
-    from deatwin.plant.intake import clipped
+    from deatwin.plant.safe_read import clipped
 
     try:
         document = read_json(source)

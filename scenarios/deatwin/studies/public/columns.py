@@ -19,7 +19,7 @@ from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
 

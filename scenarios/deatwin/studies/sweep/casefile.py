@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.replacing import replacing
-from deatwin.plant.intake import DOCUMENT_BYTES, read_regular
+from deatwin.plant.safe_read import DOCUMENT_BYTES, read_regular
 
 CASE_ENDING = ".nc"
 SCHEMA = "deatwin/case-file/1"

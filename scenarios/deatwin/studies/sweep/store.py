@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import write_text_atomic
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
 from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.lock import exclusive_lock

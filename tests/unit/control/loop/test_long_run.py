@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from deatwin.control.loop.long_run import LongRun
-from deatwin.plant import Diaphragm, Plant, marching
+from deatwin.plant import Diaphragm, Plant
+from deatwin.plant.integrator import march
 from deatwin.plant.sample import SHORTER_STEPS
 
 H = 0.02
@@ -48,7 +49,7 @@ def test_a_sample_that_the_march_does_not_solve_is_taken_in_shorter_steps(late, 
         calls.append(count)
         return min(count, 7 * (len(calls) % 3))
 
-    monkeypatch.setattr(marching, "solved", few)
+    monkeypatch.setattr(march, "solved", few)
     found = np.concatenate(in_pieces(late, noise, [333]))
     assert len(calls) > 70
     monkeypatch.undo()

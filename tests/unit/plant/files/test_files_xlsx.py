@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.plant import intake
+from deatwin.plant import safe_read
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recording
 from deatwin.plant.files.formats import xlsx
@@ -63,7 +63,7 @@ def test_several_sheets(tmp_path: Path) -> None:
 def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:
     path = book(tmp_path / "rec.xlsx", dates=False)
     monkeypatch.setattr(xlsx, "TEXT_BYTES", 1000)
-    assert intake.TEXT_BYTES > 1000
+    assert safe_read.TEXT_BYTES > 1000
     with pytest.raises(DataError, match=r"it unpacks to .*; at most 1"):
         read_recording(path, **ASKED)
 

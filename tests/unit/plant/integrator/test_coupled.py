@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant.integrator.coupled import coupled
+from deatwin.plant.integrator.stages import coupled
 
 COUPLINGS = {
     "one stage": [[1.0]],

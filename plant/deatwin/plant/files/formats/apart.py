@@ -41,7 +41,7 @@ Content = TypeVar("Content")
 
 
 class Outcome(Enum):
-    """How a trial ended; the text says it of the file."""
+    """Result of a trial; its text says what is wrong with the file."""
 
     THROUGH = "it can be unpacked"
     UNTRIED = "no process could be started to try it"
@@ -51,7 +51,7 @@ class Outcome(Enum):
 
     @property
     def is_fault(self) -> bool:
-        """Whether the file is not to be unpacked in this process."""
+        """True if the file should not be unpacked in this process."""
         return self not in (Outcome.THROUGH, Outcome.UNTRIED)
 
 

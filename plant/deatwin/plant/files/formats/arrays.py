@@ -11,7 +11,7 @@ from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.intake import COLUMNS, clipped
+from deatwin.plant.safe_read import COLUMNS, clipped
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

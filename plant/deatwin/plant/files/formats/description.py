@@ -17,7 +17,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.table import Declared, Signal, Timing
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 SCHEMA = "deatwin/recording/1"
 KEY = "deatwin"  # the variable, property or attribute that holds the description

@@ -22,7 +22,7 @@ from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.times import BEGAN
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.intake import COLUMNS, ROWS, TEXT_BYTES, clipped
+from deatwin.plant.safe_read import COLUMNS, ROWS, TEXT_BYTES, clipped
 
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"
 _SPECIAL, _SPECIAL_END = "***Start_Special***", "***End_Special***"
@@ -206,7 +206,7 @@ def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) ->
     for segment, end, date in zip(segments, ends, began, strict=True):
         shift = (date - began[0]).total_seconds()
         for k in range(end - len(segment.lines), end):
-            # What is no number stays as it is, for the error of its row.
+            # Text that is not a number stays unchanged, for the error of its row.
             cell, mark, rest = lines[k].partition(separator)
             moved.append(f"{cell if math.isnan(x[k]) else repr(x[k] + shift)}{mark}{rest}")
     return moved

@@ -31,8 +31,8 @@ from deatwin.plant.files.formats.description import (
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
-from deatwin.plant.intake import clipped
 from deatwin.plant.recording import Recording
+from deatwin.plant.safe_read import clipped
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3

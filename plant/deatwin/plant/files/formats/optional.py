@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.intake import reason
+from deatwin.plant.safe_read import reason
 
 
 def require(package: str, purpose: str) -> Any:

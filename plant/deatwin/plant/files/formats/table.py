@@ -1,4 +1,4 @@
-"""What every file format is read into: named columns of numbers, and what the file says about them."""
+"""Table into which every file format is read: named columns of numbers, and what the file declares about them."""
 
 import re
 from abc import ABC, abstractmethod
@@ -12,7 +12,7 @@ from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.headers import said_unit
 from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
 _NO_UNITS = ("", "-", "–", "1")  # as a line of units leaves one out
@@ -52,11 +52,11 @@ class Timing:
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """What a file says about its recording beside the columns."""
+    """Declarations of a file about its recording, beside the columns."""
 
     timing: Timing | None = None  # Its clock
-    signals: tuple[Signal, ...] = ()  # Which column is what; empty where the headers have to tell
-    provenance: Mapping[str, str] = field(default_factory=dict)  # Where the samples come from
+    signals: tuple[Signal, ...] = ()  # Meaning of the columns; empty if only the headers tell it
+    provenance: Mapping[str, str] = field(default_factory=dict)  # Origin of the samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,8 +68,8 @@ class Table(ABC):
     headers: tuple[str, ...]  # The column headers as the file has them
     names: tuple[str, ...]
     units: tuple[str, ...]
-    declared: Declared = Declared()  # What the file says beside the columns
-    nameless: bool = False  # Whether the file has no header, so that the headers are places: ``#1``, ``#2``
+    declared: Declared = Declared()  # Declarations of the file beside the columns
+    nameless: bool = False  # True if the file has no header, so that positions serve as headers: ``#1``, ``#2``
     scales: Mapping[int, TimeScale] = field(default_factory=dict)
     said: tuple[str, ...] = ()
     wanted: Mapping[int, Unit] = field(default_factory=dict)

@@ -20,8 +20,8 @@ from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import KEY, describe, plain_header, read_description, rows_of, signals_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
-from deatwin.plant.intake import in_words
 from deatwin.plant.recording import Recording
+from deatwin.plant.safe_read import in_words
 
 STARTED = "wf_start_time"
 _GROUP = "recording"

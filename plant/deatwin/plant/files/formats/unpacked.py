@@ -1,4 +1,4 @@
-"""What a binary file unpacks to, found before anything is unpacked: a small file may hold very much.
+"""Unpacked size of a binary file, found before it is unpacked: a small file may hold very much.
 
 A gigabyte of zeros is a megabyte of zlib, and an HDF5 dataset that was never written takes no room at all. Datasets
 whose samples lie in other files are refused: a recording must not name files that its reader never chose.
@@ -13,7 +13,7 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
-from deatwin.plant.intake import RECORDING_BYTES, clipped, in_words
+from deatwin.plant.safe_read import RECORDING_BYTES, clipped, in_words
 
 _MOST_PACKED = 1032  # bytes that zlib makes of one, at most (RFC 1951: 258 bytes of 2 bits)
 _PIECE = 1 << 20
@@ -84,7 +84,10 @@ def _elsewhere(path: str, name: str) -> DataError:
 
 
 def require_sound_level_5(content: bytes, path: str) -> None:
-    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds."""
+    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds.
+
+    Format: MathWorks, "MAT-File Level 5 File Format".
+    """
     order: Literal["little", "big"] | None = _ORDERS.get(content[126:128])
     if order is None:
         return  # version 4, or no MATLAB file

@@ -14,7 +14,7 @@ from typing import Any
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
-from deatwin.plant.intake import TEXT_BYTES, clipped, in_words
+from deatwin.plant.safe_read import TEXT_BYTES, clipped, in_words
 
 _LISTED = 10  # sheets that an error text names
 

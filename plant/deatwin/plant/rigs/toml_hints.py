@@ -1,9 +1,9 @@
-"""What is probably meant by a line of a rig file that is not TOML: its parser knows the place, not the remedy."""
+"""Hints for a rig file that is not valid TOML: the parser knows the place, not the remedy."""
 
 import re
 from collections.abc import Callable
 
-from deatwin.plant.intake import clipped
+from deatwin.plant.safe_read import clipped
 
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _END = r"\s*(?:#.*)?"
@@ -24,7 +24,7 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     ),
     (re.compile(_END), lambda: "there is no value"),
 )
-"""What a value looks like, and what is said of it, from what stands in its groups."""
+"""Patterns of a wrong value, each with a hint made from its groups."""
 
 
 def slip_of(text: str) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from deatwin.ident.narx import NarxModel
-from deatwin.plant import intake
+from deatwin.plant import safe_read
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DataError, DeatwinError, ModelError
 from deatwin.plant.files import read_recording
@@ -86,9 +86,9 @@ def test_a_file_of_ten_gigabytes_is_refused_by_its_size(ending: str, tmp_path: P
 
 def test_limits_are_where_the_documents_say() -> None:
     page = (Path(__file__).parents[4] / "docs/how-to/files-and-export.md").read_text(encoding="utf-8")
-    for limit in (intake.RECORDING_BYTES, intake.TEXT_BYTES, intake.DOCUMENT_BYTES, intake.RIG_BYTES):
-        assert intake.in_words(limit) in page
-    for count in (intake.ROWS, intake.DOCUMENT_VALUES, intake.COLUMNS):
+    for limit in (safe_read.RECORDING_BYTES, safe_read.TEXT_BYTES, safe_read.DOCUMENT_BYTES, safe_read.RIG_BYTES):
+        assert safe_read.in_words(limit) in page
+    for count in (safe_read.ROWS, safe_read.DOCUMENT_VALUES, safe_read.COLUMNS):
         assert f"{count:,}".replace(",", " ") in page
 
 

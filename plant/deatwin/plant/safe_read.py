@@ -1,4 +1,4 @@
-"""What is taken in from files of the user: plain files only, and no more than a computer can hold.
+"""Safe reading of a user's files: plain files only, and no more than a computer can hold.
 
 Every reader takes its bytes from here. A pipe or a device has no end and may never answer; a small file may unpack
 to more than the memory: both are refused before they are read. The limits are here and nowhere else, and
@@ -10,19 +10,19 @@ import stat
 from collections.abc import Callable
 
 RECORDING_BYTES = 2_000_000_000
-"""Of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
+"""Size of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
 TEXT_BYTES = 1_000_000_000
-"""Of a recording as text, whose numbers take several times as much while they are read."""
+"""Size of a recording as text, whose numbers take several times as much memory while they are read."""
 ROWS = 20_000_000
-"""Of a recording as text: 111 hours at 50 Hz."""
+"""Rows of a recording as text: 111 hours at 50 Hz."""
 COLUMNS = 10_000
-"""Of a recording."""
+"""Columns of a recording."""
 DOCUMENT_BYTES = 500_000_000
-"""Of a model, a diagnosis, a check: JSON."""
+"""Size of a model, a diagnosis or a check: JSON."""
 DOCUMENT_VALUES = 20_000_000
 """Numbers, texts and lists in such a file."""
 RIG_BYTES = 1_000_000
-"""Of a rig file: TOML."""
+"""Size of a rig file: TOML."""
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
