@@ -42,7 +42,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least squares by QR of the normalised regressors: no digits are lost to a Gram matrix."""
+    """Least squares by QR of the normalised regressors, which loses no digits to a Gram matrix."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1`` with s^2 the residual sum of squares over n_samples - n_terms.
