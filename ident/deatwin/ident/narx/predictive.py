@@ -80,7 +80,7 @@ class PredictiveBand:
 
     @property
     def status(self) -> BandStatus:
-        """`ResponseStatus.DIVERGED` or a warning of it if draws diverged and are not in the band."""
+        """Outcome, which says if draws diverged and are left out of the band."""
         return BandStatus.DIVERGED if self.diverged else BandStatus.OK
 
     @property

@@ -55,27 +55,27 @@ _QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CorrelationTest:
-    """A normalised correlation of the residual, which is zero up to chance when nothing is left to explain.
+    """Normalised correlation of the residual, which differs from zero only by chance if the model is adequate.
 
     Parameters
     ----------
     name : str
-        One of `TESTS`.
+        Name of the test, one of `TESTS`.
     output : int
-        Row of the output whose residual e it is.
+        Row index of the output whose residual e is tested.
     other : int or None
-        Row of the input u, or of the other output; None where there is none.
+        Row index of the input u or of the other output; None for tests without one.
     lags : ndarray of int, shape (n_lags,)
-        The lags tau that are tested, in samples.
+        Tested lags tau in samples.
     values : ndarray, shape (n_lags,)
-        The correlation at each lag, between -1 and 1.
+        Correlation at each lag, between -1 and 1.
     n_samples : int
         Number of residuals.
     p_value : float
-        Chance of correlations at least as large when nothing is left to explain: twice the smaller one of those of
-        the sum of their squares and of their largest.
+        Probability of correlations at least as large if the model is adequate: twice the smaller of the p-values of the
+        sum of squares and of the largest correlation.
     level : float
-        The test fails where ``p_value`` is below.
+        Significance level; the test fails if ``p_value`` is below it.
     """
 
     name: str
@@ -97,17 +97,17 @@ class CorrelationTest:
 
     @property
     def passed(self) -> bool:
-        """Whether the correlations are what chance gives."""
+        """True if the correlations are consistent with chance."""
         return self.p_value >= self.level
 
     @property
     def share_outside(self) -> float:
-        """Share of the lags outside of the band; 0.05 is expected."""
+        """Share of the lags outside the band; 0.05 is expected."""
         return float(np.mean(np.abs(self.values) > self.band))
 
     @property
     def largest(self) -> float:
-        """The correlation of largest magnitude."""
+        """Correlation of largest magnitude."""
         return float(self.values[np.argmax(np.abs(self.values))])
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -116,7 +116,7 @@ class CorrelationTest:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

@@ -31,20 +31,20 @@ _STEPS = 4  # times max_terms: a search that still turns terms over then goes no
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """One step of the search: a term added or exchanged, and those pruned thereupon.
+    """Step of the search: a term added or exchanged, and the terms pruned after it.
 
     Parameters
     ----------
     added : tuple of Term
-        What was added: one term; all new ones where the search went on from the model of forward regression; none where
-        the parameters were refined.
+        Added term; all new terms if the search continued from the model of the forward regression, none if the
+        parameters were refined.
     pruned : tuple of Term
-        The terms that were taken out, by the exchange and by pruning.
+        Terms removed by the exchange and by pruning.
     terms : tuple of Term
-        The terms after the step.
+        Terms of the model after the step.
     srr : float
-        Simulation error reduction ratio of the addition: by what share of the mean square of the output the mean
-        squared simulation error fell.
+        Simulation error reduction ratio of the addition: decrease of the mean squared simulation error as a share of
+        the output's mean square.
     msse : float
         Mean squared simulation error after the step, square of the output's unit.
     """

@@ -224,8 +224,7 @@ def estimate_dead_time(
 
 
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
-    """Return the input lags of a model, from the shortest dead time of each interval to ``count`` lags after the
-    longest.
+    """Return input lags for a model that cover the dead-time interval of each input and some lags after it.
 
     Parameters
     ----------
