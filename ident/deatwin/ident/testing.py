@@ -43,13 +43,13 @@ def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None 
     identifier : object
         Estimator that has not been fitted; it is not changed.
     recordings : sequence of Recording, optional
-        At least two recordings with a common sample time and clock on which the estimator can be fitted; defaults to
+        Two or more recordings with a common sample time and clock on which the estimator can be fitted; defaults to
         `example_recordings`.
 
     Raises
     ------
     ContractError
-        At the first breach.
+        If the estimator breaks the contract; the first breach is named.
     """
     data = tuple(example_recordings() if recordings is None else recordings)
     for check in CHECKS.values():

@@ -25,8 +25,8 @@ def to_arviz(
     n_chains: int = 4,
     n_draws: int = 500,
 ) -> Any:
-    """Return independent draws of the posterior, and with a recording what they say of it one step ahead. `model`
-    with its covariance, degrees of freedom and noise variance.
+    """Return independent draws of the posterior in ArviZ's format; a recording adds one-step predictions and
+    likelihoods.
     """
     try:
         import arviz

@@ -163,7 +163,10 @@ class Frols(NarxIdentifier):
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
-        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples."""
+        """Return the mean squared held-out free-run errors of the models with the first 1, 2, ... terms of the path.
+
+        After an interrupt they are infinite for models not run; the smallest model is always run.
+        """
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
         try:
@@ -184,7 +187,7 @@ class Frols(NarxIdentifier):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

@@ -260,7 +260,7 @@ class NarxIdentifier(Identifier, ABC):
 
 
 def silent(share: float, doing: str) -> None:
-    """Take progress and say nothing."""
+    """Ignore progress."""
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:

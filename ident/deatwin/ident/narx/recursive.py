@@ -170,7 +170,10 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve a beginning of the record whose weighted regressors are independent."""
+    """Solve the shortest beginning of the record whose weighted regressors are independent.
+
+    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted residual sum of squares.
+    """
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)

@@ -242,8 +242,10 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Return the derivatives of a free run by the parameters. Shapes: returns (n - first, n_terms), For each computed
-    sample, output's unit over that of the parameter.
+    """Return the derivatives of a free run by the parameters, (n - first, n_terms).
+
+    From y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the slopes a_l of f by
+    y(k-l): a banded triangular system for all samples at once.
     """
     _require_simple(model)
     return _responses(model, recording, _run(model, recording), model.table)

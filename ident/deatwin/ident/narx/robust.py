@@ -37,7 +37,11 @@ _FEWEST = 8  # cosines of the scatter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """The cosine coefficients of short series, and what they say of the mean and of a drift."""
+    """Cosine coefficients of short series, for the covariance of their mean and their drift.
+
+    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
+    mean.
+    """
 
     coefficients: Array
     n_slow: int  # The first of them, which belong to a drift and do not count as scatter
@@ -79,8 +83,8 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Return by how much the series lie off their means, as the slow cosines have it. Shapes: `shares`
-        (n_times,); returns (n_times, n_series).
+        """Return the deviation of the series from their means by the slow cosines, (n_times, n_series), at `shares`
+        (n_times,) of their length.
         """
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
@@ -107,8 +111,11 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Compute what each block of samples says of the parameters, beside what all say. Shapes: returns (n_blocks,
-    n_terms).
+    """Return the deviation of the parameters that each block of samples alone suggests, (n_blocks, n_terms).
+
+    Leaving out block k of a least-squares fit with regressors P and residuals e changes the parameters by exactly -(P
+    P' - P_k P_k')^-1 P_k e_k; the pseudovalue is n_blocks - 1 times the opposite. With `instruments`, their regressors
+    Z replace the first P of each product.
     """
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:

@@ -57,7 +57,7 @@ class SempStep:
 
 
 class SempSearch:
-    """The search of `Semp`, step by step."""
+    """Search of `Semp`, step by step, with errors as sums of squares over each section of the records."""
 
     def __init__(self, settings: Semp, data: Regression) -> None:
         self.settings = settings
@@ -205,7 +205,10 @@ class SempSearch:
         )
 
     def _as_good(self, errors: Array) -> Booleans:
-        """Whether errors are not larger than those of the present model, nor than those of no model."""
+        """Return True if errors are not larger than those of the present model, nor than those of no model.
+
+        The test over sections does not see a run that is wild in one section alone; such a run is worse than no model.
+        """
         return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
 
     def _worse(self, errors: Array, than: Array) -> Booleans:

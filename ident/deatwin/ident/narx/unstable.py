@@ -71,7 +71,11 @@ class Unstable:
 
 
 def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
-    """Return the unstable pole of a model, or None where it has none for sure."""
+    """Return the unstable pole of a model, or None if it is not certainly unstable.
+
+    The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, so
+    only a diverged free run counts.
+    """
     nonlinear = any(sum(power for _, power in term.factors) > 1 for term in model.terms)
     if nonlinear and not diverged:
         return None

@@ -161,14 +161,12 @@ def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) 
 
 
 def is_stable(polynomial: Array) -> bool:
-    """Whether all roots of a polynomial in q^-1 lie inside of the unit circle. Shapes: `polynomial` (order + 1,)."""
+    """Return True if all roots of a polynomial in q^-1, (order + 1,), lie inside the unit circle."""
     return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
 
 
 def reflected(polynomial: Array, *, largest: float = 0.9999) -> Array:
-    """Return a polynomial whose roots outside of the unit circle are reflected into it. Shapes: `polynomial` (order +
-    1,).
-    """
+    """Return a polynomial (order + 1,) with its roots reflected into the unit circle, as a starting point of a search."""
     if polynomial.size == 1:
         return polynomial
     roots = np.roots(polynomial)

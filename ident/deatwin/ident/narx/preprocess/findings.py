@@ -180,7 +180,11 @@ def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """A linear trend, and what the means of segments do beyond it and beyond chance."""
+    """Find a linear trend, and drift of segment means beyond it that is significant.
+
+    Means of segments are nearly independent if the segments are long compared with the correlation time; otherwise
+    nothing is reported.
+    """
     from scipy.special import fdtrc, stdtr
 
     y = channel.values
@@ -222,7 +226,10 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Lone readings far from the cubic through their four neighbours, measured by what is usual around."""
+    """Find isolated readings far from the cubic through their four neighbours, relative to the usual distance nearby.
+
+    A step of the signal, ringing after it, and the usual response to a kink of an input are motion, not outliers.
+    """
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 
