@@ -79,7 +79,10 @@ def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> 
     NarxModel
         Copy of the model with the assessment added to its provenance.
 
-    Notes ----- The excited band is left out if every input is constant, a ramp, or shorter than 64 samples."""
+    Notes
+    -----
+    The excited band is left out if every input is constant, a ramp, or shorter than 64 samples.
+    """
     whole, unseen = flatten(recordings), flatten(held_out)
     excited, _ = band_excited(whole)
     reliance = assess_reliance(model, unseen)

@@ -135,9 +135,12 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     Reliance or None
         Assessment; None if the recordings are too short for the tests.
 
-    Notes ----- The gain error is the slope b of the regression ``y - y_s = a + b y_s`` on the free run y_s. Its
-    variance allows for errors correlated in time: the autocovariance of the products of error and regressor is summed
-    up to the first pair of lags with a negative sum (C. J. Geyer, Statistical Science 7 (1992) 473-483)."""
+    Notes
+    -----
+    The gain error is the slope b of the regression ``y - y_s = a + b y_s`` on the free run y_s. Its variance allows for
+    errors correlated in time: the autocovariance of the products of error and regressor is summed up to the first pair
+    of lags with a negative sum (C. J. Geyer, Statistical Science 7 (1992) 473-483).
+    """
     try:
         found = validate(model, recordings)
     except ModelError:

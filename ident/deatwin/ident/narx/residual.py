@@ -142,8 +142,11 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     DivergedError
         If the free run diverges; a subclass of ModelError.
 
-    Notes ----- An oscillating residual is described by the rms and correlation time of its envelope, as a slowly
-    varying process; in a control loop this gives the larger uncertainty."""
+    Notes
+    -----
+    An oscillating residual is described by the rms and correlation time of its envelope, as a slowly varying process;
+    in a control loop this gives the larger uncertainty.
+    """
     run = model.simulate(recording)
     if not run.status.ok:
         raise DivergedError(f"the model's free run fails on the recording: {run.status.value}")
