@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:
-    """Take in one measured number, by Potter's formula. Shapes: `root` (n_states, n_states); `row` (n_states,);
-    returns (n_states, n_states); returns (n_states,).
+    """Update state gain and covariance root with one measurement by Potter's formula. Shapes: `root` (n_states,
+    n_states); `row` (n_states,); returns root, gain (n_states,) and variance of the innovation.
     """
     seen = row @ root
     variance = float(seen @ seen) + noise_variance
@@ -36,8 +36,8 @@ def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, 
 
 
 def advance_root(root: Array, transition: Array | None, process_root: Array | None) -> Array:
-    """Carry a root over one step: P becomes F P F' + G G'. Shapes: `root` (n_states, n_states); `transition`
-    (n_states, n_states); `process_root` (r, n_states); returns (n_states, n_states).
+    """Advance a root of the covariance by one step: P becomes F P F' + G G'. Shapes: `root`, `transition` (None:
+    identity) (n_states, n_states); `process_root` (None: no noise) (r, n_states).
     """
     moved = root if transition is None else transition @ root
     if process_root is None:

@@ -18,14 +18,14 @@ PARENT = os.getppid()
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
-    """Independent generators, the same for the same seed however the jobs are spread.
+    """Return independent random generators, one for each job, that depend on the seed alone.
 
     Parameters
     ----------
     seed : int
-        Of the whole study.
+        Seed of the whole study.
     count : int
-        How many.
+        Number of generators.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
     Raises
     ------
     DataError
-        If the seed is no number that seeds.
+        If the seed is not a valid seed.
     """
     if seed < 0:
         raise DataError(f"a seed of {seed} seeds nothing: give 0 or more")
@@ -50,23 +50,23 @@ def run_jobs(
 ) -> list[Result]:
     """Call a function once for each tuple of arguments.
 
-    The user's ``joblib.parallel_config`` is respected: no backend is set here.
+    The user's ``joblib.parallel_config`` is respected; this function sets no backend.
 
     Parameters
     ----------
     function : callable
-        Importable by name, so that worker processes find it.
+        Function to call; it must be importable by name, so that worker processes find it.
     jobs : iterable of tuple
-        Its arguments.
+        Arguments of each call.
     workers : int
-        Processes; 1 runs in this one, -1 takes all cores.
+        Number of processes; 1 runs in this process, -1 uses all cores.
     finished : callable, optional
         Called with the number of finished jobs after each one.
 
     Returns
     -------
     list
-        In the order of `jobs`.
+        Results in the order of `jobs`.
     """
     results: list[Result] = []
     for result in stream_jobs(function, jobs, workers=workers):

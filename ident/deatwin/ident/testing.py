@@ -24,32 +24,32 @@ _INTERRUPTS = 4  # places in a fit at which it is interrupted
 
 
 class ContractError(DeatwinError, AssertionError):
-    """An estimator breaks the contract; the text says which part, and what would be right."""
+    """Error of an estimator that breaks the contract; its text names the part and the remedy."""
 
 
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
     """Raise unless an estimator keeps the contract of deatwin's identifiers.
 
-    That is: arguments are stored untouched, and nothing else is set before a fit; ``get_params``, ``set_params``,
-    `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings;
-    ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives what it learns names that
-    end in ``_``, ``model_`` and ``status_`` among them; a second fit forgets the first; equal data give files of
-    equal bytes; several recordings, as a list or as experiments, are each fitted from their own lags on; a constantly
-    zero output is refused; ``predict`` and ``simulate`` return outputs of the recording's shape; and progress is
-    told, and an interrupt either goes on to the caller or leaves a model and a status that says so.
+    The contract: arguments are stored untouched, and nothing else is set before a fit. ``get_params``, ``set_params``,
+    `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings.
+    ``fit`` returns the estimator, leaves arguments and recordings as they are, and gives learned attributes names that
+    end in ``_``, among them ``model_`` and ``status_``. A second fit forgets the first, and equal data give equal bytes
+    in files. Several recordings, as a list or as experiments, are each fitted from their own first lags. An output that
+    is zero throughout is refused. ``predict`` and ``simulate`` return outputs of the recording's shape. Progress is
+    reported, and an interrupt either reaches the caller or leaves a model and a status that says so.
 
     Parameters
     ----------
     identifier : object
-        The estimator, not fitted; it is not changed.
+        Estimator that has not been fitted; it is not changed.
     recordings : sequence of Recording, optional
-        At least two, of one sample time and on one clock, on which it can be fitted; by default
+        Two or more recordings with a common sample time and clock on which the estimator can be fitted; defaults to
         `example_recordings`.
 
     Raises
     ------
     ContractError
-        At the first breach.
+        If the estimator breaks the contract; the first breach is named.
     """
     data = tuple(example_recordings() if recordings is None else recordings)
     for check in CHECKS.values():
@@ -62,7 +62,7 @@ def example_recordings(n_samples: int = 150) -> tuple[Recording, Recording]:
     Parameters
     ----------
     n_samples : int
-        Length of each.
+        Length of each recording in samples.
     """
     rng = np.random.default_rng(20090810)
     made = []

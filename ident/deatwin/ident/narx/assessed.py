@@ -27,19 +27,19 @@ to tell its size and memory."""
 
 
 def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Part each recording into its beginning, to be fitted, and its end, to judge the model.
+    """Split each recording into a beginning for the fit and an end that tests the model.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        At least 10 samples each.
+        Recordings of at least 10 samples each.
     share : float
-        Of each recording that is held out, between 0 and 1.
+        Share of each recording that is held out, between 0 and 1.
 
     Returns
     -------
     training, held_out : tuple of Recording
-        One of each for every recording, in order.
+        Beginnings and ends of the recordings, in the order given.
 
     Raises
     ------
@@ -59,28 +59,29 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
 
 
 def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> NarxModel:
-    """Return a model that carries what its recordings say of it, as `deatwin identify` saves it.
+    """Return the model with the assessment on its recordings in its provenance, as `deatwin identify` saves it.
 
-    These are the bands that the input excited, the size and memory of what the model's free run leaves, and what the
-    residual tests and the gain of the free run say on held-out data. `frequency` and `check` ask for them.
+    The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
+    residual, and the results of the residual tests and of the free-run gain on held-out data. The commands `frequency`
+    and `check` read it.
 
     Parameters
     ----------
     model : NarxModel
-        Of one output.
+        Fitted model with one output.
     recordings : Recording, Experiment, or several
-        All that was recorded for it, with what was held out.
+        All recordings made for the model, including the held-out parts.
     held_out : Recording, Experiment, or several
-        Parts that were not fitted; see `hold_out`.
+        The parts that were not used for the fit; see `hold_out`.
 
     Returns
     -------
     NarxModel
-        The same, with a longer provenance.
+        Copy of the model with the assessment added to its provenance.
 
     Notes
     -----
-    The band is left out where no input tells it: each is constant, a ramp, or shorter than 64 samples.
+    The excited band is left out if every input is constant, a ramp, or shorter than 64 samples.
     """
     whole, unseen = flatten(recordings), flatten(held_out)
     excited, _ = band_excited(whole)

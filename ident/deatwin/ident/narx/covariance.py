@@ -22,7 +22,10 @@ eps kappa; what lost more than half of its digits to cancellation is better form
 
 
 def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
-    """Return a covariance of parameters, symmetric to the last bit and read-only. Shapes: `values` (n, n)."""
+    """Return a parameter covariance (n, n), exactly symmetric and read-only; ModelError if it is indefinite.
+
+    Definiteness is judged on the correlations, so that the units of the parameters do not matter.
+    """
     given = np.asarray(values, dtype=np.float64)
     if not given.any():
         return read_only(given)
@@ -83,8 +86,9 @@ def covariance_root(covariance: Array) -> Array:
 
 
 def transformed(jacobian: Array, covariance: Array) -> Array:
-    """Return J C J' for a jacobian J and a covariance C, as a covariance again whatever J cancels. Shapes: `jacobian`
-    (n_new, n); `covariance` (..., n, n); returns (..., n_new, n_new).
+    """Return J C J' for a Jacobian J (n_new, n) and covariance C (..., n, n) as a valid covariance.
+
+    The product itself can be indefinite by rounding if C is nearly singular.
     """
     root = jacobian @ covariance_root(covariance)
     product = root @ root.swapaxes(-1, -2)

@@ -49,9 +49,7 @@ def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, c
 def split(
     recordings: Sequence[Recording], share: float, first: int
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Part recordings into the beginnings, to learn from, and the ends, to judge by. `first` largest lag in samples:
-    what a part must exceed.
-    """
+    """Split recordings into beginnings for training and ends for testing; each must exceed the largest lag `first`."""
     training, held_out = [], []
     for number, record in enumerate(recordings, start=1):
         cut = record.n_samples - round(share * record.n_samples)

@@ -38,9 +38,7 @@ class Drive:
         first: int,
         fewest: int,
     ) -> Drive:
-        """Set a run out that is driven by inputs alone. `given` (n,); `initial` (m,); `first` first sample that the
-        lags, or the state, allow to be computed.
-        """
+        """Prepare a run driven by inputs `given` (n,) or (n_inputs, n), from `initial` outputs before sample `first`."""
         inputs = given.inputs if isinstance(given, Recording) else _inputs(given, input_names)
         n = inputs.shape[1]
         known = np.zeros((n_outputs, first)) if initial is None else _initial(initial, n_outputs, fewest)
@@ -60,7 +58,7 @@ class Drive:
 
     @classmethod
     def recorded(cls, recording: Recording, first: int) -> Drive:
-        """Set a run out that starts from the first outputs of a recording. `first` the first sample to compute."""
+        """Prepare a run that starts at sample `first` from the outputs of a recording before it."""
         return cls(
             inputs=recording.inputs,
             outputs=recording.outputs,
@@ -73,7 +71,7 @@ class Drive:
 def require_suits(
     recording: Recording, *, sample_time: float, n_inputs: int, n_outputs: int | None, fewest: int
 ) -> None:
-    """Raise ModelError unless a recording suits a model. `fewest` least number of samples."""
+    """Raise ModelError unless a recording has the model's sample time and channels and at least `fewest` samples."""
     if not math.isclose(recording.sample_time, sample_time, rel_tol=1e-6):
         raise ModelError(
             f"the recording has a sample time of {recording.sample_time:g} s, the model of {sample_time:g} s"

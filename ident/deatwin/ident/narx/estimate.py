@@ -25,7 +25,7 @@ _DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
-    """Parameters of a linear regression and how well they are known."""
+    """Parameters of a linear regression and their uncertainty."""
 
     theta: Array  # shape (n_terms,): Parameters
     theta_cov: Array  # shape (n_terms, n_terms): Their covariance
@@ -42,7 +42,7 @@ class Estimator(Protocol):
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Least squares by QR of the normalised regressors: no digits are lost to a Gram matrix."""
+    """Least squares by QR of the normalised regressors, which loses no digits to a Gram matrix."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1`` with s^2 the residual sum of squares over n_samples - n_terms.
@@ -98,8 +98,8 @@ class Centred:
         return self.target.size - (self.constant is not None)
 
     def complete(self, theta: Array, root: Array, variance: float) -> Estimate:
-        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, put back in its place. Shapes:
-        `theta` (n_others,); `root` (n_others, n_others).
+        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, back in its place. Shapes:
+        `theta` (n_others,); `root`, R of the covariance R R', (n_others, n_others).
         """
         if self.constant is None:
             return Estimate(theta=theta, theta_cov=root @ root.T, noise_variance=variance)

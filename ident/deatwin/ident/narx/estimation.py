@@ -24,17 +24,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TotalLeastSquares:
-    """Total least squares: errors of equal variance, independent of each other, in the regressors and the output.
+    """Total least squares, for independent errors of equal variance in regressors and output.
 
-    The least change of both that makes the equations hold, from the singular value decomposition of [P y]; a
-    constant regressor is exact. ``theta_cov`` is the first-order ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1`` and
-    ``noise_variance`` the variance ``(1 + |theta|^2) s^2`` of the equation's error, s^2 being that of each error.
-    Regressors of a NARX model share their lagged signals, and products scale the errors, so that the assumption
-    holds at best roughly there.
+    The estimate needs the smallest change of regressors P and output y for which ``P theta = y`` holds; it follows from
+    the singular value decomposition of [P y]. A constant regressor is taken as exact. ``theta_cov`` is the first-order
+    ``(1 + |theta|^2) s^2 (P'P - n s^2)^-1`` and ``noise_variance`` is the variance ``(1 + |theta|^2) s^2`` of the
+    equation's error, where s^2 is the variance of each single error. The assumption holds only roughly for a NARX
+    model: its regressors share lagged signals, and products scale the errors.
 
-    From an identifier the regressors come scaled, each signal divided by the power of two just above its largest
-    magnitude: the errors are then equal as shares of these, not in the signals' units. Where errors are known to be
-    equal in the units, call it with unscaled regressors, as `TermTable.rows` gives them.
+    Identifiers pass scaled regressors: each signal is divided by the power of two just above its largest magnitude. The
+    errors are then assumed equal relative to these divisors, not in the signals' units. If the errors are equal in the
+    units, call the estimator with unscaled regressors, as returned by `TermTable.rows`.
 
     References
     ----------

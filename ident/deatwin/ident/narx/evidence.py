@@ -42,8 +42,11 @@ _LEAST_SHARE = 1e-14
 
 
 def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
-    """Return ln p(y | structure) - ln p(y | no term) under the unit-information prior. returns In nats, of the shape
-    of ``share``.
+    """Return ln p(y
+
+    structure) - ln p(y
+
+    no term) in nats, under the unit-information prior.
     """
     return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
 
@@ -80,8 +83,9 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Change a structure term by term, always to its most probable neighbour, until none is more probable. Shapes:
-    `start` (n_terms,).
+    """Yield moves to the most probable neighbour of a structure until none is more probable.
+
+    Neighbours have one term less, one more, or one exchanged for another candidate.
     """
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
@@ -125,7 +129,7 @@ def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Fit:
-    """Least squares on some terms, and of every candidate the part beyond them."""
+    """Least-squares fit of some terms, with the component of every candidate orthogonal to them."""
 
     theta: Array  # shape (n_terms,): Parameters
     inverse: Array  # shape (n_terms,): Diagonal of (Phi'Phi)^-1
@@ -165,7 +169,11 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """The same when one term has gone, shape (n_terms, n_candidates)."""
+        """Gain by each candidate after one term is removed, shape (n_terms, n_candidates).
+
+        The removed term's own component has the sum of squares 1 / inverse and the product theta / inverse with y; a
+        candidate regains its share of it.
+        """
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

@@ -22,8 +22,8 @@ _RESOLVED = float(np.sqrt(np.finfo(float).eps))
 
 
 def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
-    """Return by which share the error one step ahead exceeds that of least squares on the model's own terms. Shapes:
-    returns (n_outputs,).
+    """Return the relative excess of the one-step error over that of least squares on the same terms, shape
+    (n_outputs,).
     """
     predicted = [model.predict(record) for record in recordings]
     own = np.sqrt(np.mean(np.concatenate([response.residuals for response in predicted], axis=1) ** 2, axis=1))
@@ -48,7 +48,7 @@ def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
 
 
 def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence for each output whose error one step ahead is more than 1 % above that of least squares."""
+    """Return a sentence for each output whose one-step error exceeds that of least squares by more than 1 %."""
     return tuple(
         f"one step ahead {name}'s error on the training data is {100 * share:.3g} % above that of least squares on the "
         "same terms: the estimator holds the parameters back; compare with Fixed(terms=model), which is least squares"

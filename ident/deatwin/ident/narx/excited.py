@@ -43,12 +43,12 @@ class Excitation:
     Parameters
     ----------
     bands : tuple of (float, float)
-        Lowest and highest frequency of each, Hz, rising and apart; at least one.
+        Lowest and highest frequency of each band in Hz, in rising order and without overlap; at least one band.
 
     Raises
     ------
     ModelError
-        If they are not.
+        If there is no band, or the bands overlap or are not in rising order.
     """
 
     bands: tuple[Band, ...]
@@ -60,45 +60,45 @@ class Excitation:
 
     @property
     def highest_Hz(self) -> float:
-        """End of the last band, Hz."""
+        """Upper end of the last band in Hz."""
         return self.bands[-1][1]
 
     @property
     def holes(self) -> tuple[Band, ...]:
-        """What lies between 0 Hz and the highest frequency and in no band, Hz."""
+        """Frequency ranges below the highest frequency that lie in no band, in Hz."""
         ends = (0.0, *(high for _, high in self.bands))
         return tuple((end, low) for end, (low, _) in zip(ends, self.bands, strict=False) if low > end)
 
     def hole_at(self, frequency_Hz: float) -> Band | None:
-        """The hole in which a frequency lies.
+        """Return the hole in which a frequency lies.
 
         Parameters
         ----------
         frequency_Hz : float
-            Hz.
+            Frequency in Hz.
 
         Returns
         -------
         (float, float) or None
-            Hz; None inside of a band and above the last one.
+            Ends of the hole in Hz; None inside a band and above the last one.
         """
         return next(((low, high) for low, high in self.holes if low < frequency_Hz < high), None)
 
     @property
     def provenance(self) -> dict[str, str]:
-        """As `NarxModel` keeps it; without holes the band alone."""
+        """Entries for the provenance of a `NarxModel`; holes are written only if there are any."""
         band = {BAND_KEY: f"{self.highest_Hz:.6g}"}
         holes = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.holes)
         return {**band, HOLES_KEY: holes} if holes else band
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """What a model tells of its recording; None where it tells nothing.
+        """Read the excitation from a model's provenance.
 
         Parameters
         ----------
         provenance : mapping of str to str
-            Of the model; one without holes is excited from 0 Hz on.
+            Provenance of the model; without holes the excitation starts at 0 Hz.
 
         Returns
         -------
@@ -107,7 +107,7 @@ class Excitation:
         Raises
         ------
         ModelError
-            If the band is no positive number, or the holes are not rising frequencies below it.
+            If the band is not a positive number, or the holes are not rising frequencies below it.
         """
         if (written := provenance.get(BAND_KEY)) is None:
             return None
@@ -133,12 +133,12 @@ class Excitation:
 
     @classmethod
     def joined(cls, several: Iterable[Self]) -> Self:
-        """What several recordings excited together.
+        """Return the union of the bands of several recordings.
 
         Parameters
         ----------
         several : iterable of Excitation
-            At least one.
+            Excitations of the recordings; at least one.
 
         Returns
         -------
@@ -154,17 +154,17 @@ class Excitation:
 
 
 def excited_band(recording: Recording) -> float:
-    """Frequency below which a recording's input has 99 % of its power.
+    """Return the frequency below which a recording's input has 99 % of its power.
 
     Parameters
     ----------
     recording : Recording
-        Its first input counts, without mean and trend.
+        Recording whose first input is analysed, without its mean and trend.
 
     Returns
     -------
     float
-        Hz.
+        Frequency in Hz.
 
     Raises
     ------
@@ -175,15 +175,15 @@ def excited_band(recording: Recording) -> float:
 
 
 def excitation(recording: Recording) -> Excitation:
-    """The bands up to `excited_band` in which a recording's input has power, without the holes between them.
+    """Find the frequency bands up to `excited_band` in which a recording's input has power.
 
-    A line of the spectrum excites if it has more than a thousandth of what it would have if the power were spread
-    evenly; it speaks for a sixth of an octave, or a tenth of the whole band, to either side.
+    A spectral line excites if it has more than a thousandth of the power it would have if the power were spread evenly.
+    It covers a sixth of an octave, or a tenth of the whole band, on either side.
 
     Parameters
     ----------
     recording : Recording
-        Its first input counts, without mean and trend.
+        Recording whose first input is analysed, without its mean and trend.
 
     Returns
     -------
@@ -192,7 +192,7 @@ def excitation(recording: Recording) -> Excitation:
     Raises
     ------
     DataError
-        As `excited_band`.
+        If the input is constant, a ramp, or shorter than 64 samples.
 
     References
     ----------

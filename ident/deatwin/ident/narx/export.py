@@ -74,21 +74,21 @@ $sums
 def narx_source(
     model: NarxModel, *, name: str = "narx", rest_input: ArrayLike | None = None, rest_output: ArrayLike | None = None
 ) -> SampledSource:
-    """The C source of a model: what `NarxModel.simulate` computes, a sample a call.
+    """Write a model as C source that computes one sample of `NarxModel.simulate` per call.
 
-    ``narx_step`` takes u(k) and gives y(k). To start from a measured past, write it into ``state.y`` and ``state.u``
-    after ``narx_init``.
+    The C function ``narx_step`` takes u(k) and returns y(k). To start from a measured past, write it into ``state.y``
+    and ``state.u`` after ``narx_init``.
 
     Parameters
     ----------
     model : NarxModel
-        Of any number of inputs and outputs; its noise terms count for nothing.
+        Model with any number of inputs and outputs; its noise terms are ignored.
     name : str
         Prefix of all names in the source.
     rest_input : array_like, shape (n_inputs,), optional
-        Inputs before the first sample, in their units; the model's origin by default.
+        Inputs before the first sample, in their units; defaults to the model's origin.
     rest_output : array_like, shape (n_outputs,), optional
-        Outputs before the first sample, in their units; the model's origin by default.
+        Outputs before the first sample, in their units; defaults to the model's origin.
 
     Returns
     -------
@@ -97,7 +97,8 @@ def narx_source(
     Raises
     ------
     ModelError
-        If the name is no C identifier, the rest has other sizes than the model, or nothing but noise terms is there.
+        If the name is no C identifier, the rest values do not fit the model's signals, or the model has noise terms
+        only.
     """
     require_identifier(name)
     quiet = model.deterministic

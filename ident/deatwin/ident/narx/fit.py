@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """How well the outputs of a model agree with the measured ones, over all recordings together."""
+    """Agreement of model outputs with measured outputs, over all recordings together."""
 
     mean_square: Array
     nrmse: Array  # shape (n_outputs,): sqrt( sum (y - yhat)^2 / sum (y - mean y)^2 )
@@ -27,7 +27,7 @@ class Fit:
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:
-        """Return the fit over all recordings; of a free run that diverged there is none."""
+        """Return the fit over all recordings, infinite if a free run diverged."""
         residuals = np.concatenate([response.residuals for response in responses], axis=1)
         measured = np.concatenate([response.measured[:, response.first :] for response in responses], axis=1)
         square = np.sum(residuals**2, axis=1)

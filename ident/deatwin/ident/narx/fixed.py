@@ -13,25 +13,25 @@ from deatwin.plant.errors import ModelError
 
 
 class Fixed(NarxIdentifier):
-    """Estimate the parameters of given terms, by least squares or otherwise.
+    """Estimate the parameters of given terms, by least squares or another estimator.
 
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        The terms: those of a model, as ``other.model_``, about its origins, or in the signals themselves, as
-        ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each equation, as
-        ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals have the names of the recordings,
-        as in ``"voltage(k-1)*temperature(k-2)"``, or y, u (of several y1, y2, u1, u2, ...) by position; where a text
-        could mean both, the name of the recordings is meant.
+        Terms to fit: a model such as ``other.model_``, whose terms are about its origins, or a list such as
+        ``["y(k-1)", "u(k-1)^2"]`` in the signals themselves. For several outputs, give the list of each equation, as
+        ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals are named as in the recordings, for example
+        ``"voltage(k-1)*temperature(k-2)"``, or by position as y, u (y1, y2, u1, u2, ... if there are several); a name
+        in the recordings takes precedence.
     estimator : callable
-        Estimates the parameters; see `deatwin.ident.narx.estimation`.
+        Estimator of the parameters; see `deatwin.ident.narx.estimation`.
 
     Attributes
     ----------
     model_ : NarxModel
-        The model of these terms, in their order, in physical units.
+        Fitted model in physical units, with the terms in the order given.
     estimate_ : Estimate
-        What the estimator returned, for the scaled regression.
+        Estimator's result for the scaled regression.
 
     Examples
     --------

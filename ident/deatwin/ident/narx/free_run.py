@@ -31,8 +31,9 @@ _BLOCK = 256  # as in the kernel
 def free_run(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, limit: float, equations: Sequence[int] | None = None
 ) -> tuple[Array, int | None]:
-    """Run a model free: only the inputs and the first outputs are used, and the noise is zero. Shapes: `theta`
-    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n).
+    """Simulate a model from its inputs and first outputs, with zero noise, until it exceeds `limit`. Shapes: `theta`
+    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n) and the sample of a
+    divergence.
     """
     quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
     belongs = [0] * len(table.terms) if equations is None else equations
@@ -50,8 +51,10 @@ def free_run(
 def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
-    """Return e(k) = y(k) - sum_m theta_m term_m(k), the terms being functions of measured signals and past e. Shapes:
-    `theta` (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n).
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), for terms in measured signals and past e.
+
+    Zero in the first lags; the innovations of a noise model that is not invertible grow and finally hold their last
+    value.
     """
     march = March.of(
         table.terms,
@@ -66,7 +69,7 @@ def innovations(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
-    """Terms over one recording, set out for marching."""
+    """Terms over one recording, arranged for a recursion over samples."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
     start: Array  # shape (n_marched, n): The marched signals, of which the samples before ``first`` are used
@@ -88,7 +91,9 @@ class March:
         equations: Sequence[int] | None = None,
         alone: int | None = None,
     ) -> March:
-        """Set terms out. `known` (n_channels, n); `start` (n_marched, n); `first` the first sample to compute."""
+        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the signals to compute from
+        sample `first`.
+        """
         heights = [signal.shape[0] for signal in known.values()]
         row = dict(zip(known, accumulate([0, *heights]), strict=False))
 
@@ -111,7 +116,9 @@ class March:
         )
 
     def run(self, theta: Array, *, limit: float = math.inf, base: Array | None = None) -> tuple[Array, int | None]:
-        """March one model of all terms. Shapes: `theta` (n_terms,); `base` (n_marched, n); returns (n_marched, n)."""
+        """Run the recursion of one model with all terms. Shapes: `theta` (n_terms,); `base`, added to the sum of terms,
+        and the result (n_marched, n).
+        """
         x = self.start.copy()
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]

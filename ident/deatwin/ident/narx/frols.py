@@ -29,53 +29,54 @@ _KNOWN = (*CRITERIA, "free_run", "none")
 
 
 class Frols(NarxIdentifier):
-    """Choose terms one by one, each the one that explains most of what is left of the output.
+    """Choose terms one by one: always the one that explains most of the unexplained output.
 
-    The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is
-    ``(w'y)^2 / (w'w y'y)``. Terms are added up to ``max_terms``; the number that a criterion likes best is kept, and
-    its parameters are estimated, by least squares (QR) unless another estimator is given.
+    The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is ``(w'y)^2 / (w'w
+    y'y)``. Terms are added up to ``max_terms``; a criterion chooses how many of them are kept, and their parameters are
+    then estimated, by least squares (QR) unless another estimator is given.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel, or
-        for each: in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1, 2], "w": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
+        2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms.
     criterion : str
-        What chooses the number of terms. With n samples, k terms, p candidates and the mean squared residual s:
+        Criterion that chooses the number of terms. With n samples, k terms, p candidates and mean squared residual s:
 
         - "ebic", ``n ln s + k ln n + 2 ln C(p, k)``: the Bayesian criterion extended by the number of models of k
-          terms, so that the best of many false candidates is not taken for true;
-        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: they
-          do not count how many candidates competed, and keep false terms among hundreds of them;
-        - "press": ``n ln`` of the mean squared leave-one-out error; it does not count them either;
-        - "free_run": mean squared free-run error over the held-out samples; the terms are chosen on the others, and
-          the parameters estimated on all;
+          terms, which guards against the best of many false candidates;
+        - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: these
+          ignore how many candidates competed, and keep false terms among hundreds of them;
+        - "press": ``n ln`` of the mean squared leave-one-out error; it ignores the number of candidates too;
+        - "free_run": mean squared free-run error over the held-out samples; terms are chosen on the other samples,
+          parameters estimated on all;
         - "none": ``max_terms`` are kept.
     held_out : float
-        For "free_run": share of each recording, its end, that is held out.
+        Share of each recording, at its end, that is held out; used by "free_run" only.
     estimator : callable
-        Estimates the parameters of the chosen terms; see `deatwin.ident.narx.estimation`.
+        Estimator of the chosen terms' parameters; see `deatwin.ident.narx.estimation`.
 
     Attributes
     ----------
     model_ : NarxModel
         The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with least squares.
     terms_ : tuple of Term
-        Its terms in the order in which they were chosen.
+        Terms of the model, in the order in which they were chosen.
     err_ : ndarray, shape (n_terms,)
-        Error reduction ratio of each; dimensionless, their sum is the explained share of y'y.
+        Error reduction ratio of each term, dimensionless; their sum is the explained share of y'y.
     path_ : tuple of Term
         All terms that were tried, in order.
     path_err_ : ndarray, shape (n_path,)
-        Error reduction ratio of each of these.
+        Error reduction ratio of each term of ``path_``.
     criterion_ : ndarray, shape (n_path,)
-        Criterion after each term of the path; empty for "none". For "free_run" in squares of the output's unit.
+        Criterion after each term of ``path_``; empty for "none". In squares of the output's unit for "free_run".
 
     References
     ----------
@@ -162,7 +163,10 @@ class Frols(NarxIdentifier):
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
-        """Return the mean squared free-run error of the first 1, 2, .. terms of the path over unseen samples."""
+        """Return the mean squared held-out free-run errors of the models with the first 1, 2, ... terms of the path.
+
+        After an interrupt they are infinite for models not run; the smallest model is always run.
+        """
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
         try:
@@ -178,12 +182,12 @@ class Frols(NarxIdentifier):
         return errors * path.output_scale**2
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error reduction ratio of each term of the path, and the criterion with its choice.
+        """Draw the error reduction ratio of each term of ``path_``, and the criterion with its choice.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

@@ -35,7 +35,7 @@ _UNDETERMINED = 1e-9
 
 
 def white(model: NarxModel, data: Regression) -> bool:
-    """Whether the one-step errors of a model are white, as its least squares supposes."""
+    """Return True if the one-step errors of a model are white, as least squares assumes."""
     residuals = [model.predict(record).residuals for record in data.recordings]
     shortest = min(e.shape[1] for e in residuals)
     lags = min(_LAGS, shortest // 5)
@@ -48,7 +48,7 @@ def white(model: NarxModel, data: Regression) -> bool:
 def grown(
     model: NarxModel, data: Regression, sections: Sequence[int], *, max_terms: int, level: float, progress: Progress
 ) -> tuple[NarxModel, ...]:
-    """Refine a model and add terms by the free-run error, as far as the free run over held-out sections gains by it."""
+    """Refine a model and add terms by the free-run error as long as the free run over held-out sections improves."""
     try:
         path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
     except ModelError:  # the free run of the model given diverges: there is nothing to refine
@@ -60,7 +60,11 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Whether a larger model is better by more than the best of so many candidates is by chance."""
+    """Return True if a larger model improves on more than the best of equally many false candidates would.
+
+    The extended Bayesian criterion is used, with n divided by the correlation time of the larger model's errors as
+    sample size.
+    """
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -74,6 +78,8 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 def smallest_adequate(errors: Array, level: float) -> int:
     """Return the first model of a path from which on none is significantly worse than the best. Shapes: `errors`
     (n_models, n_sections).
+
+    A first addition without a significant gain does not end the path if later ones help.
     """
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
@@ -83,7 +89,9 @@ def smallest_adequate(errors: Array, level: float) -> int:
 
 
 def worse(errors: Array, than: Array, level: float) -> Booleans:
-    """Whether errors are larger, by a paired t test over the sections. Shapes: `errors, than` (..., n_sections)."""
+    """Return True where errors are significantly larger by a paired t test over sections. Shapes: (..., n_sections); at
+    ``level=0.5`` every difference counts.
+    """
     from scipy.special import stdtrit
 
     difference = errors - than
@@ -94,8 +102,11 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
-    """Return the sums of squared free-run errors over sections, each as if the parameters were refined on the others.
-    Shapes: returns (n_sections,).
+    """Return the sums of squared free-run errors of sections, (n_sections,), each with parameters refined on the
+    others.
+
+    To first order, with the sensitivities S = Q R of all samples and q of a section, its errors are ``(I - q q')^-1
+    e``, the leave-one-out errors of a linear regression.
     """
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]

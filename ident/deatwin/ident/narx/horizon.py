@@ -18,9 +18,7 @@ _BLOCK = 4096  # runs marched at once: their regressors stay in the processor's 
 
 
 def require_steps(steps: int, first: int, n_samples: int) -> None:
-    """Raise ModelError unless a recording leaves room for a prediction so many steps ahead. `steps` number of samples
-    ahead; `first` first sample that can be predicted one step ahead.
-    """
+    """Raise ModelError unless a recording has room for a prediction `steps` samples ahead from sample `first` on."""
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps = {steps!r}; it must be an integer of at least 1")
     if steps > n_samples - first:
@@ -36,10 +34,11 @@ def steps_ahead(
     limit: float,
     equations: Sequence[int] | None = None,
 ) -> tuple[Array, Booleans]:
-    """Predict each sample from the outputs measured until ``steps`` samples before it, and all inputs. `theta`
-    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); `steps` number of samples ahead, from 1 to ``n -
-    table.max_lag``; returns (n_outputs, n - table.max_lag - steps + 1), Predictions of the samples from
-    ``table.max_lag + steps - 1`` on; returns (n - table.max_lag - steps + 1,).
+    """Predict each sample from the outputs up to ``steps`` samples before it and all inputs.
+
+    Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns predictions (n_outputs, m) of
+    the m = n - table.max_lag - steps + 1 last samples, and divergence flags (m,). The noise is the innovation up to the
+    last measured sample and zero after it.
     """
     belongs = np.array([0] * len(table.terms) if equations is None else equations)
     weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)

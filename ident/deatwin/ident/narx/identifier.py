@@ -24,7 +24,7 @@ Progress = Callable[[float, str], None]
 
 
 class FitStatus(Enum):
-    """How a fit ended; the value is the advice."""
+    """Outcome of a fit; the value is a sentence that advises."""
 
     DONE = "done"
     INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
@@ -39,7 +39,7 @@ class FitStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the search was completed, and nothing speaks against its result."""
+        """True if the search was completed and nothing speaks against its result."""
         return self is FitStatus.DONE
 
 
@@ -155,25 +155,25 @@ class Identifier:
 
 
 class NarxIdentifier(Identifier, ABC):
-    """An estimator of NARX models under scikit-learn's contract.
+    """Base class of the estimators of NARX models; follows scikit-learn's contract.
 
-    Arguments are stored untouched under their names, what is learned ends in ``_``, and ``fit`` returns the
-    estimator. Where terms are chosen, signals whose mean is further from zero than their swing count from their mean:
-    about zero their powers would differ in the last digits only. Of recordings with several outputs each equation is learned by a clone of its own, from the
-    lags of all outputs and inputs.
+    Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
+    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
+    because powers of such signals are nearly identical. For recordings with several outputs, a clone of the estimator
+    learns each equation, from the lags of all outputs and inputs.
 
     Attributes
     ----------
     model_ : NarxModel
-        What was learned.
+        Fitted model, in physical units.
     status_ : FitStatus
-        Whether the search was completed.
+        Outcome of the search.
     notes_ : tuple of str
-        What is to be known about the fit, a sentence each: above all where its error one step ahead on the training
-        data is more than 1 % above that of least squares on the same terms. Usually empty.
+        Remarks on the fit, one sentence each; usually empty. The main one: the one-step error on the training data is
+        more than 1 % above that of least squares on the same terms.
     equations_ : tuple of NarxIdentifier
-        With several outputs, the fitted estimator of each; otherwise empty. What else a class documents as
-        learned is then found on these.
+        Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
+        then on these estimators.
     """
 
     output_lags: Lags
@@ -189,15 +189,15 @@ class NarxIdentifier(Identifier, ABC):
     def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
         """Choose terms and estimate their parameters.
 
-        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so. Before there is any,
-        the interrupt goes on to the caller.
+        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so. If there is no model yet,
+        KeyboardInterrupt is raised.
 
         Parameters
         ----------
         recordings : Recording, Experiment, or several
-            Training data of one sample time; each recording starts with its own lags.
+            Training data with a common sample time; each recording starts from its own first lags.
         progress : callable, optional
-            Takes the share that is done and what is being done.
+            Called with the share done, between 0 and 1, and a description of the current step.
 
         Returns
         -------
@@ -207,7 +207,7 @@ class NarxIdentifier(Identifier, ABC):
         Raises
         ------
         ModelError
-            If an argument makes no sense, or the recordings do not suit.
+            If an argument makes no sense, or the recordings do not suit the estimator.
         """
         self._check()
         tell = progress or silent
@@ -260,7 +260,7 @@ class NarxIdentifier(Identifier, ABC):
 
 
 def silent(share: float, doing: str) -> None:
-    """Take progress and say nothing."""
+    """Ignore progress."""
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:

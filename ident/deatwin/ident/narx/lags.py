@@ -18,9 +18,7 @@ _KINDS = {"u": "input", "y": "output"}
 
 
 def lag_list(lags: ChannelLags, *, smallest: int) -> tuple[int, ...]:
-    """Return lags as an increasing tuple. Shapes: `lags` A number n for 1..n (0 for none), or the lags themselves, in
-    samples.
-    """
+    """Return lags in samples as an increasing tuple; a number n stands for 1..n, 0 for none."""
     if not isinstance(lags, int | np.integer | Iterable):
         raise ModelError(f"lags = {lags!r}; give a number n >= 0 for 1..n, or a sequence of lags")
     wanted = range(1, lags + 1) if isinstance(lags, int | np.integer) else lags
@@ -46,7 +44,7 @@ def channel_lags(lags: Lags, kind: str, count: int, names: Sequence[str] = ()) -
 
 
 def lags_anywhere(lags: Lags) -> tuple[int, ...]:
-    """Return all lags of all channels one after another, each as often as it occurs."""
+    """Return the lags of all channels in one list, with repetitions."""
     if isinstance(lags, Mapping) or _is_nested(lags):
         values: Iterable[Any] = lags.values() if isinstance(lags, Mapping) else lags  # type: ignore[assignment]
         return tuple(lag for value in values for lag in lag_list(value, smallest=0))

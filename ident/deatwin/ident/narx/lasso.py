@@ -70,38 +70,39 @@ class LassoPath(Described):
 
 
 class Lasso(NarxIdentifier):
-    """Take structures from the LASSO's path, refit each by least squares, and keep the one with the best free run.
+    """Refit the structures along the LASSO path by least squares and keep the one with the best free run.
 
-    Each recording is parted. On its beginning the regressors are standardised and the path of the LASSO is followed
-    from the largest penalty down (least angle regression, scikit-learn); the structure at each knot, with the constant
-    and without it, is refitted by least squares, which takes away the bias of the penalty. The one with the least
-    mean squared free-run error over the ends of the recordings is the model; its parameters are estimated on all.
+    Each recording is split. On the beginnings the regressors are standardised and the LASSO path is followed from the
+    largest penalty down (least angle regression, scikit-learn). The structure at each knot, with and without the
+    constant, is refitted by least squares, which removes the bias of the penalty. The model is the structure with the
+    smallest mean squared free-run error over the ends; its parameters are then estimated on all samples.
 
-    Where regressors are correlated the path holds false terms before all true ones are in, so that an exact structure
-    may not be on it.
+    If regressors are correlated, false terms enter the path before all true ones are in, so the exact structure may not
+    be on it.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel, or
-        for each: in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1, 2], "w": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
+        2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms of a model.
     held_out : float
-        Share of each recording, its end, over which models are judged.
+        Share of each recording, at its end, on which the models are compared.
 
     Attributes
     ----------
     model_ : NarxModel
         The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
     terms_ : tuple of Term
-        Its terms.
+        Terms of the model.
     path_ : LassoPath
-        The path, with the free-run error of each knot.
+        LASSO path with the free-run error of each knot.
 
     References
     ----------

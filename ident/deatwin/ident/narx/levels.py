@@ -28,8 +28,10 @@ def few_levels(values: Array, most: int) -> Array:
 
 
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
-    """Leave out the candidates that are sums of candidates of lower degree on every sample, as inputs have few
-    levels.
+    """Leave out candidates that equal sums of lower-degree candidates because an input has few levels.
+
+    An input with m levels l obeys ``prod(u - l) = 0``, so u^m is a sum of lower powers: with levels 0 and 1 the square
+    is the input itself, with -1 and 1 the constant.
     """
     degree = max((term.degree for term in terms), default=0)
     relations: dict[int, Array] = {}
@@ -42,7 +44,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
 
 
 def said_of_levels(name: str, count: int) -> str:
-    """Return the sentence that says what an input of few levels cannot show."""
+    """Return a sentence that says what an input with few levels cannot show."""
     if count == 1:
         return f"{name} is constant: the recording does not show what it does"
     shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
@@ -53,7 +55,7 @@ def said_of_levels(name: str, count: int) -> str:
 
 
 def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str, ...]:
-    """Return what is to be said of the inputs of recordings before models of a degree are fitted to them."""
+    """Return sentences on inputs with too few levels for models of a degree."""
     names = recordings[0].input_names
     together = np.concatenate([record.inputs for record in recordings], axis=1)
     counts = [few_levels(values, degree).size for values in together]

@@ -29,7 +29,7 @@ _RESOLVED = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class LongArx:
-    """The regression on the lags `shortest` to `longest` of each input."""
+    """ARX regression on the lags `shortest` to `longest` of each input."""
 
     signals: Signals
     shortest: int  # Smallest and largest lag of the inputs
@@ -53,7 +53,7 @@ class LongArx:
 
     @classmethod
     def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
-        """Fit it by least squares; of collinear regressors the shortest solution."""
+        """Fit the regression by least squares, with the shortest solution for collinear regressors."""
         n_inputs = signals[0][0].shape[0]
         lags = range(longest, shortest - 1, -1)
         inputs = [_inputs(signals, i, lags) for i in range(n_inputs)]
@@ -77,9 +77,7 @@ class LongArx:
         return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
 
     def chances(self, which: int) -> Array:
-        """How probable it is that chance makes each of an input's coefficients as large as it is. Shapes: returns
-        (longest + 1,).
-        """
+        """Return p-values, (longest + 1,), of "input `which` does not act at this lag, nor at shorter ones"."""
         others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
         past, target = _outputs(self.signals, self.longest)
         own = _inputs(self.signals, which, self.lags)
@@ -107,7 +105,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Scores:
-    """The last columns of a regression, each less what the columns before it explain, against the target."""
+    """Last columns of a regression, orthogonalised against the earlier ones, and their products with the target."""
 
     total: Array  # shape (n,): Their products with the target
     products: Array  # shape (n_samples, n): Their products with the residual, sample by sample
@@ -148,7 +146,7 @@ class _Scores:
 
 
 def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
-    """Return the most lags of each input, up to those wanted, for which there are samples enough; 0 for none."""
+    """Return the largest number of lags, up to `wanted`, for which there are enough samples; 0 for none."""
     for longest in range(wanted if n_inputs else 0, 0, -1):
         if n_residuals(signals, longest) >= _FOR_EACH * (1 + _OUTPUT_LAGS + n_inputs * (longest + 1)):
             return longest

@@ -40,44 +40,44 @@ def _variance_unit(model: NarxModel) -> str:
 class NarxModel(Described):
     """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
 
-    In the terms y and u are the signals less their origins. Powers of a signal that is far from zero compared with its
-    swing differ in their last digits only, so that their parameters would lose all digits; about an origin among the
-    data they do not. What goes in and comes out is in the signals' units and with their offsets.
+    In the terms, y and u are the signals minus their origins. Powers of a signal that is far from zero compared with
+    its swing are nearly identical, and their parameters would lose all digits; an origin within the data avoids this.
+    Inputs and outputs of all methods are the signals themselves, in their units and without the shift.
 
-    Terms may hold the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to
-    one output's equation, and the equations run together.
+    Terms may contain the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to the
+    equation of one output, and the equations are simulated together.
 
     Parameters
     ----------
     terms : tuple of Term
-        The terms of all equations; each prints as in the literature.
+        Terms of all equations; each prints as in the literature.
     theta : ndarray, shape (n_terms,)
-        Parameters in SI units (those of the signals).
+        Parameters in the units that follow from the signals.
     theta_cov : ndarray, shape (n_terms, n_terms)
-        Covariance of the parameters; kept symmetric to the last bit.
+        Covariance of the parameters, exactly symmetric.
     theta_dof : float
-        Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t
-        distribution is ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal law. With several
-        outputs the smallest of theirs.
+        Degrees of freedom of a Student-t posterior with that covariance: the squared scale of the t distribution is
+        ``theta_cov * (theta_dof - 2) / theta_dof``. Infinite for a normal distribution; the smallest over the outputs
+        if there are several.
     noise_variance : float, or ndarray of shape (n_outputs,) with several outputs
         Variance of e(k), square of the output's unit.
     sample_time : float
         Sampling interval in s.
     equations : tuple of int
-        For each term the row of the output whose equation it stands in; needed with several outputs only.
+        Row of the output whose equation contains the term, for each term; needed with several outputs only.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,)
-        Values of the signals, in their units, at which y and u of the terms are 0; zeros by default.
+        Values of the signals, in their units, at which y and u of the terms are 0; defaults to zeros.
     operating : OperatingRange or None
-        Ranges of the training data, None when unknown.
+        Ranges of the training data; None if unknown.
     provenance : mapping of str to str
-        Where the model comes from.
+        Origin of the model, as free entries.
 
     Raises
     ------
     ModelError
-        If shapes, terms or values do not fit together, or ``theta_cov`` is not symmetric positive semidefinite.
+        If shapes, terms or values are inconsistent, or ``theta_cov`` is not symmetric positive semidefinite.
     """
 
     terms: tuple[Term, ...]
@@ -147,17 +147,17 @@ class NarxModel(Described):
         Parameters
         ----------
         terms : mapping of str to float, or of str to such mappings
-            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such
-            mapping for each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. The names
-            in ``details`` stand for the signals too.
+            Parameter of each term, as ``{"y(k-1)": 0.6, "u(k-1)^2": 0.3}``; for several outputs one such mapping for
+            each, as ``{"y1": {"y1(k-1)": 0.6}, "y2": {"y1(k-1)": 0.2, "u(k-1)": 1.0}}``. Signal names given in
+            ``details`` may be used too.
         sample_time : float
             Sampling interval in s.
         theta_cov : array_like, shape (n_terms, n_terms), optional
-            Covariance of the parameters; zero when not given.
+            Covariance of the parameters; zero if omitted.
         noise_variance : float or array_like of shape (n_outputs,)
-            Variance of e(k), square of the output's unit; one number holds for all outputs.
+            Variance of e(k), square of the output's unit; a single number applies to all outputs.
         **details
-            Other fields of the class: names, units, operating, provenance, theta_dof.
+            Further fields of the class: names, units, operating, provenance, theta_dof.
 
         Raises
         ------
@@ -184,23 +184,23 @@ class NarxModel(Described):
 
     @classmethod
     def joined(cls, models: Sequence[NarxModel]) -> NarxModel:
-        """Make one model of one equation for each output.
+        """Combine single-output models into one model with an equation for each output.
 
         Parameters
         ----------
         models : sequence of NarxModel
-            One for each output, in order: all name the same signals, and the terms of each stand in the
-            equation of its own output.
+            Models of the outputs, in order; all name the same signals, and each has terms in the equation of its own
+            output only.
 
         Returns
         -------
         NarxModel
-            Parameters of different equations are uncorrelated in it.
+            Joint model, in which parameters of different equations are uncorrelated.
 
         Raises
         ------
         ModelError
-            If there is not one model for each output.
+            If the number of models differs from the number of outputs.
         """
         first = models[0]
         if any(set(model.equations) != {row} for row, model in enumerate(models)) or (len(models) != first.n_outputs):
@@ -218,7 +218,7 @@ class NarxModel(Described):
 
     @cached_property
     def table(self) -> TermTable:
-        """The terms prepared for evaluation."""
+        """Terms prepared for evaluation."""
         return TermTable(self.terms)
 
     @property
@@ -228,12 +228,12 @@ class NarxModel(Described):
 
     @cached_property
     def deterministic(self) -> NarxModel:
-        """The model without the terms that hold noise: what a free run sees.
+        """Model without its noise terms, as used in a free run.
 
         Raises
         ------
         ModelError
-            If nothing is left.
+            If the model has noise terms only.
         """
         kept = [m for m, term in enumerate(self.terms) if all(v.kind != "e" for v, _ in term.factors)]
         if len(kept) == len(self.terms):
@@ -252,12 +252,12 @@ class NarxModel(Described):
         Parameters
         ----------
         purpose : str
-            What asks for it, as the subject of the error's sentence.
+            Analysis that needs one output; the subject of the error's sentence.
 
         Raises
         ------
         ModelError
-            With what would be right.
+            If the model has several outputs or noise terms.
         """
         if self.n_outputs > 1:
             raise ModelError(f"{purpose} takes a model of one output; this one has {self.n_outputs}")
@@ -270,12 +270,12 @@ class NarxModel(Described):
         return text + origins(self) + (f"\n({shown.legend})" if shown.legend else "")
 
     def about_origin(self, inputs: Array, outputs: Array) -> tuple[Array, Array]:
-        """Return inputs and outputs less their origins: the signals that the terms are made of.
+        """Return inputs and outputs minus their origins, which are the signals in the terms.
 
         Parameters
         ----------
         inputs, outputs : ndarray, shapes (n_inputs, n) and (n_outputs, n)
-            In their units.
+            Inputs and outputs in their units.
         """
         return inputs - self.input_origin[:, None], outputs - self.output_origin[:, None]
 
@@ -285,27 +285,27 @@ class NarxModel(Described):
         Parameters
         ----------
         outputs : ndarray, shape (n_outputs, n)
-            Of the recording, in their units.
+            Outputs of the recording, in their units.
         """
         return divergence_limit(self.operating, outputs, self.output_origin)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the past that was measured until some steps before it.
+        """Predict each sample from the measurements up to ``steps`` samples before it.
 
         Parameters
         ----------
         recording : Recording
             Measured inputs and outputs, in the model's units.
         steps : int
-            Number of samples ahead. The outputs of the last ``steps - 1`` samples before the predicted one are
-            predicted too, their noise is zero, and all inputs are known.
+            Number of samples ahead. All inputs are used; the last ``steps - 1`` outputs before the predicted one are
+            themselves predictions, with zero noise.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (n_outputs, n); the samples before ``.first``, the largest lag plus
-            ``steps - 1``, are the measured ones. Where terms hold noise it is the innovation one step ahead, and
-            0 in the first lags. If predictions several steps ahead diverge, ``.status`` says so.
+            Response with ``.outputs`` of shape (n_outputs, n); the samples before ``.first``, the largest lag plus
+            ``steps - 1``, are the measured ones. Noise in the terms is the one-step innovation, and 0 in the first
+            lags. If predictions several steps ahead diverge, ``.status`` says so.
 
         Raises
         ------
@@ -338,30 +338,30 @@ class NarxModel(Described):
         return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording | ArrayLike, *, initial: ArrayLike | None = None) -> NarxResponse:
-        """Run free: only inputs and the outputs before the first computed sample are used; noise is zero.
+        """Simulate in free run, from the inputs and the outputs before the first computed sample, with zero noise.
 
         Parameters
         ----------
         recording : Recording, or array_like of shape (n,) or (n_inputs, n)
-            Inputs, in the model's units; of a recording the first ``table.max_lag`` outputs start the run, unless it
-            has none or ``initial`` is given.
+            Inputs in the model's units. The first ``table.max_lag`` outputs of a recording start the run, unless it has
+            none or ``initial`` is given.
         initial : array_like, shape (m,) or (n_outputs, m), optional
-            Outputs before the run, the newest last: those of the first m samples, or, where m is below
-            ``table.max_lag``, of the last m samples before that one. At least as many as the largest lag of an output;
-            NaN after the last known one is left out. Without them and without recorded outputs, `output_origin`, which
-            is zero where the model counts from zero.
+            Outputs that start the run, newest last: those of the first m samples or, if m is below ``table.max_lag``,
+            of the last m samples before the first computed one. At least as many as the largest output lag; NaN after
+            the last known output is ignored. Without these and without recorded outputs, the run starts at
+            `output_origin`.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (n_outputs, n), computed from ``.first`` on; ``.measured`` is NaN where nothing
-            is known. If the run diverges, ``.status`` says so, ``.failed_at_s`` when, and the outputs from there on
-            hold the last value.
+            Response with ``.outputs`` of shape (n_outputs, n), computed from ``.first`` on; ``.measured`` is NaN for
+            unknown outputs. If the run diverges, ``.status`` says so, ``.failed_at_s`` is the time, and the outputs
+            hold the last value from there on.
 
         Raises
         ------
         ModelError
-            If shapes do not fit, there are too few initial outputs, or the recording does not suit the model.
+            If shapes are inconsistent, there are too few initial outputs, or the recording does not suit the model.
         """
         drive = self._drive(recording, initial)
         start = drive.first - self.table.max_lag
@@ -405,7 +405,7 @@ class NarxModel(Described):
         Parameters
         ----------
         path : str or Path
-            File to write.
+            Path of the file to write.
         """
         write_document(path, to_document(self))
 
@@ -416,7 +416,7 @@ class NarxModel(Described):
         Parameters
         ----------
         path : str or Path
-            File to read.
+            Path of the file to read.
 
         Raises
         ------

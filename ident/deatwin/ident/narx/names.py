@@ -17,7 +17,7 @@ _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
 
 @dataclass(frozen=True)
 class SignalNames:
-    """What signals may be called in a term."""
+    """Names of the signals in a term."""
 
     inputs: tuple[str, ...] = ()  # Names of the channels; none where only the names by position are understood
     outputs: tuple[str, ...] = ()
@@ -47,7 +47,7 @@ class SignalNames:
         return kind, channel
 
     def unread(self, text: str, position: int) -> str:
-        """Return what is wrong with a term."""
+        """Return a message on what is wrong with a term at a position."""
         named = _NAMED.match(text, position)
         if named is None or not self._signals:
             return (
@@ -69,7 +69,10 @@ class SignalNames:
 
 
 def symbols_of(input_names: Sequence[str], output_names: Sequence[str]) -> dict[tuple[str, int], str]:
-    """Return how to write the signals of a model: by their names, or by position."""
+    """Return the symbols for a model's signals by kind and row: their names, or u1, y1, ... by position.
+
+    Names are used if they are words given by the user and all symbols differ, also from the noise.
+    """
     placed = {
         (kind, row): f"{kind}{number}"
         for kind, names in (("y", output_names), ("u", input_names), ("e", output_names))

@@ -30,7 +30,7 @@ class Neighbours:
     freedom: int  # Number of samples less terms of the larger model
 
     def only(self, kept: NDArray[np.bool_]) -> Neighbours:
-        """Return some of them. Shapes: `kept` (n_models,)."""
+        """Return the models selected by a mask `kept` (n_models,)."""
         return Neighbours(
             candidate=self.candidate[kept],
             chosen=self.chosen[kept],
@@ -43,7 +43,7 @@ class Neighbours:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CompressedRegression:
-    """A regression turned by an orthogonal matrix so that few rows are left: least squares on any terms is the same."""
+    """Regression rotated to few rows by an orthogonal matrix, with the same least-squares solutions for any terms."""
 
     rows: Array  # shape (n_terms, n_rows): Regressors, at most n_terms + 1 numbers each
     target: Array  # shape (n_rows,): Output
@@ -66,7 +66,11 @@ class CompressedRegression:
         return solve_triangular(triangle, moments), max(float(left @ left), self._rounding)
 
     def larger(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one candidate more; candidates that depend on the chosen terms are left out."""
+        """Return the models with one candidate more; candidates that depend on the chosen terms are left out.
+
+        With the chosen terms Q R and a candidate p = Q c + w, w orthogonal to Q, the candidate's parameter is w'y/w'w
+        and the others solve R theta = Q'y - c w'y/w'w.
+        """
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         along = self.rows @ basis
         across = self.rows - along @ basis.T
@@ -92,7 +96,10 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one of the chosen terms less."""
+        """Return the models with one of the chosen terms less.
+
+        With the chosen terms Q R and G = (R'R)^-1, term i is removed by theta - G_i theta_i / G_ii.
+        """
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)
@@ -114,7 +121,7 @@ class CompressedRegression:
         )
 
     def exchanged(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one of the chosen terms exchanged for a candidate, which is the one that they name."""
+        """Return the models with one chosen term exchanged for a candidate, named by the candidate."""
         rests = [[other for other in chosen if other != term] for term in chosen]
         found = [self.larger(rest) for rest in rests]
         parts = [models.only(models.candidate != term) for models, term in zip(found, chosen, strict=True)]

@@ -29,52 +29,51 @@ _KNOWN = ("ebic", "bic", "aic", "none")
 class Narmax(NarxIdentifier):
     """Add a noise model to a process model: y(k) = f(y, u) + g(y, u, e) + e(k).
 
-    The process terms are those that another identifier chooses. The noise terms, each of which holds some e(k-l), are
-    given, or chosen by their error reduction ratio beside the process terms, e being what many more lags leave of the
-    output. Both are then estimated together by the least sum of squared prediction errors, and a choice is made once
-    more with that e.
-    Where the noise is coloured this takes the bias off the process terms, and lets their intervals cover.
+    Another identifier chooses the process terms. The noise terms, which contain e(k-l), are given, or chosen by their
+    error reduction ratio beside the process terms with the residual of a model of many more lags as e. All terms are
+    then estimated together by the smallest sum of squared prediction errors, and the choice is repeated once with the
+    resulting e. With coloured noise this removes the bias of the process parameters and corrects their intervals.
 
-    White noise on the readings of a plant ``A(q) y = f(u)`` is a noise model with the coefficients of A: give
+    White noise on the readings of a plant ``A(q) y = f(u)`` gives a noise model with the coefficients of A: choose
     e(k-1) .. e(k-n) for outputs up to y(k-n).
 
-    A free run of the model leaves e at zero, a prediction runs it along.
+    A free run of the model sets e to zero; a prediction computes e along the recording.
 
     Parameters
     ----------
     process : NarxIdentifier
-        Chooses the process terms, as ``Frols(output_lags=4)`` or ``Fixed(terms=["y(k-1)", "u(k-1)"])``; it is not
-        changed by a fit.
+        Identifier that chooses the process terms, as ``Frols(output_lags=4)`` or ``Fixed(terms=["y(k-1)", "u(k-1)"])``;
+        a fit does not change it.
     noise_terms : sequence of Term or str, or mapping of str to such sequences, optional
-        The noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs those of each equation, as
-        ``{"y1": ["e1(k-1)"], "y2": []}``. Without them they are chosen, by the arguments that follow.
+        Noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs those of each equation, as ``{"y1": ["e1(k-1)"],
+        "y2": []}``. If omitted, they are chosen by the arguments that follow.
     noise_lags : int or sequence of int
-        A number n for the lags 1..n of e, or the lags themselves, in samples.
+        Lags of e in samples: a number n for 1..n, or a list of lags.
     noise_degree : int
-        Largest degree of a noise term; from 2 on products of e with itself and with all lagged signals of the process'
-        candidates are candidates too.
+        Largest degree of a noise term; from 2 on, the candidates include products of e with itself and with all lagged
+        signals of the process candidates.
     max_noise_terms : int
         Largest number of noise terms.
     criterion : str
-        "ebic", "bic" or "aic" choose the number of noise terms, which may be 0; "none" keeps ``max_noise_terms``.
+        Criterion for the number of noise terms, which may be 0: "ebic", "bic" or "aic"; "none" keeps
+        ``max_noise_terms``.
     tolerance : float
-        e has settled when an undamped Gauss-Newton step would change it by less than this share of it (root mean
-        square).
+        Relative change of e, root mean square, by an undamped Gauss-Newton step below which e has settled.
     max_iterations : int
-        Largest number of steps of an estimation.
+        Largest number of iterations of an estimation.
 
     Attributes
     ----------
     model_ : NarxModel
-        Process terms and, after them, noise terms, in physical units.
+        Model with the process terms followed by the noise terms, in physical units.
     process_ : NarxIdentifier
-        The fitted identifier of the process terms.
+        Fitted identifier of the process terms.
     noise_terms_ : tuple of Term
-        The noise terms, given or chosen.
+        Noise terms, given or chosen.
     noise_status_ : NoiseStatus
-        Whether the noise settled.
+        Outcome of the iteration over e.
     changes_ : ndarray, shape (n_iterations,)
-        By how much the undamped step of each iteration would change e: root mean square, relative to e.
+        Relative change of e, root mean square, that the undamped step of each iteration would make.
 
     References
     ----------

@@ -19,16 +19,16 @@ def read_only(values: ArrayLike) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OperatingRange:
-    """Where a model was trained.
+    """Range of the signals in a model's training data.
 
     Parameters
     ----------
     input_min, input_max : ndarray, shape (n_inputs,)
         Smallest and largest value of the training inputs, in the inputs' units.
     input_centre : ndarray, shape (n_inputs,)
-        The operating input: mean of the training inputs, or 0 after the operating point was removed.
+        Operating input: mean of the training inputs, or 0 after the operating point was removed.
     output_min, output_max, output_centre : ndarray, shape (n_outputs,)
-        The same of the outputs, in their units.
+        Smallest, largest and operating value of the training outputs, in the outputs' units.
     """
 
     input_min: Array
@@ -48,9 +48,9 @@ class OperatingRange:
         Parameters
         ----------
         operating_input : ndarray, shape (n_inputs,)
-            In the inputs' units.
+            Inputs at the operating point, in their units.
         operating_output : ndarray, shape (1,)
-            In the output's unit.
+            Output at the operating point, in its unit.
         """
         return OperatingRange(
             input_min=self.input_min - operating_input,

@@ -15,7 +15,13 @@ Array = NDArray[np.float64]
 
 
 def about_data(data: Regression) -> Regression:
-    """Return a regression about origins that its data give: zero where they reach about that far, else the mean."""
+    """Return a regression about origins chosen from the data: zero if they nearly reach it, otherwise the mean.
+
+    A signal whose mean is no larger than its swing (largest minus smallest value) keeps its zero: its powers lose at
+    most a bit or two per factor. For any other signal, for example in kelvin, zero has no part in the experiment,
+    regressors about it would be nearly constant, and the effect of a prior would depend on it. Neither choice depends
+    on the unit.
+    """
     return replace(
         data,
         input_origin=_origins([record.inputs for record in data.recordings]),
@@ -24,7 +30,10 @@ def about_data(data: Regression) -> Regression:
 
 
 def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
-    """Return the regressions of all outputs about those at which a model rests while its inputs are at their origins."""
+    """Return the regressions of all outputs about the model's equilibrium with its inputs at their origins.
+
+    No constant term is needed there: it would only say how far from the equilibrium the origin was put.
+    """
     moved = model.output_origin.any() or model.input_origin.any()
     if len(data) != model.n_outputs or not moved or not any(term.degree == 0 for term in model.terms):
         return data

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def panels_or_new(axes: Sequence[Axes] | None, count: int, *, height: float, sharex: bool = False) -> list[Axes]:
-    """Axes to draw in; matplotlib is loaded only now."""
+    """Return the user's axes, or new ones below each other; matplotlib is loaded only now."""
     if axes is None:
         from matplotlib import pyplot
 

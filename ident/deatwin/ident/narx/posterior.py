@@ -34,23 +34,23 @@ class ThetaDraws:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThetaPosterior:
-    """The posterior of a model's parameters: Student-t, or normal where the model's degrees of freedom are infinite.
+    """Posterior of a model's parameters: Student-t, or normal if the model's degrees of freedom are infinite.
 
-    It is the marginal law of ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with 2a degrees of freedom, of
-    which a model keeps ``V b/(a - 1)`` as covariance and ``b/(a - 1)`` as noise variance. Each equation has its own
+    It is the marginal distribution of ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with 2a degrees of
+    freedom. A model stores ``V b/(a - 1)`` as covariance and ``b/(a - 1)`` as noise variance. Each equation has its own
     tau.
 
     Parameters
     ----------
     model : NarxModel
-        Whose parameters they are.
+        Model with the parameters, their covariance and degrees of freedom.
     """
 
     model: NarxModel
 
     @property
     def scale(self) -> Array:
-        """Scale of each parameter's law, shape (n_terms,); the standard deviation where that is normal."""
+        """Scale of each parameter's distribution, shape (n_terms,); the standard deviation if it is normal."""
         dof = self.model.theta_dof
         shrink = 1.0 if math.isinf(dof) else (dof - 2) / dof
         return np.asarray(np.sqrt(shrink * np.diag(self.model.theta_cov)))
@@ -61,12 +61,12 @@ class ThetaPosterior:
         Parameters
         ----------
         level : float
-            Its probability, between 0 and 1.
+            Probability of the interval, between 0 and 1.
 
         Returns
         -------
         ndarray, shape (n_terms, 2)
-            Lower and upper ends in SI units.
+            Lower and upper ends, in the parameters' units.
 
         Raises
         ------
@@ -84,12 +84,12 @@ class ThetaPosterior:
         term : int
             Position of the term in the model.
         values : ndarray
-            Values of the parameter in SI units.
+            Values of the parameter, in its unit.
 
         Returns
         -------
         ndarray
-            Density, of the shape of ``values``.
+            Density at each value, in the inverse of the parameter's unit.
         """
         from scipy import stats
 
@@ -98,14 +98,14 @@ class ThetaPosterior:
         return np.asarray(law.pdf((values - self.model.theta[term]) / scale) / scale)
 
     def sample(self, rng: np.random.Generator, n_draws: int) -> ThetaDraws:
-        """Draw parameters and noise variances together.
+        """Draw parameters and noise variances jointly from the posterior.
 
         Parameters
         ----------
         rng : numpy.random.Generator
-            Of the draws.
+            Generator of the draws.
         n_draws : int
-            How many.
+            Number of draws.
 
         Returns
         -------
@@ -132,11 +132,11 @@ class ThetaPosterior:
         Parameters
         ----------
         axes : sequence of matplotlib Axes, optional
-            One for each term; new ones otherwise.
+            Axes to draw on, one for each term; created if omitted.
         truth : ndarray, shape (n_terms,), optional
-            True values, where they are known.
+            True values of the parameters, in their units, drawn if given.
         level : float
-            Probability of the interval.
+            Probability of the interval that is marked, between 0 and 1.
 
         Returns
         -------
@@ -150,9 +150,9 @@ class ThetaPosterior:
         Parameters
         ----------
         rng : numpy.random.Generator
-            Of the draws.
+            Generator of the draws.
         **options
-            ``recording``, ``n_chains``, ``n_draws``.
+            Options ``recording``, ``n_chains`` and ``n_draws`` of that function.
 
         Returns
         -------

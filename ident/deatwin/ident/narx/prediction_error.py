@@ -111,7 +111,11 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _PredictionErrors:
-    """The prediction errors as a function of the parameters."""
+    """Prediction errors as a function of the parameters.
+
+    Each recording is preceded by as many samples as the longest lag of e; their errors are parameters of their own, the
+    unknown start of e.
+    """
 
     process: Regression
     table: TermTable  # The noise terms
@@ -214,9 +218,8 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """Return e of all fitted samples, and of some that lead them, as one array a recording. `errors` (n_samples +
-    n_recordings lead,); `lead` number of samples before the first fitted one of each recording; returns
-    (n_outputs, n).
+    """Return e of all fitted samples and of `lead` samples before them, one array (n_outputs, n) per recording, zero
+    elsewhere.
     """
     noise, begin = [], 0
     for record in data.recordings:
@@ -255,7 +258,10 @@ def _filtered(bands: Sequence[Array], rows: Array) -> Array:
 
 
 def _forgets(band: Array) -> bool:
-    """Whether e forgets its start: repeated for ever, the recording would let a disturbance of e die out."""
+    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever.
+
+    For constant coefficients this means that all roots of the noise polynomial lie inside the unit circle.
+    """
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True

@@ -50,22 +50,22 @@ class PredictiveBand(Described):
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
-        Middle of the band in the recording's units: the mean one step ahead, the median in free run. The
-        samples before ``first`` are the measured ones.
+        Centre of the band in the recording's units: the mean one step ahead, the median in free run. The samples before
+        ``first`` are the measured ones.
     lower, upper : ndarray, shape (n_outputs, n)
-        Its ends.
+        Lower and upper end of the band, in the recording's units.
     level : float
-        Probability between them, at each sample by itself.
+        Probability that a new measurement lies in the band, for each sample separately.
     measured : ndarray, shape (n_outputs, n)
-        The recording's outputs.
+        Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)
         Times of the samples on the recording's clock in s.
     first : int
-        The first computed sample.
+        Index of the first computed sample.
     units : tuple of str
         Unit of each output.
     draws, diverged : int
-        Draws of the posterior that were run free, and how many of them diverged; 0 one step ahead.
+        Number of free runs with drawn parameters, and number of them that diverged; 0 one step ahead.
     """
 
     outputs: Array = field(metadata=variable("output", "time", name="middle", unit=one_unit))
@@ -85,7 +85,7 @@ class PredictiveBand(Described):
 
     @property
     def status(self) -> BandStatus:
-        """Whether every draw is in the band."""
+        """Outcome, which says if draws diverged and are left out of the band."""
         return BandStatus.DIVERGED if self.diverged else BandStatus.OK
 
     @property
@@ -95,12 +95,12 @@ class PredictiveBand(Described):
         return np.asarray(inside[:, self.first :].mean(axis=1), dtype=np.float64)
 
     def plot(self, ax: Axes | None = None, *, output: int = 0) -> Axes:
-        """Draw the band over time, with its middle and the measured output.
+        """Draw the band over time, with its centre and the measured output.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
         output : int
             Row of the output.
 
@@ -128,16 +128,16 @@ class PredictiveBand(Described):
 
 
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
-    """Return the band of the next measurement, given the measured past.
+    """Return the predictive band of the next measurement, given the measured past.
 
-    It is exact for terms without noise: the next output is Student-t about phi'theta with the squared scale
-    b/a (1 + phi'V phi) and 2a degrees of freedom. Where terms hold noise, the innovations of the mean model
-    stand for it.
+    The band is exact for terms without noise: the next output has a Student-t distribution about phi'theta with the
+    squared scale b/a (1 + phi'V phi) and 2a degrees of freedom. For terms with noise, the innovations of the model with
+    mean parameters are used.
 
     Parameters
     ----------
     model : NarxModel
-        With its covariance, degrees of freedom and noise variance.
+        Model with its covariance, degrees of freedom and noise variance.
     recording : Recording
         Measured inputs and outputs, in the model's units.
     level : float
@@ -169,30 +169,29 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
 def free_run_band(
     model: NarxModel, recording: Recording, rng: np.random.Generator, *, n_draws: int = 400, level: float = 0.95
 ) -> PredictiveBand:
-    """Return the band of measurements over a free run from the first lags.
+    """Return the predictive band of new measurements for a free run from the first lags.
 
-    Parameters and noise variance are drawn from the posterior, once for each run, and noise at each sample;
-    the noise enters the equation, so that it goes on through the past outputs. The ends are quantiles of the
-    runs.
+    Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. The
+    noise enters the model's equation and so propagates through the past outputs. The ends of the band are quantiles of
+    the runs.
 
     Parameters
     ----------
     model : NarxModel
-        With its covariance, degrees of freedom and noise variance.
+        Model with its covariance, degrees of freedom and noise variance.
     recording : Recording
-        Inputs, and outputs of which the first ``model.table.max_lag`` samples start the runs, in the model's
-        units.
+        Inputs and outputs in the model's units; the first ``model.table.max_lag`` outputs start the runs.
     rng : numpy.random.Generator
-        Of the draws.
+        Generator of the draws.
     n_draws : int
-        How many runs.
+        Number of runs.
     level : float
         Probability of the band, between 0 and 1.
 
     Returns
     -------
     PredictiveBand
-        ``.status`` says if draws diverged; they are left out.
+        Band of the runs that did not diverge; ``.status`` says if some did.
 
     Raises
     ------

@@ -29,38 +29,38 @@ _USUAL_STEPS = 40  # evaluations that a search takes, for the progress
 class ThetaSmoother(VaryingParameters):
     """Kalman filter and fixed-interval smoother of parameters that follow random walks.
 
-    theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k); the variances of w and e are estimated, unless they are
-    given. The start is the least squares estimate, with a covariance so wide that it is worth 1e-4 of one sample. Over
-    a gap between recordings the walk goes on.
+    The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k); the variances of w and e are estimated
+    unless given. The filter starts at the least squares estimate with a covariance so wide that it has the weight of
+    1e-4 of one sample. The walk continues over a gap between recordings.
 
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        The fixed structure: that of a model, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each
-        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+        Fixed structure: a model with its terms, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs the terms
+        of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     drift : str
-        "each": every parameter has a drift variance of its own; "common": one for all, measured by what the terms
-        contribute to the output (rms).
+        Drift variances: "each" gives every parameter its own; "common" uses one for all, scaled by the rms that each
+        term contributes to the output.
     variances : str
-        "likelihood" takes the variances of largest likelihood. A weak drift is often likeliest to be none at all; the
-        bands, which take the variances as known, then are too narrow (three walks over 600 samples, one strong and two
-        weak: 88 % coverage at 95 %). "posterior" multiplies the likelihood with the standard deviation of each walk
-        [2]_, the mode of the logarithms' posterior if all standard deviations are equally likely beforehand: no
-        estimate is zero, and the bands cover (95 %; of parameters that stand still, more than that).
+        Estimator of the variances. "likelihood" maximises the likelihood; a weak drift is then often estimated as zero,
+        and the bands, which treat the variances as known, are too narrow (three walks over 600 samples, one strong and
+        two weak: 88 % coverage at 95 %). "posterior" multiplies the likelihood by the standard deviation of each walk
+        [2]_, which gives the mode of the posterior of the logarithms under a flat prior on the standard deviations: no
+        estimate is zero, and the bands have 95 % coverage (more for constant parameters).
     noise_variance : float, optional
-        Variance of e in the squared unit of the output; estimated when not given.
+        Variance of e in the squared unit of the output; estimated if omitted.
     drift_variance : array_like, shape (n_terms,), optional
-        Variance that each parameter gains in one sample interval, in its squared unit. To be given together with
-        ``noise_variance``, for one output.
+        Variance that each parameter gains in one sample interval, in its squared unit; only together with
+        ``noise_variance`` and for one output.
 
     Attributes
     ----------
     trajectory_ : ThetaTrajectory
-        theta(t) given the whole record. Its bands take the variances as known.
+        Smoothed theta(t), given the whole record; its bands treat the variances as known.
     filtered_ : ThetaTrajectory
-        theta(t) given the samples until then; with several outputs it is found on each of ``equations_``.
+        Filtered theta(t), given the samples up to t; with several outputs it is on each of ``equations_``.
     model_ : NarxModel
-        The model at the last sample.
+        Model at the last sample.
 
     References
     ----------

@@ -102,27 +102,27 @@ class VaryingParameters(NarxIdentifier):
 class Rls(VaryingParameters):
     """Recursive least squares with exponential forgetting.
 
-    At each sample k theta minimises the sum over i of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``. The recursion
-    starts from the least squares solution of a beginning just long enough for its regressors to be independent, and so
-    is exact: without forgetting it ends at the least squares estimate of the whole record. What an estimator of one
-    structure is for is theta(t); over a gap between recordings nothing is forgotten.
+    At each sample k, theta minimises the sum over i of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``. The
+    recursion starts from the least squares solution of the shortest beginning with independent regressors, and is
+    therefore exact: without forgetting it ends at the least squares estimate of the whole record. Nothing is forgotten
+    over a gap between recordings.
 
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        The fixed structure: that of a model, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs those of each
-        equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
+        Fixed structure: a model with its terms, or terms as ``["y(k-1)", "u(k-1)^2"]``; for several outputs the terms
+        of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``.
     forgetting : float
-        Forgetting factor in (0, 1]: the past counts for 1 / (1 - forgetting) samples.
+        Forgetting factor in (0, 1]; the memory is 1 / (1 - forgetting) samples.
 
     Attributes
     ----------
     trajectory_ : ThetaTrajectory
-        theta(t) from the end of that beginning on, with the covariance ``noise_variance`` times the inverse of the
-        weighted sum of phi phi'. With forgetting it measures what the samples in memory say; no law of the drift is
-        behind it.
+        Estimates theta(t) after that beginning, with the covariance ``noise_variance`` times the inverse of the
+        weighted sum of phi phi'. With forgetting, this covariance reflects the samples in memory and assumes no model
+        of the drift.
     model_ : NarxModel
-        The model at the last sample.
+        Model at the last sample.
 
     References
     ----------
@@ -171,7 +171,10 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve a beginning of the record whose weighted regressors are independent."""
+    """Solve the shortest beginning of the record whose weighted regressors are independent.
+
+    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted residual sum of squares.
+    """
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)

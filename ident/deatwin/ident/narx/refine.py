@@ -44,30 +44,31 @@ def refine(
     max_steps: int = 50,
     progress: Progress | None = None,
 ) -> NarxModel:
-    """Return the model with the parameters of least free-run error; its terms stay.
+    """Return the model with the same terms and the parameters of smallest free-run error.
 
-    Where the noise is on the readings and not in the dynamics, least squares of the one-step error is biased, and
-    that of the free-run error is the maximum-likelihood estimate (output error). The search starts from the model's
-    parameters and never leaves them for worse ones; interrupted, it keeps the best so far.
+    If the noise is on the readings and not in the dynamics, least squares on the one-step error is biased, and least
+    squares on the free-run error is the maximum-likelihood estimate (output error). The search starts from the model's
+    parameters and never ends at worse ones; on Ctrl-C it keeps the best so far.
 
     Parameters
     ----------
     model : NarxModel
-        Of one output and without noise terms; its free run must not diverge on the recordings.
+        Model with one output and no noise terms, whose free run does not diverge on the recordings.
     recordings : Recording, Experiment, or several
         Training data; each run starts with the measured first lags of its recording.
     tolerance : float
-        The search ends when a step lowers the sum of squares by less than this share.
+        Relative decrease of the sum of squares in one step below which the search ends.
     max_steps : int
         Largest number of evaluations of the free run.
     progress : callable, optional
-        Takes the share that is done (of `max_steps`) and what is being done.
+        Called with the share of `max_steps` done, between 0 and 1, and a description of the current step.
 
     Returns
     -------
     NarxModel
-        ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the free-run
-        error: right where that error is white. ``noise_variance`` is that of the one-step error, as everywhere.
+        Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the
+        free-run error, which is valid if that error is white; ``noise_variance`` is the variance of the one-step error,
+        as in every model.
 
     Raises
     ------
@@ -104,30 +105,29 @@ def extend(
     max_terms: int,
     progress: Progress | None = None,
 ) -> tuple[NarxModel, ...]:
-    """Add terms one by one, each the one that lowers the free-run error most, and refine after each.
+    """Add terms one by one, always the one that lowers the free-run error most, and refine after each.
 
-    What a candidate would take away is told to first order: its response to a small coefficient, orthogonalised against
-    the sensitivities of the parameters, is held against the free-run error. Simulation-error minimisation differs in
-    that it estimates parameters by the one-step error and runs every enlarged model. Interrupted, the path so far is
-    returned.
+    The reduction by a candidate is computed to first order: its response to a small coefficient, orthogonalised against
+    the sensitivities of the parameters, is projected on the free-run error. Simulation-error minimisation, in contrast,
+    estimates parameters by the one-step error and runs every enlarged model. On Ctrl-C the path so far is returned.
 
     Parameters
     ----------
     model : NarxModel
-        To start from, as for `refine`; a linear one will do.
+        Model to start from, as for `refine`; a linear one is sufficient.
     recordings : Recording, Experiment, or several
         Training data.
     candidates : iterable of Term
-        Those of the model among them are passed over.
+        Candidate terms; terms already in the model are skipped.
     max_terms : int
-        Of the last model.
+        Number of terms of the largest model.
     progress : callable, optional
-        Takes the share that is done and what is being done.
+        Called with the share done, between 0 and 1, and a description of the current step.
 
     Returns
     -------
     tuple of NarxModel
-        The refined start and each model after it, one term larger; fewer than wanted where no candidate is left.
+        Refined initial model and its successors, each one term larger; the path ends early if no candidate is left.
 
     Raises
     ------
@@ -153,27 +153,27 @@ def extend(
 def prune(
     model: NarxModel, recordings: Recordings, *, n_terms: int, progress: Progress | None = None
 ) -> tuple[NarxModel, ...]:
-    """Take terms out one by one, each the one that the free-run error misses least, and refine after each.
+    """Remove terms one by one, always the one that raises the free-run error least, and refine after each.
 
-    What the error would gain is told to first order, by the square of the parameter over its variance. To add more
-    terms than are wanted and to prune them back finds structures that adding alone passes by.
+    The increase of the error is computed to first order, as the square of the parameter over its variance. Adding more
+    terms than wanted and pruning them finds structures that adding alone misses.
 
     Parameters
     ----------
     model : NarxModel
-        To start from, as for `refine`.
+        Model to start from, as for `refine`.
     recordings : Recording, Experiment, or several
         Training data.
     n_terms : int
-        Of the last model, at least 1.
+        Number of terms of the smallest model, at least 1.
     progress : callable, optional
-        Takes the share that is done and what is being done.
+        Called with the share done, between 0 and 1, and a description of the current step.
 
     Returns
     -------
     tuple of NarxModel
-        The refined start and each model after it, one term smaller; fewer than wanted where without any further term
-        the free run diverges.
+        Refined initial model and its successors, each one term smaller; the path ends early if the free run diverges
+        without any further term.
 
     Raises
     ------
@@ -242,8 +242,10 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Return the derivatives of a free run by the parameters. Shapes: returns (n - first, n_terms), For each computed
-    sample, output's unit over that of the parameter.
+    """Return the derivatives of a free run by the parameters, (n - first, n_terms).
+
+    From y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the slopes a_l of f by
+    y(k-l): a banded triangular system for all samples at once.
     """
     _require_simple(model)
     return _responses(model, recording, _run(model, recording), model.table)

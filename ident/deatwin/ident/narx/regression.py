@@ -27,7 +27,11 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """The regression y = Phi theta + e of candidate terms on recordings, in scaled signals."""
+    """Regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
+
+    Each signal, minus its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds
+    1 in any unit, and the conversion back is exact in binary arithmetic.
+    """
 
     table: TermTable  # Candidate terms
     recordings: tuple[Recording, ...]  # Training data

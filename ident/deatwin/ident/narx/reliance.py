@@ -24,18 +24,18 @@ _TWO_SIDED = 1.96  # quantile of the normal law for intervals of 95 %
 
 @dataclass(frozen=True, kw_only=True)
 class Reliance:
-    """What held-out data say of a model with one output.
+    """Assessment of a model with one output on held-out data.
 
     Parameters
     ----------
     status : ValidationStatus
-        What the residual tests said together.
+        Joint result of the residual tests.
     failed : tuple of str
         Names of the tests that failed, such as ``ue``.
     gain_error : float or None
-        By which share the recorded output swings more than the model's free run; None where that is not known.
+        Relative error of the free run's gain, positive if the recorded output swings more; None if unknown.
     gain_error_half_width : float or None
-        Half of its 95 % interval.
+        Half width of the 95 % interval of the gain error; None if unknown.
     """
 
     status: ValidationStatus
@@ -45,14 +45,14 @@ class Reliance:
 
     @property
     def biased(self) -> bool:
-        """Whether the 95 % interval of the gain error excludes zero."""
+        """True if the 95 % interval of the gain error excludes zero."""
         if self.gain_error is None or self.gain_error_half_width is None:
             return False
         return abs(self.gain_error) > self.gain_error_half_width
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """One sentence, without a full stop, for each reason not to rely on the model; empty where there is none."""
+        """Reasons not to rely on the model, one sentence each without a full stop."""
         found = []
         if self.status is ValidationStatus.DIVERGED:
             found.append("the model's free run diverged on held-out data")
@@ -74,7 +74,7 @@ class Reliance:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """As `NarxModel` keeps it."""
+        """Entries for the provenance of a `NarxModel`."""
         kept = {STATUS_KEY: self.status.name.lower()}
         if self.failed:
             kept[FAILED_KEY] = "; ".join(self.failed)
@@ -84,12 +84,12 @@ class Reliance:
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """What a model carries; None where it carries nothing.
+        """Read the assessment from a model's provenance; None if there is none.
 
         Parameters
         ----------
         provenance : mapping of str to str
-            Of the model.
+            Provenance of the model.
 
         Returns
         -------
@@ -98,7 +98,7 @@ class Reliance:
         Raises
         ------
         ModelError
-            If what it carries cannot be read.
+            If the entries cannot be read.
         """
         if (written := provenance.get(STATUS_KEY)) is None:
             return None
@@ -121,25 +121,25 @@ _MEANING = {
 
 
 def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Reliance | None:
-    """Test a model on recordings that it was not fitted on.
+    """Assess a model on held-out recordings.
 
     Parameters
     ----------
     model : NarxModel
-        Of one output.
+        Model with one output.
     recordings : sequence of Recording
-        Held-out data.
+        Recordings that were not used for the fit.
 
     Returns
     -------
     Reliance or None
-        None where the recordings are too short for the tests.
+        Assessment; None if the recordings are too short for the tests.
 
     Notes
     -----
-    The gain error is the slope b of ``y - y_s = a + b y_s``, with the free run y_s. Its variance allows for errors that
-    are correlated in time: it sums the autocovariance of the products of error and regressor over the lags up to where
-    pairs of them are first negative (C. J. Geyer, Statistical Science 7 (1992) 473-483).
+    The gain error is the slope b of the regression ``y - y_s = a + b y_s`` on the free run y_s. Its variance allows for
+    errors correlated in time: the autocovariance of the products of error and regressor is summed up to the first pair
+    of lags with a negative sum (C. J. Geyer, Statistical Science 7 (1992) 473-483).
     """
     try:
         found = validate(model, recordings)

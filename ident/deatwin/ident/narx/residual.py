@@ -31,19 +31,19 @@ class DivergedError(ModelError):
 
 @dataclass(frozen=True, kw_only=True)
 class Residual:
-    """A first-order process (Ornstein and Uhlenbeck) with the size and the memory of a free-run residual.
+    """First-order process (Ornstein-Uhlenbeck) with the rms and correlation time of a free-run residual.
 
     Parameters
     ----------
     rms : float
-        Without the sensor's white noise, in the output's unit.
+        Root mean square without the sensor's white noise, in the output's unit.
     correlation_time : float
-        Until the autocorrelation has fallen to 1/e, s.
+        Time after which the autocorrelation has fallen to 1/e, in s.
 
     Raises
     ------
     ModelError
-        If they are no finite numbers, the rms is negative or the time is not positive.
+        If a value is not finite, the rms is negative, or the time is not positive.
     """
 
     rms: float
@@ -57,23 +57,23 @@ class Residual:
             )
 
     def draw(self, count: int, draws: int, sample_time: float, rng: np.random.Generator) -> Array:
-        """Draw the process.
+        """Draw realisations of the process.
 
         Parameters
         ----------
         count : int
-            Samples.
+            Number of samples of each realisation.
         draws : int
-            How many of them.
+            Number of realisations.
         sample_time : float
-            s.
+            Time between two samples in s.
         rng : numpy.random.Generator
-            Source of the noise.
+            Generator of the draws.
 
         Returns
         -------
         ndarray, shape (count, draws)
-            Stationary, in the output's unit.
+            Stationary realisations, one per column, in the output's unit.
         """
         from scipy.signal import lfilter
 
@@ -84,17 +84,17 @@ class Residual:
 
     @property
     def provenance(self) -> dict[str, str]:
-        """As `NarxModel` keeps it."""
+        """Entries for the provenance of a `NarxModel`."""
         return {RMS_KEY: f"{self.rms:.6g}", TIME_KEY: f"{self.correlation_time:.6g}"}
 
     @classmethod
     def of_provenance(cls, provenance: Mapping[str, str]) -> Self | None:
-        """The residual that a model carries; None where it carries none.
+        """Read the residual from a model's provenance; None if there is none.
 
         Parameters
         ----------
         provenance : mapping of str to str
-            Of the model.
+            Provenance of the model.
 
         Returns
         -------
@@ -103,9 +103,9 @@ class Residual:
         Raises
         ------
         ModelError
-            If what it carries is no number.
+            If an entry is not a number.
         DivergedError
-            If it carries that its free run diverged.
+            If the provenance states that the model's free run diverged.
         """
         if DIVERGED.items() <= provenance.items():
             raise DivergedError("the model's free run fails on the recording from which it was identified: it diverged")
@@ -124,14 +124,14 @@ class Residual:
 
 
 def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
-    """Measure what a model leaves of a recording in free run.
+    """Measure the rms and correlation time of a model's free-run residual on a recording.
 
     Parameters
     ----------
     model : NarxModel
-        Of one output.
+        Model with one output.
     recording : Recording
-        Better one on which the model was not fitted.
+        Recording in the model's units, preferably one that was not used for the fit.
 
     Returns
     -------
@@ -140,11 +140,12 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     Raises
     ------
     DivergedError
-        If the free run diverges; a ModelError.
+        If the free run diverges; a subclass of ModelError.
 
     Notes
     -----
-    A residual that rings has the size and the memory of its envelope, as a process that wanders: in a loop the wider.
+    An oscillating residual is described by the rms and correlation time of its envelope, as a slowly varying process;
+    in a control loop this gives the larger uncertainty.
     """
     run = model.simulate(recording)
     if not run.status.ok:

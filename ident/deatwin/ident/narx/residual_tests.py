@@ -55,27 +55,27 @@ _QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CorrelationTest:
-    """A normalised correlation of the residual, which is zero up to chance when nothing is left to explain.
+    """Normalised correlation of the residual, which differs from zero only by chance if the model is adequate.
 
     Parameters
     ----------
     name : str
-        One of `TESTS`.
+        Name of the test, one of `TESTS`.
     output : int
-        Row of the output whose residual e it is.
+        Row index of the output whose residual e is tested.
     other : int or None
-        Row of the input u, or of the other output; None where there is none.
+        Row index of the input u or of the other output; None for tests without one.
     lags : ndarray of int, shape (n_lags,)
-        The lags tau that are tested, in samples.
+        Tested lags tau in samples.
     values : ndarray, shape (n_lags,)
-        The correlation at each lag, between -1 and 1.
+        Correlation at each lag, between -1 and 1.
     n_samples : int
         Number of residuals.
     p_value : float
-        Chance of correlations at least as large when nothing is left to explain: twice the smaller one of those of
-        the sum of their squares and of their largest.
+        Probability of correlations at least as large if the model is adequate: twice the smaller of the p-values of the
+        sum of squares and of the largest correlation.
     level : float
-        The test fails where ``p_value`` is below.
+        Significance level; the test fails if ``p_value`` is below it.
     """
 
     name: str
@@ -97,17 +97,17 @@ class CorrelationTest:
 
     @property
     def passed(self) -> bool:
-        """Whether the correlations are what chance gives."""
+        """True if the correlations are consistent with chance."""
         return self.p_value >= self.level
 
     @property
     def share_outside(self) -> float:
-        """Share of the lags outside of the band; 0.05 is expected."""
+        """Share of the lags outside the band; 0.05 is expected."""
         return float(np.mean(np.abs(self.values) > self.band))
 
     @property
     def largest(self) -> float:
-        """The correlation of largest magnitude."""
+        """Correlation of largest magnitude."""
         return float(self.values[np.argmax(np.abs(self.values))])
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -116,7 +116,7 @@ class CorrelationTest:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------
@@ -164,8 +164,14 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test the residuals of a model by the correlations of Billings and Voon [1]_. `residuals` (n_outputs, n_r);
-    `inputs` (n_inputs, n_r); `max_lag` largest lag in samples.
+    """Test the residuals of a model by the correlations of Billings and Voon [1]_. Shapes, for each recording:
+    `residuals` (n_outputs, n_r); `inputs` (n_inputs, n_r).
+
+    With the residual e, the input u minus its mean, and ' for the removal of the mean: phi_ee for lags from 1, phi_ue,
+    phi_(u2)'e and phi_(u2)'e2 for lags of both signs, and phi_e(eu), between e(k) and e(k-1-tau) u(k-1-tau), for lags
+    from 0 to ``max_lag - 1``. The mean of e is not removed, because a mean is a fault. Bartlett's formula [3]_ gives
+    the covariance of the estimates at different lags, so that the tests with u test dependence on the input only.
+    Correlations of two skewed signals, as u^2 and e^2, are taken to follow a gamma distribution.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -237,7 +243,11 @@ def _standardised(values: Array, series: Series, lags: Integers) -> Array:
 
 
 def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
-    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1."""
+    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1.
+
+    It is the sum over s of rho_b(s) rho_a(s + d), with rho_b tapered to zero beyond ``reach`` (Bartlett's window, which
+    keeps the result a covariance).
+    """
     shifts = np.arange(-reach, reach + 1)
     of_b = correlation(b, b, np.abs(shifts)) * (1.0 - np.abs(shifts) / (reach + 1))
     of_a = correlation(a, a, np.arange(count + reach))
@@ -253,7 +263,11 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return the normal quantiles of scores that follow a Pearson law of type III, a gamma law, of some skewness."""
+    """Return the normal quantiles of scores that follow a gamma distribution (Pearson type III) of some skewness.
+
+    A sum of products of two skewed signals is still skewed after some hundred samples: its far tail, which decides on
+    the largest of many lags, is several times that of the normal distribution.
+    """
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:
@@ -265,7 +279,11 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the chance of scores as large, for a normal law with the Toeplitz correlation ``spread``."""
+    """Return the probability of scores as large for a normal distribution with the Toeplitz correlation ``spread``.
+
+    The sum of squares follows a scaled chi-square distribution (Satterthwaite); the largest score is bounded by Sidak's
+    inequality [4]_, exact for independent lags.
+    """
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

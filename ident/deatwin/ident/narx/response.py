@@ -25,7 +25,7 @@ _DIVERGED_UNTRAINED = 1e9
 
 
 class ResponseStatus(Enum):
-    """How a prediction or free run ended; the value is the advice."""
+    """Outcome of a prediction or free run; the value is a sentence that advises."""
 
     OK = "done"
     DIVERGED = (
@@ -39,7 +39,7 @@ class ResponseStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether every sample was computed."""
+        """True if every sample was computed."""
         return self is ResponseStatus.OK
 
 
@@ -50,18 +50,17 @@ class NarxResponse(Described):
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
-        Model outputs in the recording's units; the samples before ``first`` are the measured ones. Always
-        finite.
+        Model outputs in the recording's units, always finite; the samples before ``first`` are the measured ones.
     measured : ndarray, shape (n_outputs, n)
-        The recording's outputs.
+        Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)
         Times of the samples on the recording's clock in s.
     first : int
-        The first computed sample.
+        Index of the first computed sample.
     status : ResponseStatus
-        Whether the run is sound.
+        Outcome of the run.
     failed_at_s : float or None
-        Time at which a free run, or the first prediction several steps ahead, diverged, in s.
+        Time in s at which a free run, or the first prediction several steps ahead, diverged; None if none did.
     units : tuple of str
         Unit of each output.
     """
@@ -90,7 +89,7 @@ class NarxResponse(Described):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

@@ -37,7 +37,11 @@ _FEWEST = 8  # cosines of the scatter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """The cosine coefficients of short series, and what they say of the mean and of a drift."""
+    """Cosine coefficients of short series, for the covariance of their mean and their drift.
+
+    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
+    mean.
+    """
 
     coefficients: Array
     n_slow: int  # The first of them, which belong to a drift and do not count as scatter
@@ -79,8 +83,8 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Return by how much the series lie off their means, as the slow cosines have it. Shapes: `shares`
-        (n_times,); returns (n_times, n_series).
+        """Return the deviation of the series from their means by the slow cosines, (n_times, n_series), at `shares`
+        (n_times,) of their length.
         """
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
@@ -107,8 +111,11 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Compute what each block of samples says of the parameters, beside what all say. Shapes: returns (n_blocks,
-    n_terms).
+    """Return the deviation of the parameters that each block of samples alone suggests, (n_blocks, n_terms).
+
+    Leaving out block k of a least-squares fit with regressors P and residuals e changes the parameters by exactly -(P
+    P' - P_k P_k')^-1 P_k e_k; the pseudovalue is n_blocks - 1 times the opposite. With `instruments`, their regressors
+    Z replace the first P of each product.
     """
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
@@ -137,31 +144,32 @@ def pseudovalues(
 
 
 def robust_covariance(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> Array:
-    """Estimate the covariance of parameters that were fitted by least squares, whatever the residuals are like.
+    """Estimate the covariance of least-squares parameters without assumptions on the residuals (block jackknife).
 
-    Valid too where no parameters make the terms right: then it is the scatter, about those that fit an endless record
-    best, that other records of like excitation would give. What the terms cannot hold does not average out, and
-    parameters of differently excited records differ for that reason alone.
+    The estimate is valid even if the terms cannot describe the plant: it is then the scatter, over records of similar
+    excitation, about the parameters that fit an endless record best. The missing terms do not average out, so
+    parameters from differently excited records differ for that reason alone.
 
     Parameters
     ----------
     model : NarxModel
-        As for `pseudovalues`.
+        Model with one output and no noise terms, fitted by least squares to ``recordings``.
     recordings : Recording, Experiment, or several
-        What it was fitted to.
+        Recordings to which the model was fitted.
     n_blocks : int
-        Blocks into which they are cut; each is to be longer than what the actuator remembers.
+        Number of blocks into which the samples are cut, at least 2; each should be longer than the plant's memory.
 
     Returns
     -------
     ndarray, shape (n_terms, n_terms)
-        Of the t law of `robust`, so that it can stand for ``theta_cov``. Its rank is at most n_blocks - 1: it serves
-        for a few combinations of the parameters at a time.
+        Covariance of the t distribution of `robust`, as used for ``theta_cov``. Its rank is at most n_blocks - 1, so
+        use it for a few combinations of the parameters at a time.
 
     Raises
     ------
     ModelError
-        As `pseudovalues`.
+        If the model has several outputs or noise terms, ``n_blocks`` is below 2, there are too few samples, or the
+        parameters are not determined without one of the blocks.
     """
     return robust(model, recordings, n_blocks=n_blocks).theta_cov
 
@@ -172,21 +180,22 @@ def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) 
     Parameters
     ----------
     model : NarxModel
-        As for `pseudovalues`.
+        Model with one output and no noise terms, fitted by least squares to ``recordings``.
     recordings : Recording, Experiment, or several
-        What it was fitted to.
+        Recordings to which the model was fitted.
     n_blocks : int
-        As for `robust_covariance`.
+        Number of blocks, at least 2; see `robust_covariance`.
 
     Returns
     -------
     NarxModel
-        With ``theta_cov`` and ``theta_dof`` of the t law of n_blocks - 1 degrees of freedom.
+        Model with this ``theta_cov`` and, as ``theta_dof``, the n_blocks - 1 degrees of freedom of its t distribution.
 
     Raises
     ------
     ModelError
-        As `pseudovalues`.
+        If the model has several outputs or noise terms, ``n_blocks`` is below 2, there are too few samples, or the
+        parameters are not determined without one of the blocks.
     """
     cosines = Cosines.of(pseudovalues(model, recordings, n_blocks=n_blocks))
     return replace(model, theta_cov=cosines.scale * cosines.dof / (cosines.dof - 2), theta_dof=float(cosines.dof))

@@ -29,64 +29,66 @@ _CLEARLY_WORSE = 2.0
 
 
 class Semp(NarxIdentifier):
-    """Add the term that most lowers the error of the free run, prune, and so on.
+    """Choose terms by simulation-error minimisation with pruning (SEMP).
 
-    In every step the parameters of each model with one candidate more are estimated by least squares, all these models
-    are run free, and the candidate with the largest simulation error reduction ratio is added,
-    ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)`` with the mean squared simulation error MSSE. Then terms are pruned as
-    long as the model without one simulates better than the model before the addition.
+    In every step each candidate x is added to the model M on trial, the parameters are estimated by least squares, and
+    the model is run free. The candidate with the largest simulation error reduction ratio, ``SRR = (MSSE(M) - MSSE(M +
+    x)) / mean(y^2)`` with the mean squared simulation error MSSE, is added. Terms are then pruned as long as the model
+    without one simulates better than the model before the addition.
 
-    The simulation error is one number of one noisy record: among many candidates it is often lowered more by a false
-    term than by the true one. Two tests therefore stand beside the published rules, and are switched off by
-    ``level=0.5, significance=None``:
+    The simulation error of one noisy record is a single number: among many candidates, a false term often lowers it
+    more than the true one. Two tests are therefore added to the published rules; ``level=0.5, significance=None``
+    switches them off:
 
-    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only
-      what is better at this level counts as better; of the candidates that simulate as well as the best of them, the
-      one that lowers the one-step error most is added, if the free run is no worse with it.
-    - A term is a candidate only if it lowers the one-step error significantly (F test, its level divided by the number
-      of candidates that compete), and is pruned when it does so no longer and the free run is no worse without it.
+    - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only a
+      difference significant at ``level`` counts; of the candidates that simulate as well as the best, the one that
+      lowers the one-step error most is added, if the free run is no worse with it.
+    - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
+      the number of candidates); it is pruned when it no longer does and the free run is no worse without it.
 
-    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Then, which is
-    not published either and is switched off by ``max_exchanges=0``, a term is exchanged for a candidate that makes the
-    free run better, or the one-step error smaller and the free run no worse; and once the search goes on from that
-    model of the forward regression that simulates best, if it does so better than the present one: a resonance, for
-    one, cannot always be found by adding single terms to what simulates well. The search ends there; or, where a free
-    run went astray in a few sections only, which no test over them sees, at the last step whose mean squared error is
-    at most twice the least.
+    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further
+    steps, also not published and switched off by ``max_exchanges=0``, follow. A term is exchanged for a candidate that
+    improves the free run, or that lowers the one-step error with a free run no worse. Once, the search also continues
+    from the model of the forward regression that simulates best, if it simulates better than the present one, because
+    adding single terms cannot always find a resonance, for example. The result is the last step, or, if its free run is
+    far off in a few sections only, which a test over sections cannot see, the last step whose mean squared error is at
+    most twice the smallest.
 
-    Least squares and the F test hold where the one-step errors are white. If they are not, as with noise on the
-    readings, the model grows on (single output, and not with ``max_exchanges=0``): its parameters are refined to the
-    least free-run error, and terms are added by that error up to ``max_terms`` (`extend`). Of this path the first model
-    is taken from which on none is significantly worse, over held-out sections, than the best.
+    Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
+    noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
+    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms`` (`extend`). The
+    first model of this path is chosen from which on no model is significantly worse on held-out sections than the best.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel, or
-        for each: in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1, 2], "w": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
+        2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms.
     threshold : float, optional
-        Least SRR of an addition, as published; dimensionless. Without it the tests alone decide.
+        Smallest SRR of an addition, as published, dimensionless; if omitted, the tests alone decide.
     level : float
-        One-sided level of the test between simulation errors, above 0; 0.5 takes every difference as real.
+        One-sided level of the test between simulation errors, above 0; at 0.5 every difference counts.
     significance : float, optional
-        Probability with which any of the false candidates of a step enters a true model; None for no test.
+        Probability that any false candidate of a step enters a true model; None switches the test off.
     max_exchanges : int
-        How often a term may be exchanged for a candidate when no addition is left; 0 for the published search alone.
+        Largest number of exchanges when no addition is left; 0 gives the published search alone.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``; if it has grown, as of `refine`.
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``; if it was extended, that of
+        `refine`.
     terms_ : tuple of Term
-        Its terms.
+        Terms of the model.
     path_ : tuple of SempStep
-        The steps of the search.
+        Steps of the search.
     srr_ : ndarray, shape (n_steps,)
         Simulation error reduction ratio of each step before pruning, dimensionless.
     msse_ : ndarray, shape (n_steps,)
@@ -184,7 +186,7 @@ class Semp(NarxIdentifier):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

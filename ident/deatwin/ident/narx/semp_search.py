@@ -27,20 +27,20 @@ _STEPS = 4  # times max_terms: a search that still turns terms over then goes no
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """One step of the search: a term added or exchanged, and those pruned thereupon.
+    """Step of the search: a term added or exchanged, and the terms pruned after it.
 
     Parameters
     ----------
     added : tuple of Term
-        What was added: one term; all new ones where the search went on from the model of forward regression; none where
-        the parameters were refined.
+        Added term; all new terms if the search continued from the model of the forward regression, none if the
+        parameters were refined.
     pruned : tuple of Term
-        The terms that were taken out, by the exchange and by pruning.
+        Terms removed by the exchange and by pruning.
     terms : tuple of Term
-        The terms after the step.
+        Terms of the model after the step.
     srr : float
-        Simulation error reduction ratio of the addition: by what share of the mean square of the output the mean
-        squared simulation error fell.
+        Simulation error reduction ratio of the addition: decrease of the mean squared simulation error as a share of
+        the output's mean square.
     msse : float
         Mean squared simulation error after the step, square of the output's unit.
     """
@@ -63,7 +63,7 @@ class SempSettings(Protocol):
 
 
 class SempSearch:
-    """The search of `Semp`, step by step."""
+    """Search of `Semp`, step by step, with errors as sums of squares over each section of the records."""
 
     def __init__(self, settings: SempSettings, data: Regression) -> None:
         self.settings = settings
@@ -211,7 +211,10 @@ class SempSearch:
         )
 
     def _as_good(self, errors: Array) -> Booleans:
-        """Whether errors are not larger than those of the present model, nor than those of no model."""
+        """Return True if errors are not larger than those of the present model, nor than those of no model.
+
+        The test over sections does not see a run that is wild in one section alone; such a run is worse than no model.
+        """
         return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
 
     def _worse(self, errors: Array, than: Array) -> Booleans:

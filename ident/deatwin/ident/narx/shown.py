@@ -22,14 +22,18 @@ _PLAIN = (1e-4, 1e6)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownUnits:
-    """How the parameters of a model are shown."""
+    """Units in which the parameters of a model are shown."""
 
     factors: Array  # shape (n_terms,): Each parameter is to be multiplied by its own
     legend: str  # As ``y in mm, u in kV``; empty where the parameters are those of the signals in SI
 
 
 def shown_units(model: NarxModel) -> ShownUnits:
-    """Return the units for the signals in which the parameters of a model are shown."""
+    """Return the units of the signals in which the parameters of a model are shown.
+
+    These are the signals' own units unless a parameter would need an exponent; prefixes that suit the training data are
+    then used if fewer parameters need one.
+    """
     plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
     trained = model.operating
     exponents = _exponents(model.theta)

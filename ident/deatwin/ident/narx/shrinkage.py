@@ -34,18 +34,18 @@ class BayesianEstimate(Estimate):
 
 @dataclass(frozen=True)
 class Ridge:
-    """Ridge regression: the least of ``mean((y - Z theta)^2) + penalty |theta|^2``.
+    """Ridge regression, which minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
 
-    Z are the regressors, each divided by its root mean square; a constant regressor is not penalised (the others
-    are centred then). ``theta_cov`` is the posterior covariance ``s^2 (Z'Z + n penalty)^-1`` of the Bayesian reading
-    of the penalty, which allows for the bias on average, with s^2 the residual sum of squares over n less the
-    effective number of parameters.
+    The columns of Z are the regressors divided by their root mean squares; a constant regressor is not penalised (the
+    others are then centred). ``theta_cov`` is the posterior covariance ``s^2 (Z'Z + n penalty)^-1`` under the Bayesian
+    interpretation of the penalty, which allows for the bias on average; s^2 is the residual sum of squares divided by n
+    minus the effective number of parameters.
 
     Parameters
     ----------
     penalty : float or str
-        Positive; or how it is chosen: "gcv", by generalised cross-validation, or "evidence", by the marginal
-        likelihood.
+        Penalty, a positive dimensionless number, or its choice: "gcv" by generalised cross-validation, "evidence" by
+        the marginal likelihood.
 
     References
     ----------
@@ -87,17 +87,17 @@ class Ridge:
 
 @dataclass(frozen=True)
 class Bayesian:
-    """Bayesian linear regression: normal-gamma posterior in closed form, with its marginal likelihood.
+    """Bayesian linear regression with the closed-form normal-gamma posterior and its marginal likelihood.
 
-    ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, one precision alpha for all regressors, each
-    divided by the power of two nearest to its root mean square.
+    The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, with one precision alpha for all
+    regressors, each divided by the power of two nearest to its root mean square.
 
     Parameters
     ----------
     precision : float or None
-        alpha; None takes the one with the largest marginal likelihood.
+        Precision alpha, dimensionless; None chooses it by the largest marginal likelihood.
     priors : Priors
-        Of the noise; c0 and d0 are without effect.
+        Priors of the noise, of which a0 and b0 are used.
 
     References
     ----------

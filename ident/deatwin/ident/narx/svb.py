@@ -32,16 +32,16 @@ _PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
 
 @dataclass(frozen=True, kw_only=True)
 class CleanUpMove:
-    """One move of the clean-up.
+    """Move of the clean-up, which changes the structure by one term or one exchange.
 
     Parameters
     ----------
     removed, added : Term or None
-        What it changed: one of them, or both for an exchange; None and None for the step where it began.
+        Removed and added term, both for an exchange; both None for the initial structure.
     terms : tuple of Term
-        The terms after it.
+        Terms after the move.
     log_odds : float
-        ln p(structure | y) after it, less that of the structure without any term, in nats.
+        Difference of ln p(structure | y) after the move from that of the structure without terms, in nats.
     """
 
     removed: Term | None
@@ -51,70 +51,69 @@ class CleanUpMove:
 
 
 class SvbNarx(NarxIdentifier):
-    """Sparse variational Bayesian NARX: relevance determination, pruning, choice by the largest lower bound.
+    """Choose terms by sparse variational Bayes: relevance determination, pruning, and the largest lower bound.
 
-    With ``y | theta, tau ~ N(Phi theta, 1/tau)``, ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` and gamma
-    priors, the variational posterior of all candidates is iterated to convergence; the terms with the least
-    relevance ``1/E[alpha]`` are pruned, those up to ``min + (max - min)/resolution`` on a logarithmic scale;
-    and so on down to one term. Each step starts afresh from the prior mean of the relevances, so that a term
-    that others stood in for gets its weight back once they are gone. The step with the largest lower bound is
-    the model (all models being equally probable beforehand). Candidates that are zero throughout take no part.
+    With ``y | theta, tau ~ N(Phi theta, 1/tau)``, ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` and gamma priors, the
+    variational posterior of all candidates is iterated to convergence; the terms with relevance ``1/E[alpha]`` up to
+    ``min + (max - min)/resolution`` on a logarithmic scale are pruned, and this is repeated down to one term. Each step
+    starts again from the prior mean of the relevances, so that a term regains its weight once terms that substituted
+    for it are gone. The step with the largest lower bound is the model (all models are equally probable a priori).
+    Candidates that are zero throughout are ignored.
 
-    The bound does not count how many candidates compete: among hundreds, a false term raises it by chance now and
-    then. The clean-up (``clean_up="evidence"``), which is not part of the published algorithm, goes on from there:
-    beginning with the most probable of the last steps, from the one of the largest bound on, it removes, adds or
-    exchanges one term at a time, always to the most probable structure, until no such move makes it more probable; then
-    it does so again from the very last step, and keeps the more probable end. Structures are compared by their exact
-    evidence under a unit-information prior and by a prior that counts the candidates; see
-    `deatwin.ident.narx.evidence`. The posterior of the parameters is the variational one in either case.
+    The bound ignores how many candidates compete: among hundreds, a false term sometimes raises it by chance. The
+    clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues. It starts
+    from the most probable step among the one with the largest bound and those after it, and removes, adds or exchanges
+    one term at a time, always moving to the most probable structure, until no move helps. It repeats this from the very
+    last step and keeps the more probable result. Structures are compared by their exact evidence under a
+    unit-information prior and by a prior that counts the candidates; see `deatwin.ident.narx.evidence`. The posterior
+    of the parameters is the variational one in either case.
 
-    The priors have a size of their own, so that the choice depends on units and on the size of the
-    regressors: small ones would be neither supported nor refused by the bound. Hence output and regressors are
-    divided by their root mean squares, and a signal that is far from zero counts from an origin among its values:
-    zero where the data reach about that far, else their mean; where any signal does so, the outputs then count from
-    where the model rests. Neither units nor offsets of the others change the choice. Bounds and relevances are
-    those of this scaling; the model is in physical units, about these origins.
+    The priors have a fixed scale, so without scaling the choice would depend on units. Output and regressors are
+    therefore divided by their root mean squares. A signal that is far from zero is shifted to an origin: zero if the
+    data nearly reach it, otherwise their mean; if any signal is shifted, the outputs are taken relative to the model's
+    equilibrium. Units and offsets of the signals then do not change the choice. Bounds and relevances refer to this
+    scaling; the model is in physical units, about these origins.
 
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every channel, or
-        for each: in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1, 2], "w": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
+        2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate.
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     clean_up : str
-        "evidence" for the clean-up after the published algorithm, "none" for that algorithm alone.
+        Search after the published algorithm: "evidence" for the clean-up, "none" for no further search.
     resolution : float
-        The larger, the fewer terms a step prunes; above 1.
+        Resolution of the pruning, above 1; the larger it is, the fewer terms a step prunes.
     a0, b0, c0, d0 : float
-        Shapes and rates of the gamma priors of noise precision and relevances.
+        Shape and rate of the gamma priors of the noise precision (a0, b0) and of alpha (c0, d0).
     tolerance : float
-        A step has converged when an update moves its parameters by less than this many of their standard deviations,
-        and its noise variance by less than this share of itself.
+        Tolerance of convergence: change of the parameters in one update, in standard deviations, and relative change of
+        the noise variance.
     max_iterations : int
         Largest number of updates in a step.
 
     Attributes
     ----------
     model_ : NarxModel
-        The chosen model, in physical units. The posterior of theta is Student-t with ``theta_dof = 2 a_N``
-        degrees of freedom; ``theta_cov`` is its covariance, ``theta_cov (theta_dof - 2)/theta_dof`` its
-        squared scale.
+        Chosen model, in physical units. The posterior of theta is Student-t with ``theta_dof = 2 a_N`` degrees of
+        freedom; ``theta_cov`` is its covariance, ``theta_cov (theta_dof - 2)/theta_dof`` its squared scale.
     terms_ : tuple of Term
-        Its terms.
+        Terms of the model.
     settled_ : bool
-        Whether its parameters had settled within ``max_iterations``; with several outputs it is found on each of
-        ``equations_``, as all that follows.
+        True if the parameters converged within ``max_iterations``; with several outputs this and all that follows are
+        on each of ``equations_``.
     lower_bound_ : float
-        Its lower bound on ln p(y) in nats, in the scaling above.
+        Lower bound of the model on ln p(y) in nats, in the scaling above.
     relevance_ : ndarray, shape (n_terms,)
-        1 / E[alpha] of its terms, in the scaling above.
+        Relevance 1 / E[alpha] of each term, in the scaling above.
     path_ : tuple of PruningStep
-        All steps, from all candidates down to one term.
+        Pruning steps, from all candidates down to one term.
     moves_ : tuple of CleanUpMove
-        Of the clean-up, from where it began; empty with ``clean_up="none"``.
+        Moves of the clean-up, from its initial structure on; empty with ``clean_up="none"``.
 
     References
     ----------
@@ -255,7 +254,11 @@ class SvbNarx(NarxIdentifier):
         )
 
     def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> list[Move]:
-        """Return the moves to the most probable structure that is reached; an interrupt keeps those that are done."""
+        """Return the moves to the most probable structure found; after an interrupt, those made so far.
+
+        A climb ends where no single move helps. A term lost early can leave others that no exchange replaces, so a
+        second climb starts from the last step, with one term.
+        """
         best: list[Move] = []
         made = 0
         try:
@@ -281,7 +284,7 @@ class SvbNarx(NarxIdentifier):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------

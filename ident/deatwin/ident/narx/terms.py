@@ -36,16 +36,16 @@ MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
 @total_ordering
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """One lagged signal, as y(k-1).
+    """Lagged signal, as y(k-1).
 
     Parameters
     ----------
     kind : str
-        "y" for an output, "u" for an input, "e" for the noise of an output.
+        Kind of the signal: "y" for an output, "u" for an input, "e" for the noise of an output.
     channel : int
-        Number of the channel from 1; 0 when there is only one and it is written without a number.
+        Number of the channel from 1; 0 for a single channel, which is written without a number.
     lag : int
-        Delay in samples; at least 1 but for an input.
+        Delay in samples, at least 0 for an input and at least 1 otherwise.
     """
 
     kind: str
@@ -66,12 +66,12 @@ class Variable:
 
     @property
     def symbol(self) -> str:
-        """The signal without its lag, as y or u2."""
+        """Symbol of the signal without its lag, as y or u2."""
         return f"{self.kind}{self.channel or ''}"
 
     @property
     def delay(self) -> str:
-        """The lag as it is written, as (k-1)."""
+        """Written lag, as (k-1)."""
         return f"(k-{self.lag})" if self.lag else "(k)"
 
     def __str__(self) -> str:
@@ -80,7 +80,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """A product of powers of lagged signals.
+    """Product of powers of lagged signals.
 
     Parameters
     ----------
@@ -97,20 +97,20 @@ class Term:
         Parameters
         ----------
         variables : iterable of Variable
-            The factors in any order; one that comes n times gets the power n.
+            Factors in any order; a variable that occurs n times gets the power n.
         """
         return cls(tuple(sorted(Counter(variables).items())))
 
     @classmethod
     def parse(cls, text: str, *, input_names: Sequence[str] = (), output_names: Sequence[str] = ()) -> Term:
-        """Read a term as it is written.
+        """Read a term from its written form.
 
         Parameters
         ----------
         text : str
-            As ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
+            Written term, as ``y(k-1)u(k-2)^2``; spaces and ``*`` between factors are allowed.
         input_names, output_names : sequence of str, optional
-            Names that stand for the signals beside u1, u2, y1 and so on, and before them where both could be meant.
+            Names of the signals that may be used besides u1, u2, y1 and so on; they take precedence over these.
 
         Raises
         ------
@@ -149,16 +149,17 @@ class Term:
 
     @property
     def expanded(self) -> tuple[Variable, ...]:
-        """The factors with each variable repeated as often as its power."""
+        """Factors with each variable repeated as often as its power."""
         return tuple(variable for variable, power in self.factors for _ in range(power))
 
     def written(self, symbols: Mapping[tuple[str, int], str]) -> str:
-        """Return the term in other symbols for its signals.
+        """Return the term as text with other symbols for its signals.
 
         Parameters
         ----------
         symbols : mapping of (str, int) to str
-            Symbol of a signal by kind, "y", "u" or "e", and row; where there is none, that of `Variable` stands.
+            Symbol of a signal by kind, "y", "u" or "e", and row; signals without an entry keep the symbol of
+            `Variable`.
         """
         factors = [(f"{symbols.get((v.kind, v.index), v.symbol)}{v.delay}", power) for v, power in self.factors]
         return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
@@ -182,21 +183,21 @@ def generate_terms(
     Parameters
     ----------
     output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        A number n for the lags 1..n, or the lags themselves (an input lag may be 0), in samples; for every
-        channel, or for each: in order, as ``[[1, 2], [4, 5]]``, or as ``{"u1": [1, 2], "u2": [4, 5]}``.
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them as ``[[1, 2], [4, 5]]`` or as ``{"u1": [1, 2], "u2": [4, 5]}``.
     degree : int
         Largest degree of a term, at least 1.
     noise_lags : int or sequence of int
-        Likewise for the noise of every output; none by default.
+        Lags of the noise of every output, in samples, as above; none by default.
     n_inputs, n_outputs : int
-        Number of channels; a single one is written without a number.
+        Number of channels; a single channel is written without a number.
     rule : callable, optional
-        Takes a `Term` and says whether it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
 
     Returns
     -------
     tuple of Term
-        (n + degree)! / (n! degree!) terms for n lagged signals, less those that the rule drops.
+        Candidates: (n + degree)! / (n! degree!) terms for n lagged signals, minus those that the rule drops.
 
     Raises
     ------
@@ -239,19 +240,19 @@ class TermTable:
     Parameters
     ----------
     terms : tuple of Term
-        The terms, one column of the regressor matrix each.
+        Terms to evaluate, one for each column of the regressor matrix.
     """
 
     terms: tuple[Term, ...]
 
     @cached_property
     def variables(self) -> tuple[Variable, ...]:
-        """The lagged signals that occur, in writing order."""
+        """Lagged signals that occur in the terms, in writing order."""
         return tuple(sorted({variable for term in self.terms for variable, _ in term.factors}))
 
     @cached_property
     def exponents(self) -> NDArray[np.int64]:
-        """Powers, shape (n_terms, n_variables), read-only."""
+        """Power of each variable in each term, shape (n_terms, n_variables), read-only."""
         column = {variable: j for j, variable in enumerate(self.variables)}
         table = np.zeros((len(self.terms), len(column)), dtype=np.int64)
         for row, term in zip(table, self.terms, strict=True):
@@ -262,31 +263,32 @@ class TermTable:
 
     @cached_property
     def max_lag(self) -> int:
-        """Largest lag in samples: the first sample that can be computed."""
+        """Largest lag in samples, which is the index of the first sample that can be computed."""
         return max((variable.lag for variable in self.variables), default=0)
 
     def channels(self, kind: str) -> int:
-        """Return the number of channels of a kind that the terms ask for.
+        """Return the number of channels of a kind that the terms need.
 
         Parameters
         ----------
         kind : str
-            "y", "u" or "e".
+            Kind of the signals: "y", "u" or "e".
         """
         return max((v.index + 1 for v in self.variables if v.kind == kind), default=0)
 
     def without(self, kind: str) -> TermTable:
-        """Return the table of what is left of each term without its factors of one kind.
+        """Return the table of the terms without their factors of one kind.
 
         Parameters
         ----------
         kind : str
-            "y", "u" or "e".
+            Kind of the factors to leave out: "y", "u" or "e".
 
         Returns
         -------
         TermTable
-            As many terms, in the same order; what was made of that kind only has become the constant.
+            Table of equally many terms, in the same order; a term with factors of that kind only has become the
+            constant.
         """
         return TermTable(tuple(Term(tuple(f for f in term.factors if f[0].kind != kind)) for term in self.terms))
 
@@ -310,13 +312,13 @@ class TermTable:
         Parameters
         ----------
         inputs : ndarray, shape (n_inputs, n)
-            Inputs of one recording, in the unit that the parameters are for.
+            Inputs of one recording, in the units of the parameters.
         outputs : ndarray, shape (n_outputs, n)
-            Outputs of one recording, likewise.
+            Outputs of one recording, in the units of the parameters.
         start, stop : int
             Samples [start:stop) of the recording; ``start`` must be at least ``max_lag``.
         noise : ndarray, shape (n_outputs, n), optional
-            Noise of the outputs, in their units; only where terms hold noise.
+            Noise of the outputs, in their units; needed if terms contain noise.
 
         Returns
         -------
@@ -326,7 +328,7 @@ class TermTable:
         Raises
         ------
         ModelError
-            If terms hold noise and none is given.
+            If terms contain noise and none is given.
         """
         signal = {"y": outputs, "u": inputs, "e": noise}
         if noise is None and self.channels("e"):
@@ -342,7 +344,7 @@ class TermTable:
         lagged : sequence of ndarray, each of shape (count,)
             Values of each of ``variables``.
         count : int
-            How many values.
+            Number of values of each variable.
 
         Returns
         -------

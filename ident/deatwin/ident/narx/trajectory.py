@@ -38,23 +38,23 @@ class ThetaTrajectory(Described):
     Parameters
     ----------
     model : NarxModel
-        Terms, signals and noise variance; its own parameters are those at the last time.
+        Model with the terms, signals and noise variance; its parameters are those at the last time.
     timepts : ndarray, shape (n,)
         Increasing times on the experiment's clock in s.
     theta : ndarray, shape (n_terms, n)
-        Parameters in SI units (those of the signals).
+        Parameters at each time, in the units that follow from the signals.
     theta_cov : ndarray, shape (n, n_terms, n_terms)
-        Their covariance at each time.
+        Covariance of the parameters at each time.
     drift_variance : ndarray, shape (n_terms,)
-        Variance that the random walk of each parameter gains in one sample interval, in its squared unit; zero where
-        it was not modelled as one.
+        Variance that the random walk of each parameter gains in one sample interval, in its squared unit; zero for a
+        parameter without a random-walk model.
     log_likelihood : float or None
-        Of the outputs under the variances; None where the estimator has none.
+        Log-likelihood of the outputs under the variances; None if the estimator provides none.
 
     Raises
     ------
     ModelError
-        If shapes or values do not fit together.
+        If shapes or values are inconsistent.
     """
 
     model: NarxModel
@@ -82,18 +82,18 @@ class ThetaTrajectory(Described):
 
     @classmethod
     def joined(cls, parts: Sequence[ThetaTrajectory]) -> Self:
-        """Make one trajectory of those of each output's equation.
+        """Combine the trajectories of the outputs' equations into one.
 
         Parameters
         ----------
         parts : sequence of ThetaTrajectory
-            One for each output, in order; only times that all have are kept. Parameters of different equations are
-            uncorrelated.
+            Trajectory of each output, in order. Only times common to all are kept; parameters of different equations
+            are uncorrelated.
 
         Raises
         ------
         ModelError
-            If there is not one for each output.
+            If the number of trajectories differs from the number of outputs.
         """
         times = parts[0].timepts
         for part in parts[1:]:
@@ -116,12 +116,12 @@ class ThetaTrajectory(Described):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """The terms, of all equations."""
+        """Terms of all equations."""
         return self.model.terms
 
     @property
     def noise_variance(self) -> float | Array:
-        """Variance of e(k), square of the output's unit; one for each output where there are several."""
+        """Variance of e(k), square of the output's unit; one for each output if there are several."""
         return self.model.noise_variance
 
     @cached_property
@@ -130,12 +130,12 @@ class ThetaTrajectory(Described):
         return read_only(np.sqrt(np.einsum("kii->ik", self.theta_cov)))
 
     def at(self, time: float) -> NarxModel:
-        """Return the model with the parameters of one time, as if they stayed so.
+        """Return the constant model with the parameters at one time.
 
         Parameters
         ----------
         time : float
-            On the experiment's clock in s; the parameters are those of the nearest of ``timepts``.
+            Time on the experiment's clock in s; the parameters at the nearest of ``timepts`` are used.
 
         Raises
         ------
@@ -146,12 +146,12 @@ class ThetaTrajectory(Described):
         return replace(self.model, theta=self.theta[:, k], theta_cov=self.theta_cov[k])
 
     def thinned(self, step: int) -> Self:
-        """Return the trajectory at every so many times and at the last one: covariances of every sample are large.
+        """Return the trajectory at every ``step``-th time, to save memory of the covariances.
 
         Parameters
         ----------
         step : int
-            Keep the last of every ``step`` times, counted from the end.
+            Spacing of the times that are kept, counted from the end; the last one is kept.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class ThetaTrajectory(Described):
         return replace(self, timepts=self.timepts[kept], theta=self.theta[:, kept], theta_cov=self.theta_cov[kept])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the measured past until some steps before, with the parameters of each time.
+        """Predict each sample from the measurements up to ``steps`` samples before it, with varying parameters.
 
         Parameters
         ----------
@@ -185,12 +185,12 @@ class ThetaTrajectory(Described):
         return self._driven.predict(self._with_theta(recording), steps=steps)
 
     def simulate(self, recording: Recording) -> NarxResponse:
-        """Run free with the parameters of each time; only the first measured lags and the inputs are used.
+        """Simulate in free run with the parameters of each time, from the inputs and the first measured lags.
 
         Parameters
         ----------
         recording : Recording
-            Inputs, and outputs of which the first lags start the run, within the trajectory's times.
+            Inputs and outputs within the trajectory's times; the outputs of the first lags start the run.
 
         Returns
         -------
@@ -209,7 +209,7 @@ class ThetaTrajectory(Described):
         Parameters
         ----------
         axes : sequence of matplotlib Axes, length n_terms, optional
-            Where to draw; a new figure otherwise.
+            Axes to draw on; a new figure is made if omitted.
 
         Returns
         -------
@@ -230,12 +230,12 @@ class ThetaTrajectory(Described):
         return panels
 
     def save(self, path: str | Path) -> None:
-        """Write the trajectory as JSON ("deatwin/theta/1"); thin a long one before.
+        """Write the trajectory as JSON ("deatwin/theta/1"); thin a long one first.
 
         Parameters
         ----------
         path : str or Path
-            File to write.
+            Path of the file to write.
         """
         lower = np.tril_indices(len(self.terms))
         write_document(
@@ -258,7 +258,7 @@ class ThetaTrajectory(Described):
         Parameters
         ----------
         path : str or Path
-            File to read.
+            Path of the file to read.
 
         Raises
         ------

@@ -20,18 +20,18 @@ _SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that si
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Unstable:
-    """The unstable pole of a model, and what its predictions are worth.
+    """Unstable pole of a model, and the fit of its predictions.
 
     Parameters
     ----------
     pole : complex
-        The pole z of largest magnitude of the model, linearised at the mean of the recordings.
+        Pole z of largest magnitude of the model linearised at the mean of the recordings.
     sample_time : float
-        In s.
+        Time between two samples in s.
     steps : int
-        Samples in which it grows by e, as far as the recordings allow.
+        Number of samples in which the unstable mode grows by the factor e, limited by the length of the recordings.
     ahead : Fit
-        Of predictions so many steps ahead.
+        Fit of the predictions ``steps`` samples ahead.
     """
 
     pole: complex
@@ -41,16 +41,16 @@ class Unstable:
 
     @property
     def rate(self) -> complex:
-        """The pole ln(z) / sample time of continuous time: real part in 1/s, imaginary part in rad/s."""
+        """Continuous-time pole ln(z) / sample time: real part in 1/s, imaginary part in rad/s."""
         return complex(np.log(self.pole) / self.sample_time)
 
     def sentences(self, units: Sequence[str]) -> list[str]:
-        """Name the pole, and say how far predictions are off.
+        """Return sentences on the pole and on the error of the predictions.
 
         Parameters
         ----------
         units : sequence of str
-            Of the outputs.
+            Units of the outputs.
         """
         rate = self.rate
         turning = f", {abs(rate.imag):.3g} rad/s" if self.pole.imag else ""
@@ -71,7 +71,11 @@ class Unstable:
 
 
 def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
-    """Return the unstable pole of a model, or None where it has none for sure."""
+    """Return the unstable pole of a model, or None if it is not certainly unstable.
+
+    The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, so
+    only a diverged free run counts.
+    """
     nonlinear = any(sum(power for _, power in term.factors) > 1 for term in model.terms)
     if nonlinear and not diverged:
         return None

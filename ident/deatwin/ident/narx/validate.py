@@ -45,7 +45,7 @@ _ROUNDING = 1e-13  # residuals below this share of the largest output are roundi
 
 
 class ValidationStatus(Enum):
-    """What the validation says of the model; the value is the advice."""
+    """Outcome of a validation; the value is a sentence that advises."""
 
     PASSED = "nothing is left to explain: the residual is white and independent of the input"
     NOISE = (
@@ -63,7 +63,7 @@ class ValidationStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the model may be used as it is."""
+        """True if the model may be used as it is."""
         return self in (ValidationStatus.PASSED, ValidationStatus.EXACT)
 
 
@@ -99,25 +99,25 @@ class Validation(Described):
     Parameters
     ----------
     one_step : Fit
-        Of the prediction one step ahead from the measured past: its ``mean_square`` is the MSPE.
+        Fit of the prediction one step ahead from the measured past; its ``mean_square`` is the MSPE.
     free_run : Fit
-        Of the simulation from the first measured lags and the inputs: its ``mean_square`` is the MSSE.
+        Fit of the simulation from the first measured lags and the inputs; its ``mean_square`` is the MSSE.
     diverged : tuple of (int, float)
-        For each recording whose free run diverged its position and the time on its clock in s.
+        Index of each recording whose free run diverged, and the time on its clock in s.
     tests : tuple of CorrelationTest
-        The five correlation tests of each output and input, as far as the inputs move.
+        Five correlation tests for each output and each input that is not constant.
     whiteness : tuple of Whiteness
-        One for each output.
+        Whiteness of the residual of each output.
     n_samples : int
-        Number of residuals of an output.
+        Number of residuals of each output.
     level : float
-        Chance at which a single test fails when nothing is left to explain.
+        Probability that a single test fails although the model is adequate.
     exact : bool
-        Whether the residual is but rounding error, so that there are no tests.
+        True if the residual is only rounding error, in which case there are no tests.
     input_names, output_names, output_units : tuple of str
         Names and units of the signals.
     unstable : Unstable or None
-        The pole outside of the unit circle, and the fit of predictions as many steps ahead as it takes to grow by e.
+        Pole outside the unit circle with the fit of predictions over its growth time; None if the model is stable.
     """
 
     one_step: Fit
@@ -160,12 +160,12 @@ class Validation(Described):
 
     @property
     def failed(self) -> tuple[CorrelationTest, ...]:
-        """The tests that fail at ``level / len(tests)``: if nothing is left, none does so with chance 1 - level."""
+        """Tests that fail at ``level / len(tests)``: none, with probability 1 - level, for an adequate model."""
         return tuple(test for test in self.tests if test.p_value < self.level / len(self.tests))
 
     @property
     def status(self) -> ValidationStatus:
-        """What the tests say together; an unstable model and a diverged free run come first."""
+        """Joint result of the tests; an unstable model and a diverged free run take precedence."""
         if self.unstable is not None:
             return ValidationStatus.UNSTABLE
         if self.diverged:
@@ -177,21 +177,21 @@ class Validation(Described):
         return ValidationStatus.NOISE if self.failed else ValidationStatus.PASSED
 
     def test(self, name: str, *, output: int = 0, other: int = 0) -> CorrelationTest:
-        """Return one of the tests.
+        """Return one of the correlation tests.
 
         Parameters
         ----------
         name : str
-            "ee", "ue", "e(eu)", "(u2)'e", "(u2)'e2", or "ee'" between two outputs.
+            Name of the test: "ee", "ue", "e(eu)", "(u2)'e", "(u2)'e2", or "ee'" between two outputs.
         output : int
-            Row of the output.
+            Row index of the output.
         other : int
-            Row of the input, or of the other output; without effect for "ee".
+            Row index of the input or of the other output; ignored for "ee".
 
         Raises
         ------
         ModelError
-            If there is none: an unknown name, or an input that is constant.
+            If there is no such test: the name is unknown, or the input is constant.
         """
         for test in self.tests:
             if (test.name, test.output) == (name, output) and test.other in (None, other):
@@ -208,14 +208,14 @@ class Validation(Described):
         Parameters
         ----------
         axes : sequence of matplotlib Axes, length 5, optional
-            Where to draw, one below the other or side by side; a new figure otherwise.
+            Axes to draw on; a new figure is made if omitted.
         output, input : int
-            Rows of the signals.
+            Row indices of the output and the input.
 
         Returns
         -------
         list of matplotlib Axes
-            Five, or fewer where the input is constant.
+            Axes of the tests: five, or fewer if the input is constant.
 
         Raises
         ------
@@ -261,7 +261,7 @@ class Validation(Described):
         return f"phi {test.name}" + (f" ({', '.join(names)})" if several else "")
 
     def to_json(self) -> dict[str, Any]:
-        """Return the validation as plain data ("deatwin/validation/1"); what is infinite is null."""
+        """Return the validation as plain data ("deatwin/validation/1"), with null for infinite values."""
 
         def finite(values: Array) -> list[float | None]:
             return [float(v) if math.isfinite(v) else None for v in values]
@@ -325,7 +325,7 @@ class Validation(Described):
         Parameters
         ----------
         path : str or Path
-            File to write.
+            Path of the file to write.
         """
         write_document(path, self.to_json())
 
@@ -336,7 +336,7 @@ class Validation(Described):
         Parameters
         ----------
         path : str or Path
-            File to read.
+            Path of the file to read.
 
         Raises
         ------
@@ -347,23 +347,22 @@ class Validation(Described):
 
 
 def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, level: float = 0.05) -> Validation:
-    """Compare a model with recordings one step ahead and in free run, and test what it leaves.
+    """Compare a model with recordings one step ahead and in free run, and test the residual.
 
-    The tests use the residuals one step ahead. They say the most on recordings that were not used for training; on
-    training data the parameters have made the residual look a little smaller and whiter than it is. Correlations
-    never reach across two recordings. Long recordings show faults of no practical size: look at
-    ``CorrelationTest.largest`` too.
+    The tests use the residuals one step ahead. They are most informative on recordings that were not used for training;
+    on training data the residual is a little smaller and whiter than the noise. Correlations never reach across two
+    recordings. Long recordings show faults of no practical size: look at ``CorrelationTest.largest`` too.
 
     Parameters
     ----------
     model : NarxModel
-        The model.
+        Model to validate.
     recordings : Recording, Experiment, or several
         Recordings in the model's units.
     max_lag : int
         Largest lag of the correlations in samples.
     level : float
-        Chance at which a single test fails when nothing is left to explain.
+        Probability that a single test fails although the model is adequate.
 
     Returns
     -------

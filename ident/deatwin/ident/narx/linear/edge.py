@@ -25,7 +25,11 @@ _DETERMINED = 0.1
 
 
 def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStatus:
-    """Return what a completed fit of F says: done, at the edge of stability, or of data from a loop."""
+    """Return the status of a completed fit of F: done, at the edge of stability, or data from a loop.
+
+    With one coefficient too many, a pole and a zero cancel, often at the edge of stability. A pole there therefore
+    counts only if the model without it and without a zero is worse by Schwarz's criterion.
+    """
     longest = max(output.size for _, output in records)
     limit = 1.0 - 1.0 / longest  # beyond it nothing decays within the recording
     smaller, less = orders, found
@@ -56,7 +60,11 @@ def _without_a_pole(orders: Orders, which: int) -> Orders | None:
 
 
 def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
-    """The best fit, and how many independent errors those that it leaves count for."""
+    """Return the best fit, and the equivalent number of independent errors.
+
+    n correlated errors determine a constant only as well as n divided by the sum of their correlations, so a slow pole
+    that merely follows slow noise does not count.
+    """
     loss = PredictionErrorLoss(orders, records)
     found = [minimise(loss, start) for start in starting_points(orders, records)]
     best = min(found, key=lambda one: one.noise_variance)

@@ -26,15 +26,15 @@ Counts = int | Sequence[int]
 
 
 class LinearIdentifier(Identifier, ABC):
-    """What the estimators of linear models share.
+    """Base class of the estimators of linear models.
 
     Attributes
     ----------
     model_ : LinearModel
-        What was learned, in physical units.
+        Fitted model, in physical units.
     status_ : FitStatus
-        Whether the search was completed; of models with F whether a pole came to lie at the edge of stability, and
-        of `OutputError` whether the input answers to the output.
+        Outcome of the search. For models with F it also reports a pole at the edge of stability, and for `OutputError`
+        an input that depends on the output.
     """
 
     model_: LinearModel
@@ -48,9 +48,9 @@ class LinearIdentifier(Identifier, ABC):
         Parameters
         ----------
         recordings : Recording, Experiment, or several
-            Training data of one output and one sample time; each recording starts with a state of its own.
+            Training data with one output and a common sample time; each recording has its own initial state.
         progress : callable, optional
-            Takes the share that is done and what is being done.
+            Called with the share done, between 0 and 1, and a description of the current step.
 
         Returns
         -------
@@ -60,7 +60,7 @@ class LinearIdentifier(Identifier, ABC):
         Raises
         ------
         ModelError
-            If an argument makes no sense, or the recordings do not suit.
+            If an argument makes no sense, or the recordings do not suit the estimator.
         """
         from threadpoolctl import threadpool_limits
 
@@ -132,14 +132,14 @@ class Arx(LinearIdentifier):
     nk : int or sequence of int
         Delay of each input in samples: the lag of the first coefficient of B.
     offset : bool
-        Whether a constant is estimated too; without it, signals should be deviations from an operating point.
+        True to estimate a constant too; without it, signals should be deviations from an operating point.
 
     Attributes
     ----------
     model_ : LinearModel
-        The model; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+        Fitted model; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
     status_ : FitStatus
-        Always done.
+        Always `FitStatus.DONE`.
     """
 
     def __init__(self, *, na: int = 2, nb: Counts = 2, nk: Counts = 1, offset: bool = True) -> None:
@@ -175,7 +175,7 @@ class Armax(LinearIdentifier):
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        Whether a constant is estimated too.
+        True to estimate a constant too.
 
     References
     ----------
@@ -196,10 +196,9 @@ class Armax(LinearIdentifier):
 class OutputError(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
 
-    The search starts from an ARX model and from a long one that is condensed by the method of Steiglitz and
-    McBride; the lower of the two minima is kept. The state at the start of each recording is estimated too.
-    The plant is found without bias if the noise is not white, but then the covariance is not the right one:
-    see `BoxJenkins`.
+    The search starts from an ARX model and from a long ARX model reduced by the method of Steiglitz and McBride; the
+    lower of the two minima is kept. The state at the start of each recording is estimated too. If the noise is not
+    white the plant estimate is still unbiased, but its covariance is wrong: see `BoxJenkins`.
 
     Parameters
     ----------
@@ -210,7 +209,7 @@ class OutputError(LinearIdentifier):
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        Whether a constant is estimated too.
+        True to estimate a constant too.
 
     References
     ----------
@@ -230,7 +229,7 @@ class OutputError(LinearIdentifier):
 class BoxJenkins(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction-error minimisation.
 
-    The search starts as that of `OutputError`, with C and D from what the plant leaves.
+    The search starts like that of `OutputError`, with C and D estimated from the residual of that model.
 
     Parameters
     ----------
@@ -245,7 +244,7 @@ class BoxJenkins(LinearIdentifier):
     nk : int or sequence of int
         Delay of each input in samples.
     offset : bool
-        Whether a constant is estimated too.
+        True to estimate a constant too.
 
     References
     ----------

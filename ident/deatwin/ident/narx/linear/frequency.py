@@ -23,11 +23,11 @@ class LinearFrequencyResponse(Described):
     Parameters
     ----------
     omega : ndarray, shape (n,)
-        Angular frequency in rad/s.
+        Angular frequencies in rad/s.
     values : ndarray of complex, shape (n_inputs, n)
-        G_i in output unit by input unit.
+        Frequency response G_i, in the output's unit per input unit.
     covariance : ndarray, shape (n_inputs, n, 2, 2)
-        Covariance of real and imaginary part, to first order in the parameters.
+        Covariance of real and imaginary part, to first order in the parameter errors.
     """
 
     omega: Array = field(metadata=variable("point", unit="rad/s"))

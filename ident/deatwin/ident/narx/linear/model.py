@@ -49,22 +49,22 @@ _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls wi
 class LinearModel(Described):
     """A linear model of one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
-    Polynomials are in the backward shift q^-1, from q^0 on. ARX has C = D = F = 1, ARMAX D = F = 1, output
-    error A = C = D = 1, Box-Jenkins A = 1.
+    Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
+    A = C = D = 1, Box-Jenkins A = 1.
 
     Parameters
     ----------
     a, c, d : array_like, shape (order + 1,)
-        Begin with 1.
+        Coefficients of A, C and D; the first is 1.
     b : sequence of array_like
-        One polynomial for each input, in output unit by input unit; zeros at its start are delay.
+        Coefficients of B_i for each input, in the output's unit per input unit; leading zeros are delay.
     f : sequence of array_like, optional
-        One for each input, beginning with 1; 1 when not given.
+        Coefficients of F_i for each input, the first being 1; defaults to F_i = 1.
     offset : float
         Constant on the right side, in the output's unit.
     theta_cov : ndarray, shape (n_theta, n_theta), optional
-        Covariance of ``theta``; zero when not given. It holds if the residuals are white: a model whose
-        noise part is too simple is more uncertain than it says.
+        Covariance of ``theta``; zero if omitted. It is valid if the residuals are white: a model with too simple a
+        noise part is more uncertain than this states.
     noise_variance : float
         Variance of e(k), square of the output's unit.
     sample_time : float
@@ -72,12 +72,12 @@ class LinearModel(Described):
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     provenance : mapping of str to str
-        Where the model comes from.
+        Origin of the model, as free entries.
 
     Raises
     ------
     ModelError
-        If shapes or values do not fit together.
+        If shapes or values are inconsistent.
 
     Examples
     --------
@@ -159,12 +159,12 @@ class LinearModel(Described):
 
     @property
     def polynomials(self) -> Polynomials:
-        """All coefficients."""
+        """All coefficients of the model."""
         return Polynomials(self.a, self.b, self.c, self.d, self.f, self.offset)
 
     @cached_property
     def orders(self) -> Orders:
-        """The numbers of coefficients, and the delays."""
+        """Orders and delays of the polynomials."""
         return Orders.of(self.polynomials)
 
     @property
@@ -179,7 +179,7 @@ class LinearModel(Described):
 
     @property
     def is_stable(self) -> bool:
-        """Whether all poles lie inside of the unit circle."""
+        """True if all poles lie inside the unit circle."""
         return bool(np.all(np.abs(self.poles) < 1.0))
 
     def __str__(self) -> str:
@@ -190,10 +190,9 @@ class LinearModel(Described):
         return "\n".join([*lines, f"offset = {self.offset:.6g}"])
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample from the past that was measured until some steps before it.
+        """Predict each sample from the measurements up to ``steps`` samples before it.
 
-        Where F has states, the first ten samples for each of them set these, and are not counted as
-        predicted.
+        If F has states, the first ten samples per state determine the initial state and do not count as predicted.
 
         Parameters
         ----------
@@ -205,7 +204,7 @@ class LinearModel(Described):
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n); the samples before ``.first`` are the measured ones.
+            Response with ``.outputs`` of shape (1, n); the samples before ``.first`` are the measured ones.
 
         Raises
         ------
@@ -224,34 +223,35 @@ class LinearModel(Described):
     def simulate(
         self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
     ) -> NarxResponse:
-        """Run the deterministic part free.
+        """Simulate the deterministic part from its inputs alone (free run).
 
-        The state at the start is not measured: it is the one whose run is nearest, in least squares, to the
-        first ``warmup`` measured outputs. Nothing after them is used, and they are not counted as computed.
+        The initial state is fitted to the first ``warmup`` measured outputs by least squares. Later outputs are not
+        used, and the warm-up samples do not count as computed.
 
         Parameters
         ----------
         recording : Recording, or array_like of shape (n,) or (n_inputs, n)
-            Inputs, in the model's units; of a recording the first outputs start the run, unless it has none or
+            Inputs in the model's units. The first outputs of a recording start the run, unless it has none or
             ``initial`` is given.
         warmup : int, optional
-            Number of recorded samples that set the state, at least as many as there are poles; ten for each pole
-            when not given, or as many as a third of the recording has. With one for each the run starts, as that
-            of a NARX model does, from those outputs as they are, noise included.
+            Number of recorded samples that determine the initial state, at least the number of poles. Defaults to ten
+            per pole, or a third of the recording if that is less. With one sample per pole the run starts exactly from
+            those outputs, noise included, as the run of a NARX model does.
         initial : array_like, shape (m,), optional
-            Outputs before the run that set the state, the newest last, at least as many as there are poles; NaN
-            after the last known one is left out. Without them and without recorded outputs, zero.
+            Outputs before the run that determine the initial state, newest last, at least as many as there are poles;
+            NaN after the last known output is ignored. Without these and without recorded outputs, the run starts from
+            zero.
 
         Returns
         -------
         NarxResponse
-            With ``.outputs`` of shape (1, n), computed from ``.first`` on; ``.measured`` is NaN where nothing is
-            known. If the run diverges, ``.status`` says so.
+            Response with ``.outputs`` of shape (1, n), computed from ``.first`` on; ``.measured`` is NaN for unknown
+            outputs. If the run diverges, ``.status`` says so.
 
         Raises
         ------
         ModelError
-            If shapes do not fit, there are too few initial outputs, or the recording does not suit the model.
+            If shapes are inconsistent, there are too few initial outputs, or the recording does not suit the model.
         """
         drive = self._drive(recording, warmup, initial)
         lag, output = self.orders.input_lag, drive.outputs[0]
@@ -294,7 +294,7 @@ class LinearModel(Described):
         Parameters
         ----------
         omega : array_like, shape (n,)
-            Angular frequency in rad/s.
+            Angular frequencies in rad/s.
 
         Returns
         -------
@@ -351,7 +351,7 @@ class LinearModel(Described):
         Parameters
         ----------
         path : str or Path
-            File to write.
+            Path of the file to write.
         """
         write_document(path, to_document(self))
 
@@ -362,7 +362,7 @@ class LinearModel(Described):
         Parameters
         ----------
         path : str or Path
-            File to read.
+            Path of the file to read.
 
         Raises
         ------

@@ -15,14 +15,14 @@ Array = NDArray[np.float64]
 
 
 class Polynomials(NamedTuple):
-    """Coefficients of powers of the backward shift q^-1, from q^0 on; A, C, D and F begin with 1.
+    """Coefficients of powers of the backward shift q^-1, starting with q^0; A, C, D and F begin with 1.
 
     Parameters
     ----------
     a, c, d : ndarray, shape (order + 1,)
-        Polynomials that all inputs share.
+        Polynomials A, C and D.
     b, f : tuple of ndarray
-        One for each input; b begins with a zero for each sample of delay.
+        Polynomials B_i and F_i, one for each input; b begins with a zero for each sample of delay.
     offset : float
         Constant on the right side, in the output's unit.
     """
@@ -37,16 +37,16 @@ class Polynomials(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Orders:
-    """Numbers of free coefficients, and where they stand in the parameter vector: a, b_i, f_i, c, d, offset.
+    """Orders and delays of the polynomials, and the layout a, b_i, f_i, c, d, offset of the parameter vector.
 
     Parameters
     ----------
     na, nc, nd : int
         Orders of A, C and D.
     nb, nf, nk : tuple of int
-        For each input the number of coefficients of B_i, the order of F_i, and the delay in samples.
+        Number of coefficients of B_i, order of F_i, and delay in samples, each for every input.
     offset : bool
-        Whether the constant is free.
+        True if the constant is a free parameter.
     """
 
     na: int
@@ -59,12 +59,12 @@ class Orders:
 
     @classmethod
     def of(cls, polynomials: Polynomials) -> Orders:
-        """Return the orders of polynomials; zeros at the start of b are delay.
+        """Return the orders of polynomials; leading zeros of b are delay.
 
         Parameters
         ----------
         polynomials : Polynomials
-            Each b has at least one coefficient that is not zero.
+            Polynomials in which each b has at least one nonzero coefficient.
         """
         delays = tuple(int(np.flatnonzero(b)[0]) for b in polynomials.b)
         return cls(
@@ -84,12 +84,12 @@ class Orders:
 
     @property
     def first(self) -> int:
-        """The first sample whose lagged outputs and inputs are all measured."""
+        """Index of the first sample whose lagged outputs and inputs are all measured."""
         return max(self.na, self.input_lag)
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Lengths of the parts of the parameter vector."""
+        """Lengths of the parts a, b_i, f_i, c, d, offset of the parameter vector."""
         return (self.na, *self.nb, *self.nf, self.nc, self.nd, int(self.offset))
 
     @property
@@ -103,7 +103,7 @@ class Orders:
         Parameters
         ----------
         theta : ndarray, shape (n_theta,)
-            Parameters.
+            Parameter vector.
         """
         a, *rest = np.split(theta, np.cumsum(self.sizes)[:-1])
         m = len(self.nb)
@@ -123,7 +123,7 @@ class Orders:
         Parameters
         ----------
         polynomials : Polynomials
-            Of these orders.
+            Polynomials of these orders.
         """
         p = polynomials
         b = [b[nk:] for b, nk in zip(p.b, self.nk, strict=True)]
@@ -131,7 +131,7 @@ class Orders:
         return np.concatenate([p.a[1:], *b, *(f[1:] for f in p.f), p.c[1:], p.d[1:], tail])
 
     def scales(self, input_scales: Array, output_scale: float) -> Array:
-        """Return the physical size of a parameter of 1 when the signals were divided by scales.
+        """Return the factors from parameters of scaled signals to parameters in physical units.
 
         Parameters
         ----------
@@ -161,14 +161,12 @@ def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) 
 
 
 def is_stable(polynomial: Array) -> bool:
-    """Whether all roots of a polynomial in q^-1 lie inside of the unit circle. Shapes: `polynomial` (order + 1,)."""
+    """Return True if all roots of a polynomial in q^-1, (order + 1,), lie inside the unit circle."""
     return polynomial.size == 1 or bool(np.abs(np.roots(polynomial)).max() < 1.0)
 
 
 def reflected(polynomial: Array, *, largest: float = 0.9999) -> Array:
-    """Return a polynomial whose roots outside of the unit circle are reflected into it. Shapes: `polynomial` (order +
-    1,).
-    """
+    """Return a polynomial (order + 1,) with its roots reflected into the unit circle, as a starting point of a search."""
     if polynomial.size == 1:
         return polynomial
     roots = np.roots(polynomial)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PredictionErrors:
-    """Errors of one record, and what they change with."""
+    """Prediction errors of one record and their gradients."""
 
     errors: Array  # shape (n,): One-step prediction errors from sample ``first + nd`` of the record on
     theta_gradient: Array  # shape (n_theta, n): Their derivative with respect to the parameters

@@ -51,9 +51,8 @@ def some_steps(
 def free_run(
     polynomials: Polynomials, input_lag: int, inputs: Array, output: Array, warmup: int, limit: float
 ) -> tuple[Array, int, int | None]:
-    """Run the deterministic part free. `input_lag` largest lag of an input, the sample at which the run starts;
-    `inputs` (n_inputs, n); `output` (n,); `warmup` number of samples that set the state, at least the number of
-    poles; returns (n,); returns The first computed sample.
+    """Simulate the deterministic part from a state fitted to the first `warmup` outputs after `input_lag`. Shapes:
+    `inputs` (n_inputs, n); `output` (n,); returns (n,), the first computed sample, and the sample of a divergence.
     """
     p = polynomials
     n = output.size - input_lag

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """What a search has found."""
+    """Result of a search."""
 
     theta: Array  # shape (n_theta,): Parameters
     theta_cov: Array
@@ -26,7 +26,10 @@ class Minimum:
 
 
 class PredictionErrorLoss:
-    """Prediction errors of several records as a function of the unknowns: theta, then each record's start."""
+    """Prediction errors of several records as a function of theta and of each record's initial state.
+
+    If C or an F is unstable the errors are infinite, so that the search shortens its step and stays inside.
+    """
 
     def __init__(self, orders: Orders, records: Sequence[Record]) -> None:
         self.orders = orders

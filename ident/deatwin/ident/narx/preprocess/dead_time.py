@@ -36,7 +36,7 @@ _MOST_SAMPLES = 20_000
 
 
 class DeadTimeStatus(Enum):
-    """What the recordings tell of a dead time; the value is the advice."""
+    """Outcome of a dead-time estimation; the value is a sentence that advises."""
 
     FOUND = "the recordings tell at which lag the input begins to act"
     AT_ONCE = (
@@ -56,33 +56,33 @@ class DeadTimeStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether there is an estimate, and no sign of a loop."""
+        """True if there is an estimate and no sign of a feedback loop."""
         return self in (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DeadTime:
-    """The dead time from one input to one output.
+    """Estimated dead time from one input to one output.
 
     Parameters
     ----------
     input_name, output_name : str
-        The signals.
+        Names of the two signals.
     sample_time : float
         Time between two samples, in s.
     status : DeadTimeStatus
-        Whether the recordings tell it.
+        Outcome of the estimation.
     probabilities : ndarray, shape (n_lags,)
-        Of each dead time from 0 on; empty where none is told.
+        Probability of each dead time from 0 samples on; empty if there is no estimate.
     probability : float
-        What the interval holds of them.
+        Probability of `interval`, between 0 and 1.
     searched_to : int
-        The longest dead time that was looked for, in samples.
+        Longest dead time that was tested, in samples.
     feedback_p_value : float
-        Chance at which an input that does not answer to the output seems to answer this much; NaN where untested.
+        p-value of the test for feedback from the output to the input; NaN if not tested.
     impulse, impulse_std : ndarray, shape (n_coefficients,)
-        Answer of the whitened output to the input at each lag from 0 on, in standard deviations of the output for one
-        of the input, and its standard deviation. It begins where the plant does.
+        Impulse response of the whitened output to the input at each lag from 0 on, in standard deviations of the output
+        per standard deviation of the input, and its standard error.
     """
 
     input_name: str
@@ -102,17 +102,17 @@ class DeadTime:
 
     @property
     def samples(self) -> int | None:
-        """The most probable dead time in samples, the first lag at which the input acts; None where it is not told."""
+        """Most probable dead time in samples, the first lag at which the input acts; None if there is no estimate."""
         return int(np.argmax(self.probabilities)) if self.probabilities.size else None
 
     @property
     def seconds(self) -> float | None:
-        """The same in s."""
+        """Most probable dead time in s; None if there is no estimate."""
         return None if self.samples is None else self.samples * self.sample_time
 
     @property
     def interval(self) -> tuple[int, int] | None:
-        """Shortest and longest dead time in samples between the two tails of (1 - `probability`) / 2 each."""
+        """Shortest and longest dead time in samples; each tail outside has the probability (1 - `probability`) / 2."""
         if self.samples is None:
             return None
         tail, below = (1.0 - self.probability) / 2.0, np.cumsum(self.probabilities)
@@ -121,7 +121,7 @@ class DeadTime:
 
     @property
     def interval_seconds(self) -> tuple[float, float] | None:
-        """The same in s."""
+        """Shortest and longest dead time of `interval` in s."""
         return (
             None
             if self.interval is None
@@ -140,12 +140,12 @@ class DeadTime:
         return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the answer of the whitened output to the input over the lag, with the dead time and its interval.
+        """Draw the impulse response of the whitened output over the lag, with the dead time and its interval.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------
@@ -170,34 +170,33 @@ def estimate_dead_time(
 ) -> tuple[DeadTime, ...]:
     """Estimate the dead time of each input: the first lag at which it acts on an output.
 
-    The dead time is 0 where y(k) answers to u(k) of its own row. A plant without any has 1 where each reading is taken
-    as the input of its row is applied, the usual case, and 0 where a reading ends its row.
+    The dead time is 0 if y(k) depends on u(k) of the same row. A plant without transport delay has 1 if each reading is
+    taken when the input of its row is applied, the usual case, and 0 if it is taken at the end of the row's interval.
 
-    A long ARX model of all inputs whitens the noise; the first lags at which its coefficients differ from zero by more
-    than chance (robust Wald tests) bound the dead time from above. Plants of first and second order in the whitened
-    signals then give each shorter dead time its likelihood, and the criterion of Schwarz makes it a probability. The
-    interval leaves out half of 1 - `probability` at either end of these. Neither held, slow and autocorrelated inputs
-    nor coloured noise bias it: of 480 simulated recordings at 10 to 40 dB, with dead times of 0 to 60 samples, 479
-    intervals for 95 % held the truth. Where the plant is of higher order the dead time is that of its approximation, as
-    far as the tests allow.
+    A long ARX model of all inputs whitens the noise; the first lags at which its coefficients differ significantly from
+    zero (robust Wald tests) bound the dead time from above. First- and second-order plants fitted to the whitened
+    signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns it into a probability.
+    Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 480 simulated recordings at 10
+    to 40 dB, with dead times of 0 to 60 samples, 479 intervals at 95 % contained the true value. For a plant of higher
+    order the estimate is the dead time of its low-order approximation, within the bound of the tests.
 
-    At most 20 000 samples, the first of each recording, are used.
+    At most 20 000 samples are used, from the beginning of each recording.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        Of the same signals and sample time.
+        Recordings with the same signals and sample time.
     output : int
-        Row of the output.
+        Row index of the output.
     max_dead_time : int
-        Longest dead time that is looked for, in samples; shorter recordings allow less.
+        Longest dead time to test, in samples; short recordings allow less.
     probability : float
-        Of the interval.
+        Probability of the interval, between 0 and 1.
 
     Returns
     -------
     tuple of DeadTime
-        One for each input.
+        Dead time of each input.
 
     Raises
     ------
@@ -225,19 +224,19 @@ def estimate_dead_time(
 
 
 def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
-    """Return the input lags of a model: so many from each dead time on, over its whole interval.
+    """Return input lags for a model that cover the dead-time interval of each input and some lags after it.
 
     Parameters
     ----------
     dead_times : sequence of DeadTime
-        Of the inputs; those that are not told count as without a dead time.
+        Dead time of each input; inputs without an estimate count as having none.
     count : int
-        Number of lags after the last one of an interval, itself included.
+        Number of lags from the end of an interval on, its end included.
 
     Returns
     -------
     tuple of int
-        Ascending; 1 to `count` where no input has a dead time that is surely longer than one sample.
+        Lags in ascending order; 1 to `count` if no input has a dead time that is certainly longer than one sample.
     """
     lags: set[int] = set()
     for one in dead_times:

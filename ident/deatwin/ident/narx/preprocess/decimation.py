@@ -31,7 +31,7 @@ _WANTED = (10, 20)  # samples to the first minimum
 
 
 class SamplingStatus(Enum):
-    """Whether the sampling time suits; the value is the advice."""
+    """Assessment of the sampling time; the value is a sentence that advises."""
 
     KEEP = "the sampling time suits: the first minimum lies at 20 samples or fewer, and at 10 or more"
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"
@@ -49,19 +49,19 @@ class SamplingChoice(Described):
     Parameters
     ----------
     linear : ndarray, shape (n_lags + 1,)
-        Correlation of y', the output less its mean, with itself at the lags 0, 1, ...; dimensionless.
+        Autocorrelation of y', the output minus its mean, at the lags 0, 1, ...; dimensionless.
     nonlinear : ndarray, shape (n_lags + 1,)
-        That of the square of y', less its own mean.
+        Autocorrelation of the square of y' minus its mean, at the same lags; dimensionless.
     linear_band, nonlinear_band : float
-        By how much chance lets each function differ from zero, 95 % (Bartlett's formula at large lags).
+        Half width of the 95 % band about zero of each function (Bartlett's formula at large lags).
     sample_time : float
-        Of the recordings, s.
+        Sample time of the recordings in s.
     linear_minimum, nonlinear_minimum : int or None
-        Lags of their first minima in samples, None where there is none.
+        Lag of the first minimum of each function in samples; None if there is none.
     factor : int
-        Every so many samples are to be kept; 1 to keep all.
+        Decimation factor: keep every ``factor``-th sample; 1 keeps all.
     status : SamplingStatus
-        Whether the sampling time suits.
+        Assessment of the sampling time.
     """
 
     linear: Array = field(metadata=variable("lag", about="correlation of the output with itself"))
@@ -81,7 +81,7 @@ class SamplingChoice(Described):
 
     @property
     def first_minimum(self) -> int | None:
-        """The smaller of the two lags in samples, tau_m."""
+        """Smaller lag of the two first minima in samples, tau_m."""
         return min((m for m in (self.linear_minimum, self.nonlinear_minimum) if m is not None), default=None)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -90,7 +90,7 @@ class SamplingChoice(Described):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------
@@ -114,17 +114,17 @@ class SamplingChoice(Described):
 
 
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
-    """Choose a decimation factor by the linear and the nonlinear correlation function of the output.
+    """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 
-    The factor brings the smaller of the two first minima to 15 samples, or as near as it can within 10 to 20. A
-    minimum counts if the function rises after it by more than chance lets it.
+    The factor brings the smaller of the two first minima to 15 samples, or as near to that as possible within 10 to 20.
+    A minimum counts if the function rises significantly after it.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        Of one output and one sample time.
+        Recordings with one output and a common sample time.
     n_lags : int, optional
-        Largest lag in samples; a quarter of the longest recording when not given.
+        Largest lag in samples; defaults to a quarter of the longest recording.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     Raises
     ------
     DataError
-        If there is not one output, it is constant, or the lags are too many.
+        If there are several outputs, the output is constant, or there are too many lags.
     """
     chosen = flatten(recordings)
     longest = max(record.n_samples for record in chosen)

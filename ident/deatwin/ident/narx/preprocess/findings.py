@@ -33,7 +33,7 @@ _PREFIXES = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 
 
 class FindingKind(Enum):
-    """What was found; the value is the advice."""
+    """Kind of irregularity; the value is a phrase that advises."""
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"
@@ -46,27 +46,27 @@ class FindingKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something in a recording that a model should not be fitted to unseen.
+    """Irregularity in a recording that should be examined before a model is fitted.
 
     Parameters
     ----------
     kind : FindingKind
-        What it is.
+        Kind of the irregularity.
     recording : str
-        Which recording.
+        Name of the recording.
     signal : str
         Name of the input or output.
     from_s, to_s : float
-        Where, on the recording's clock, in s.
+        Start and end on the recording's clock, in s.
     size : float
-        How much, in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier,
-        step of a quantised reading, the level of clipping or of a constant stretch, the range of few levels.
+        Size in the unit of the signal: total change of a trend, largest deviation of a drift or an outlier, step of a
+        quantised reading, level of clipping or of a constant stretch, range of few levels.
     unit : str
         Unit of the signal.
     count : int
-        Number of samples concerned; of few levels, their number.
+        Number of samples concerned, or number of levels if there are few.
     text : str
-        One sentence.
+        Description in one sentence.
     """
 
     kind: FindingKind
@@ -84,26 +84,26 @@ class Finding:
 
 
 def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: int = 3) -> tuple[Finding, ...]:
-    """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels; nothing is altered.
+    """Look for trends, drift, outliers, quantisation, clipping, constant stretches and few levels.
 
-    Inputs are looked at for trends, drift and few levels only: a command may jump, rest and stay at a limit. Trends
-    and drift can be told from chance only where a twentieth of the recording is fifteen correlation times of the signal
-    long; elsewhere, as in slow staircases, nothing is said of them. Outliers are lone readings: a burst looks like
-    motion.
+    The recordings are not altered. Inputs are examined for trends, drift and few levels only, since a command may jump,
+    rest and stay at a limit. Trends and drift are reported only if a twentieth of the recording is at least fifteen
+    correlation times of the signal long: otherwise, as in slow staircases, they cannot be distinguished from chance.
+    Outliers are isolated readings, because a burst looks like motion.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        Each of at least 200 samples.
+        Recordings of at least 200 samples each.
     level : float
-        Probability with which chance alone makes a finding of each kind in a signal that is normal noise.
+        Probability of a false finding of each kind in a signal that is normal noise.
     degree : int
-        Largest degree that a model is to have: an input of no more levels than that cannot show it.
+        Largest degree of the intended model, which an input with no more levels than that cannot determine.
 
     Returns
     -------
     tuple of Finding
-        In the order of recordings, signals and kinds; empty if there is nothing to tell.
+        Findings in the order of recordings, signals and kinds; empty if there are none.
 
     Raises
     ------
@@ -180,7 +180,11 @@ def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """A linear trend, and what the means of segments do beyond it and beyond chance."""
+    """Find a linear trend, and drift of segment means beyond it that is significant.
+
+    Means of segments are nearly independent if the segments are long compared with the correlation time; otherwise
+    nothing is reported.
+    """
     from scipy.special import fdtrc, stdtr
 
     y = channel.values
@@ -222,7 +226,10 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Lone readings far from the cubic through their four neighbours, measured by what is usual around."""
+    """Find isolated readings far from the cubic through their four neighbours, relative to the usual distance nearby.
+
+    A step of the signal, ringing after it, and the usual response to a kink of an input are motion, not outliers.
+    """
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 

@@ -31,7 +31,7 @@ _BLOCKS = 10  # of the squared errors, whose means tell how certain their mean i
 
 
 class TrialStatus(Enum):
-    """How a trial ended; the value is the advice."""
+    """Outcome of a trial; the value says it in words."""
 
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"
@@ -41,28 +41,27 @@ class TrialStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class OrderTrial:
-    """One point of the grid.
+    """Trial of one combination of lags and degree.
 
     Parameters
     ----------
     output_lags, input_lags : Lags
-        As the identifier takes them.
+        Lags in samples, as the identifier takes them.
     degree : int
         Largest degree of the candidates.
     n_terms : int
-        Terms of the fitted model; 0 where there is none.
+        Number of terms of the fitted model; 0 if there is no model.
     n_input_terms : int
-        Those of them that hold an input.
+        Number of these terms that contain an input.
     error : float
-        Root mean square of the free-run error over the held-out data, in the output's unit; infinite where
-        there is none.
+        Root mean square of the free-run error over the held-out data, in the output's unit; infinite if there is none.
     mean_square, standard_error : float
-        Its square, and the standard error of that by the means of ten blocks of the held-out data, whose
-        neighbours are nearly independent.
+        Mean squared free-run error and its standard error, in squares of the output's unit; the latter comes from the
+        means of ten nearly independent blocks of the held-out data.
     status : TrialStatus
-        How it ended.
+        Outcome of the trial.
     reason : str
-        Of a failure.
+        Reason of a failure, otherwise empty.
     """
 
     output_lags: Lags = field(metadata=variable(of=lambda trial: str(trial.output_lags)))
@@ -89,13 +88,13 @@ class OrderChoice(Described):
     Parameters
     ----------
     trials : tuple of OrderTrial
-        All points, those that failed or were not run too.
+        Trials at all grid points, including those that failed or were not run.
     unit : str
         Unit of the errors.
     dead_times : tuple of DeadTime
-        Of each input in the training data.
+        Dead time of each input in the training data.
     remarks : tuple of str
-        A sentence for each input of too few levels to show the largest degree.
+        Sentence for each input that has too few levels to determine the largest degree.
     """
 
     trials: tuple[OrderTrial, ...] = field(metadata=table_along("trial", name=""))
@@ -112,17 +111,17 @@ class OrderChoice(Described):
 
     @property
     def done(self) -> tuple[OrderTrial, ...]:
-        """The trials that have an error."""
+        """Trials that have a free-run error."""
         return tuple(trial for trial in self.trials if trial.status is TrialStatus.DONE)
 
     @property
     def best(self) -> OrderTrial:
-        """The trial of the smallest error.
+        """Trial with the smallest error.
 
         Raises
         ------
         ModelError
-            If none has one.
+            If no trial has an error.
         """
         if not self.done:
             raise ModelError("no model of the grid ran free over the held-out data: there is nothing to choose")
@@ -130,11 +129,10 @@ class OrderChoice(Described):
 
     @property
     def chosen(self) -> OrderTrial:
-        """The smallest model whose squared error is within one standard error of the best one's.
+        """Trial of the smallest model whose squared error is within one standard error of the best.
 
-        The smallest has the fewest terms, then the lowest degree, then the fewest lags (Hastie, Tibshirani,
-        Friedman, The Elements of Statistical Learning, 2nd ed., 2009, section 7.10: the one-standard-error
-        rule).
+        The smallest model has the fewest terms, then the lowest degree, then the fewest lags (Hastie, Tibshirani,
+        Friedman, The Elements of Statistical Learning, 2nd ed., 2009, section 7.10: the one-standard-error rule).
 
         Raises
         ------
@@ -146,7 +144,7 @@ class OrderChoice(Described):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What speaks against the chosen model: it has no input, or its lags end before an input acts."""
+        """Sentences against the chosen model: it has no input, or its lags end before an input acts."""
         if not self.done:
             return ()
         said, chosen = [], self.chosen
@@ -169,14 +167,14 @@ class OrderChoice(Described):
         return "\n".join([*lines, *self.warnings, *self.remarks])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the free-run error over the output lags, a line for each degree, divergence as a cross on top.
+        """Draw the free-run error over the output lags, one line for each degree; a cross at the top marks divergence.
 
-        Where several input lags were tried with the same output lags, the line takes the best of them.
+        If several input lags were tried with the same output lags, the line shows the best of them.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------
@@ -225,28 +223,30 @@ def choose_orders(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> OrderChoice:
-    """Fit a grid of lags and degrees and run each model free over held-out data.
+    """Fit models over a grid of lags and degrees and compare their free runs on held-out data.
 
-    All errors are over the same samples: those after the largest lag of the grid. Ctrl-C keeps what is done. Where an
-    input has a dead time (`estimate_dead_time`), lags that begin with it are tried too, unless input lags are given.
+    All errors are over the same samples, those after the largest lag of the grid. Ctrl-C keeps the trials completed so
+    far. If an input has a dead time (`estimate_dead_time`), lags that start there are tried too, unless input lags are
+    given.
 
     Parameters
     ----------
     identifier : NarxIdentifier
-        Whose other arguments are kept; a clone is fitted at each point.
+        Estimator whose clone, with the lags and degree of each grid point, is fitted there.
     training, validation : Recording, Experiment, or several
-        To fit, and to run free over; of one output.
+        Data for the fits and held-out data for the free runs, with one output.
     output_lags : iterable of Lags
-        Those to try, each as the identifier takes it: a number n for 1..n, a sequence, or those of each channel.
+        Output lags to try, each as the identifier takes it: a number n for 1..n, a sequence, or the lags of each
+        channel.
     input_lags : iterable of Lags, optional
-        Those to try with each output lag. When not given, the same as the output lag, and as many from the dead
-        time of each input on.
+        Input lags to try with each output lag. Defaults to the output lag itself and to as many lags from the dead time
+        of each input on.
     degrees : iterable of int
-        Those to try.
+        Degrees to try.
     workers : int
-        Processes; 1 runs in this one, -1 takes all cores.
+        Number of processes; 1 runs in this process, -1 uses all cores.
     progress : callable, optional
-        Takes the share that is done and what is being done.
+        Called with the share done, between 0 and 1, and a description of the current step.
 
     Returns
     -------

@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be
 
 
 class SectionStatus(Enum):
-    """What the choice rests on; the value is the advice."""
+    """Basis of the choice of sections; the value says it in words."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test: what is left out is in the table"
@@ -57,18 +57,18 @@ class SectionStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class StationarityTest:
-    """One test of one statistic of one signal.
+    """Result of one test of one statistic of one signal.
 
     Parameters
     ----------
     signal : str
         Name of the input or output.
     statistic : str
-        "mean", "variance" or "fast variance" (of the steps from sample to sample) of the segments.
+        Statistic of the segments: "mean", "variance" or "fast variance" (of the steps from sample to sample).
     test : str
-        "trend", "change" or "spread" of it over the segments.
+        Test over the segments: "trend", "change" or "spread" of the statistic.
     p_value : float
-        Probability that the statistic of independent segments of a stationary signal shows as much.
+        Probability of a result at least as large for independent segments of a stationary signal.
     """
 
     signal: str
@@ -84,11 +84,11 @@ class Stretch:
     Parameters
     ----------
     record : int
-        Number of the recording, from 0.
+        Index of the recording, from 0.
     first, last : int
-        Samples ``first`` to ``last - 1``.
+        First sample of the stretch, and first sample after it.
     p_value : float
-        Smallest of all tests, times their number (Bonferroni), at most 1.
+        Smallest p-value of all tests times the number of tests (Bonferroni), at most 1.
     """
 
     record: int
@@ -98,7 +98,7 @@ class Stretch:
 
     @property
     def n_samples(self) -> int:
-        """Length in samples."""
+        """Length of the stretch in samples."""
         return self.last - self.first
 
 
@@ -120,22 +120,22 @@ class Sections(Described):
     Parameters
     ----------
     recordings : tuple of Recording
-        All that was given.
+        Recordings that were examined.
     training, validation : Recording
-        The sections; their clock is that of the recordings.
+        Chosen sections, on the clock of the recordings.
     stretches : tuple of Stretch
-        All stretches that passed, the longest first.
+        Stretches that passed the tests, longest first.
     tests : tuple of tuple of StationarityTest
-        For each whole recording its tests.
+        Tests of each whole recording.
     segment_s : tuple of float
-        For each recording the length of a segment in s.
+        Length of a segment of each recording in s.
     correlation_time_s : tuple of float
-        For each recording the longest correlation time within its segments, in s. Segments should be fifteen
-        times as long: with ten, twice as many stationary records fail as ``level`` says.
+        Longest correlation time within the segments of each recording, in s. Segments should be fifteen times as long:
+        at ten times, twice as many stationary records fail as ``level`` states.
     level : float
-        Share of stationary recordings that fail.
+        Share of stationary recordings that fail the tests.
     status : SectionStatus
-        What the choice rests on.
+        Basis of the choice.
     """
 
     recordings: tuple[Recording, ...]
@@ -167,7 +167,7 @@ class Sections(Described):
 
     @property
     def segments_are_long(self) -> bool:
-        """Whether all segments are fifteen times as long as the correlation time, as the tests need it."""
+        """True if all segments are at least fifteen correlation times long, as the tests require."""
         pairs = zip(self.segment_s, self.correlation_time_s, strict=True)
         return all(segment >= ENOUGH_CORRELATION_TIMES * correlation for segment, correlation in pairs)
 
@@ -194,7 +194,7 @@ class Sections(Described):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; created if omitted.
 
         Returns
         -------
@@ -223,14 +223,14 @@ def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[S
     Parameters
     ----------
     recording : Recording
-        Inputs and outputs.
+        Recording whose inputs and outputs are tested.
     n_segments : int
-        Number of segments, at least 10; each should be fifteen times as long as the correlation time.
+        Number of segments, at least 10; each should be at least fifteen correlation times long.
 
     Returns
     -------
     tuple of StationarityTest
-        Three for each statistic of each signal.
+        Three tests for each statistic of each signal.
 
     Raises
     ------
@@ -245,21 +245,21 @@ def choose_sections(
 ) -> Sections:
     """Choose training and validation sections by a test of stationarity.
 
-    Each recording is cut into segments. The longest run of at least ten segments whose statistics pass all
-    tests is a stationary stretch, less its outermost segments where others follow; then the longest of what is
-    left, and so on. The longest stretch is for
-    training; the next one is for validation if it is long enough, else the end of the longest one is.
+    Each recording is cut into segments. The longest run of at least ten segments that pass all tests is a stationary
+    stretch, without its outermost segments if others follow; the search then continues in the remaining segments. The
+    longest stretch is for training. The next one is for validation if it is long enough; otherwise the end of the
+    longest stretch is.
 
     Parameters
     ----------
     recordings : Recording, Experiment, or several
-        What there is.
+        Recordings to choose from.
     n_segments : int
         Number of segments of each recording, at least 10.
     level : float
-        Share of stationary stretches that fail, over all tests together (Bonferroni).
+        Share of stationary stretches that may fail, over all tests together (Bonferroni).
     validation_share : float
-        Share of the samples that is for validation, between 0 and 1.
+        Share of the samples for validation, between 0 and 1.
 
     Returns
     -------

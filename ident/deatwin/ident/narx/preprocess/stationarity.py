@@ -28,7 +28,7 @@ _SMALLEST_GROUP = 3  # segments before or after a change
 
 @dataclass(frozen=True, eq=False)
 class SegmentMeans:
-    """A statistic of each segment, and how much chance makes of it."""
+    """Statistic of each segment with its sampling variance."""
 
     values: Array
     chance: Array
@@ -62,8 +62,8 @@ def cut(signal: Array, n_segments: int) -> Array:
 
 
 def chance_of_mean(segments: Array) -> Array:
-    """Return the sampling variance of the mean of each segment, as its slowest oscillation tells it. Shapes:
-    `segments` (n_segments, length); returns (n_segments,), Each with 2 degrees of freedom.
+    """Return the sampling variance of the mean of each segment, from the periodogram at its lowest frequency. Shapes:
+    `segments` (n_segments, length); returns (n_segments,), with 2 degrees of freedom each.
     """
     length = segments.shape[1]
     slowest = np.fft.rfft(segments, axis=1)[:, 1]
@@ -86,7 +86,7 @@ def correlation_samples(segments: Array) -> float:
 
 
 def trend_p_value(data: SegmentMeans) -> float:
-    """Return the two-sided p-value of the reverse arrangements: pairs whose earlier value is the larger one."""
+    """Return the two-sided p-value of the reverse arrangements, exact for independent values of any distribution."""
     values = data.values
     larger = (np.sign(values[:, None] - values[None, :]) + 1.0) / 2.0  # a tie counts half
     count = float(np.sum(np.triu(larger, k=1)))
@@ -96,7 +96,10 @@ def trend_p_value(data: SegmentMeans) -> float:
 
 
 def change_p_value(data: SegmentMeans) -> float:
-    """Return the p-value of the largest difference between the segments before and after a time."""
+    """Return the p-value of the largest difference between the segments before and after a time.
+
+    It is that of the two-sample t test at the best time, times the number of times (Bonferroni).
+    """
     from scipy.special import stdtr
 
     n = data.values.size
@@ -110,7 +113,7 @@ def change_p_value(data: SegmentMeans) -> float:
 
 
 def spread_p_value(data: SegmentMeans) -> float:
-    """Return the p-value of the variance of the values over what chance makes of it (F test)."""
+    """Return the p-value of the variance of the values relative to their sampling variance (F test)."""
     from scipy.special import fdtrc
 
     n = data.values.size
