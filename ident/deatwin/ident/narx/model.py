@@ -38,7 +38,7 @@ def _variance_unit(model: NarxModel) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxModel(Described):
-    """A polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), of one or several outputs.
+    """Polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), with one or several outputs.
 
     In the terms, y and u are the signals minus their origins. Powers of a signal that is far from zero compared with
     its swing are nearly identical, and their parameters would lose all digits; an origin within the data avoids this.

@@ -45,7 +45,7 @@ class BandStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PredictiveBand(Described):
-    """Where a new measurement lies with a given probability, sample by sample.
+    """Interval for each sample that contains a new measurement with a given probability.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ _QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThetaTrajectory(Described):
-    """A NARX model of fixed terms whose parameters change with time.
+    """NARX model with fixed terms and parameters that change with time.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ def _correlations(found: Validation) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Validation(Described):
-    """What `validate` found.
+    """Result of `validate`: errors of a model on recordings, and tests of its residuals.
 
     Parameters
     ----------

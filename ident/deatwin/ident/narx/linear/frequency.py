@@ -18,7 +18,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearFrequencyResponse(Described):
-    """G_i = B_i/(A F_i) on the unit circle, for each input.
+    """Frequency response G_i = B_i/(A F_i) of a linear model, for each input.
 
     Parameters
     ----------

@@ -47,7 +47,7 @@ _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls wi
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearModel(Described):
-    """A linear model of one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
+    """Linear model with one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
     Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
     A = C = D = 1, Box-Jenkins A = 1.

@@ -44,7 +44,7 @@ class SamplingStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SamplingChoice(Described):
-    """Correlation functions of the output and the decimation that they ask for.
+    """Correlation functions of the output and the decimation factor chosen from them.
 
     Parameters
     ----------

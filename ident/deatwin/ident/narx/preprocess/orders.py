@@ -83,7 +83,7 @@ class OrderTrial:
 
 @dataclass(frozen=True, kw_only=True)
 class OrderChoice(Described):
-    """The grid of lags and degrees, and the point that is chosen.
+    """Trials over a grid of lags and degrees, and the choice among them.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ def _test_table(found: Sections) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sections(Described):
-    """Sections for training and validation, and why these.
+    """Sections for training and validation, with the tests that led to them.
 
     Parameters
     ----------
