@@ -1,4 +1,4 @@
-"""Physics to recordings: rigs, materials, effects, and the recordings that they make."""
+"""Plant models: rigs, materials and effects, and the recordings that they produce."""
 
 from deatwin.plant.actuation import ActuationCurve, actuation_curve
 from deatwin.plant.builder import Builder

@@ -1,4 +1,4 @@
-"""Actuation curves: where a plant comes to rest under each command, up to the one that it does not survive."""
+"""Actuation curves: the equilibrium of a plant under each command, up to pull-in."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
 
 
 class CurveEnd(Enum):
-    """Why a curve ends; the text is the advice."""
+    """Reason why a curve ends; the text is advice to the user."""
 
     COMMAND = "the last command was reached"
     PULL_IN = "the film pulls in: there is no equilibrium nearby beyond this command"

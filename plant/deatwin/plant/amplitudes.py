@@ -1,11 +1,11 @@
-"""The unit in which results state amplitudes, and how it is written beside an axis."""
+"""Unit in which results state amplitudes, and its notation beside an axis."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6), "1": ("", 1.0)}
-"""Units in which amplitudes are reported, with their SI size; others are reported in SI, a pure number without one."""
+"""Units in which amplitudes are reported, with their SI size; all others are reported in SI."""
 
 
 def amplitude_unit(output_unit: str) -> tuple[str, float]:
@@ -14,13 +14,13 @@ def amplitude_unit(output_unit: str) -> tuple[str, float]:
 
 
 def written_amplitude(output_unit: str) -> tuple[str, float]:
-    """Unit of amplitudes as axes show it, and its SI size. Shapes: returns As ``("µm", 1e-6)`` for a displacement."""
+    """Unit of amplitudes on an axis, such as ``"µm"``, and its SI size."""
     name, size = amplitude_unit(output_unit)
     return ("µm" if name == "um" else name), size
 
 
 def amount(number: str, unit: str) -> str:
-    """A number with its unit; without one where it is pure or its unit is not known.
+    """Format a number with its unit, without one if it is a pure number or the unit is unknown.
 
     Examples
     --------
@@ -36,7 +36,7 @@ def axis_label(name: str, unit: str) -> str:
 
 
 def reported_size(reported: str, output_unit: str) -> float:
-    """Size of the unit in which a result states amplitudes, in that of the readings.
+    """Size of the unit in which a result states amplitudes, in the unit of the readings.
 
     Examples
     --------

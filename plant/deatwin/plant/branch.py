@@ -1,4 +1,4 @@
-"""The equilibrium of a plant, followed over the command: where it ends in a fold, and where a simulation leaves it.
+"""Equilibria of a plant along the command: the end of a branch in a fold, and snaps of a simulation to another one.
 
 In a fold the tangent of the equations of rest turns singular: the film's stiffness is zero there and negative beyond
 it. A film that passes a fold snaps to another equilibrium, if there is one, and pulls in if there is none.
@@ -119,7 +119,7 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and whether there are unstable ones between each and the one before it.
+    """Samples that end in a stable state, and a flag for unstable states between each and the one before.
 
     Stability is judged at a command that the branch reaches: beyond its end the voltage itself changes the film's
     stiffness.
@@ -141,7 +141,7 @@ def _stable(
 def _ends_of_rest(
     equations: Equations, start: float, limits: tuple[float, float], values_as_bytes: bytes
 ) -> tuple[float, float]:
-    """`_ends` of the equilibrium from which a simulation begins; kept, since most simulations ask for no other."""
+    """`_ends` of the equilibrium from which a simulation begins; cached, since most simulations ask for the same."""
     values = np.frombuffer(values_as_bytes)
     return _ends(equations, rest_state(equations, start, values), start, limits, values)
 

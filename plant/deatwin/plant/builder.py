@@ -488,5 +488,5 @@ def _same(symbol: Symbol, other: Any) -> bool:
 
 
 def _column(*parts: Symbol) -> Symbol:
-    """The parts below each other; a column without rows where there are none."""
+    """Stack the parts in one column, without rows if there are none."""
     return ca.vertcat(ca.SX(0, 1), *parts)

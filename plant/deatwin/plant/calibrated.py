@@ -1,4 +1,4 @@
-"""A calibrated plant: the plant, what is known of its parameters and its errors, and its file ``model.json``."""
+"""Calibrated plants: a plant with the uncertainty of its parameters and its errors, and its file ``model.json``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drive and the sensor as hardware: from the wished command to the applied one, from the ball to the record.
+"""Drive and sensor hardware: from the requested command to the applied one, from the ball to the record.
 
     command -> analogue output (zero-order hold, 16 bit) -> amplifier -> electrode -> film
     ball -> laser (noise, resolution, lag) -> analogue input (16 bit) -> record
@@ -176,7 +176,7 @@ class MeasuringChain:
 
 
 def _delayed(readings: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
-    """Return rows of readings as they were some samples ago."""
+    """Delay rows of readings by some samples."""
     now = np.arange(readings.shape[-1], dtype=np.float64)
     before = np.maximum(now - samples, 0.0)
     left, right = np.floor(before).astype(int), np.ceil(before).astype(int)

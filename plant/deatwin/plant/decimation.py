@@ -1,4 +1,4 @@
-"""Fewer samples: a low-pass filter without phase, and every so many rows of what it leaves."""
+"""Decimation: a zero-phase low-pass filter, then a selection of rows."""
 
 from __future__ import annotations
 

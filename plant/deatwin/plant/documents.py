@@ -1,4 +1,4 @@
-"""JSON documents with a schema: written as a whole, read with one clear error."""
+"""JSON documents with a schema: written atomically, read with one clear error."""
 
 from __future__ import annotations
 

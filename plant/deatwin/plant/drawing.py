@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
-    """Axes to draw in; matplotlib is loaded only now."""
+    """Axes to draw on; matplotlib is loaded only if new ones are needed."""
     if ax is not None:
         return ax
     from matplotlib import pyplot

@@ -20,11 +20,11 @@ from deatwin.plant.integrator.parts import Step, halves
 from deatwin.plant.parameters import ParameterSet
 
 SAMPLE_START = "sample_start"
-"""Name of the input that is the clock time at which a sample begins, s."""
+"""Name of the input for the clock time at which a sample begins, s."""
 STEP_MIDDLE = "step_middle"
-"""Name of the input that is the clock time of the middle of a step, s; what asks for it divides each sample in two."""
+"""Name of the input for the clock time in the middle of a step, s; its use divides each sample in two."""
 KNOWN = (SAMPLE_START, STEP_MIDDLE)
-"""Inputs that nobody measures: they are known."""
+"""Inputs that are known without measurement."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class Equations:
     channels: Mapping[str, float] = field(default_factory=dict)
 
     def held_inputs(self, command: float) -> np.ndarray:
-        """Inputs under a command that has long been constant. Shapes: returns (n_u,)."""
+        """Inputs under a command that has been constant for long. Shapes: returns (n_u,)."""
         return np.array([command] * (1 + self.history) + list(self.channels.values()))
 
     @property

@@ -1,4 +1,4 @@
-"""The errors that deatwin raises, and the near name that they offer."""
+"""Errors that deatwin raises, and suggestions of near names."""
 
 import difflib
 from collections.abc import Iterable

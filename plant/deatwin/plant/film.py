@@ -1,4 +1,4 @@
-"""A film in a rig: points with volumes and stretches, its energy and capacitance, and what relaxes in it."""
+"""Film of a rig: points with volumes and stretches, energy and capacitance, and relaxing branches."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Stretches = Sequence[tuple[Symbol, Symbol]]
 
 
 def relaxation_stiffness(relaxed: Callable[[Any], Stretches], volumes: Sequence[float], stretch: float) -> float:
-    r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy where it is relaxed."""
+    r"""Curvature :math:`\kappa = \partial^2 e/\partial(\ln\xi)^2` of a branch's energy in its relaxed state."""
     step = 1e-4
     here = relaxed(stretch)
 
@@ -75,7 +75,7 @@ def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickn
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AnyFilm(ABC):
-    """The film as effects at the place *film* see it, however its branches flow."""
+    """Film as effects at the place *film* see it; subclasses differ in how branches flow."""
 
     points: Sequence[FilmPoint]  # Points at which stretches are taken
     elastic: Symbol  # Energy of the equilibrium network, J
@@ -90,11 +90,11 @@ class AnyFilm(ABC):
 
     @property
     def capacitance(self) -> Symbol:
-        """F."""
+        """Capacitance, F."""
         return sum(self.capacitances, ca.SX(0))
 
     def force(self, coordinate: Symbol, squared_voltage: Symbol) -> Symbol:
-        r"""Generalised force of the film against coordinates, at a given voltage.
+        r"""Generalised forces of the film on coordinates, at a given voltage.
 
         .. math:: \frac{\partial E}{\partial q} - \frac{V^2}{2}\frac{\partial C}{\partial q}
 
@@ -125,7 +125,7 @@ class AnyFilm(ABC):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Film(AnyFilm):
-    """A film of a few coordinates, whose branches each have one viscous stretch for the whole film."""
+    """Film of a few coordinates, with one viscous stretch per branch for the whole film."""
 
     stretch: Symbol  # The coordinate that a branch copies
     relaxed: Callable[[Any], Stretches]
@@ -149,7 +149,7 @@ class Film(AnyFilm):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointwiseFilm(AnyFilm):
-    """A film whose branches flow at each point by themselves."""
+    """Film whose branches flow at each point independently."""
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
         r"""Add a Maxwell branch with two viscous stretches :math:`\xi_1, \xi_2` at each point.

@@ -1,4 +1,4 @@
-"""Six actuators of one specification: six fabrications, six histories, and the recordings that they give.
+"""Six simulated actuators of one specification, with six fabrications and six histories.
 
 The thesis built six actuators alike and found that all differ (section 2.3.2): the mean of the first falls, and its
 recording is rough between 10 and 30 s where the ball is 0.4 to 0.5 mm down; the means of the second and the third rise;
@@ -225,7 +225,7 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
 
 
 def _fabricate(rng: np.random.Generator) -> Plant:
-    """An actuator as it leaves the bench: each quantity somewhere within its tolerance."""
+    """Actuator as fabricated: each quantity is drawn within its tolerance."""
     wished = specification()
     factors = {name: 1 + t.share * rng.uniform(-1, 1) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}

@@ -14,7 +14,7 @@ MISTAKEN = (SystemError, NotImplementedError)
 
 
 def obey() -> None:
-    """Raise the interrupt that was asked for and has not ended the work."""
+    """Raise the interrupt that was requested but has not ended the work."""
     for number in ENDING:
         asked = getattr(signal.getsignal(number), "asked", None)
         if asked is not None and asked.is_set():
@@ -23,7 +23,7 @@ def obey() -> None:
 
 @contextmanager
 def obeying() -> Iterator[None]:
-    """Let what CasADi makes of an interrupt be that interrupt."""
+    """Turn an error that CasADi made of an interrupt back into that interrupt."""
     try:
         yield
     except MISTAKEN:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Symbol = Any
 BREAKDOWN = "breakdown_share"
 EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BREAKDOWN, 1.0, 1.0))
-"""Signal, what it tells, and from which value on, with the sign of the excess."""
+"""Signal, event that it indicates, and threshold, with the sign of the excess."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +64,7 @@ class Event:
 
 
 def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
-    """Watch how near the film is to losing tension and to breakdown, and where."""
+    """Watch the film's margins to loss of tension and to breakdown, and their places."""
     _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     active = [p for p in film.points if p.active]
@@ -72,7 +72,7 @@ def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None
 
 
 def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
-    """Along the meridian and the hoop of each point in turn, Pa."""
+    """Stresses along the meridian and the hoop of each point in turn, Pa."""
     virtual = ca.vertcat(*(v for p in film.points for v in p.virtual or ()))
     work = film.force(virtual, squared_voltage)
     pairs = [(p.stretches[axis], p.volume) for p in film.points for axis in (0, 1)]
@@ -80,13 +80,13 @@ def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
 
 
 def breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
-    """The field at a point over that at which the film breaks down there. `voltage` on the film, V, not negative."""
+    """Field at a point, divided by the breakdown field there. `voltage` on the film, V, not negative."""
     present = thickness / (point.stretches[0] * point.stretches[1])
     return voltage / present / HUANG_2012.at(present, *point.stretches)
 
 
 def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint], sign: int, build: Builder) -> None:
-    """Watch the smallest value (the largest, for a negative sign) and where its point lies."""
+    """Watch the smallest value (the largest, for a negative sign) and the place of its point."""
     least, radius, active = values[0], points[0].mounted, float(points[0].active)
     for value, point in zip(values[1:], points[1:], strict=True):
         nearer = sign * value < sign * least

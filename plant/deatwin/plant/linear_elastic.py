@@ -1,4 +1,4 @@
-r"""The linear-elastic free-boundary model: strain by the square of the field, with one constant modulus.
+r"""Linear-elastic model of a free film: strain proportional to the square of the field, with a constant modulus.
 
 .. math:: s_z = -\frac{\varepsilon E^2}{Y}, \qquad s_{xy} = \frac{\varepsilon E^2}{2Y}
 

@@ -95,7 +95,7 @@ def _permittivity(value: float, source: str) -> Parameter:
 
 
 def _branches(source: str, *values: tuple[float, float]) -> tuple[Branch, ...]:
-    """Branches of the (modulus in Pa, time in s) given; a time may move by about 30 both ways."""
+    """Branches of given (modulus in Pa, time in s); a fit may change a time by a factor of about 30 both ways."""
     names = ["branch", *(f"branch_{i}" for i in range(2, len(values) + 1))]
     return tuple(
         Branch(
@@ -136,7 +136,7 @@ _RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 
 
 
 def _common(name: str) -> Material:
-    """One relaxation and a modulus in the middle of the published ones: what a rig of unknown history starts from."""
+    """One relaxation and a modulus in the middle of the published values: start values for a rig of unknown history."""
     return Material(
         name=name,
         energy=gent,
@@ -150,7 +150,7 @@ def _common(name: str) -> Material:
 
 
 def _published() -> tuple[Material, ...]:
-    """Complete sets. Their authors' flow rules differ from ours at large strain, not at small: same times there."""
+    """Complete published sets. Their flow rules differ from ours at large strain only: the times are the same."""
     return (
         Material(
             name="VHB 4910 Wang 2016",

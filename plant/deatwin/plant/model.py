@@ -332,7 +332,7 @@ NOT_IN_EQUATIONS = frozenset(
 
 
 class _Structure:
-    """A plant seen as the key of its equations: what a fit can move does not count."""
+    """A plant as the key of its equations: values that a fit can move do not count."""
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -365,5 +365,5 @@ def _equations(structure: _Structure) -> Equations:
 
 @lru_cache(maxsize=64)
 def _simulator(structure: _Structure, program: str | None) -> Simulator:
-    """For the compiler that is in use, which is a part of the key only."""
+    """Cached simulator for the compiler in use, which is part of the key only."""
     return Simulator(_equations(structure))

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 SCHEMA = "deatwin/model-error/2"
 BINS = 12
-"""Intervals of the command in a band."""
+"""Number of intervals of the command in a band."""
 EVALUATIONS = 30
-"""Simulations that a refit may take; it settles in about ten."""
+"""Largest number of simulations of a refit, which settles in about ten."""
 DIGITS = 2
 """Step to which the parameters are rounded: within it the error changes by a few percent of itself."""
 
@@ -232,7 +232,7 @@ class _Refit:
         return self.residuals(found.x)
 
     def residuals(self, coordinates: np.ndarray) -> np.ndarray:
-        """Target minus readings, shape (n,), SI; far too large where the plant fails, so that the fit turns back."""
+        """Target minus readings, shape (n,), SI; very large where the plant fails, so that the fit turns back."""
         return self._evaluate(coordinates)[0]
 
     def _jacobian(self, coordinates: np.ndarray) -> np.ndarray:
@@ -269,7 +269,7 @@ def _rounded(plant: Plant) -> Plant:
 
 
 def _file(plant: Plant, experiment: Experiment) -> Path:
-    """The file of an answer: all that it depends on is in its name."""
+    """File of a cached result, named by all on which the result depends."""
     rig = {name: value for name, value in plant.rig.to_dict().items() if name not in ("noise", "model_error")}
     content = plant.to_dict() | {"kind": plant.rig.kind, "rig": rig, "deatwin": version("deatwin"), "schema": SCHEMA}
     timeline = plant.timeline(experiment)

@@ -1,4 +1,4 @@
-"""Quantities in SI, shown with the prefix that a person would choose."""
+"""SI quantities shown with a suitable prefix."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
-    """The unit in which a value has one to three digits before the point, and its size.
+    """Size and name of the unit in which a value has one to three digits before the point.
 
     Examples
     --------
@@ -28,7 +28,7 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 
 
 def resolving(low: float, high: float) -> int:
-    """Significant digits that tell the ends of an interval apart: three, or to the first digit of its width.
+    """Number of significant digits that distinguish the ends of an interval: three, or to the first digit of its width.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Recordings and experiments: the one form in which data travels through deatwin."""
+"""Recordings and experiments, the common form of data in deatwin."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -300,7 +300,7 @@ class Experiment:
 
 
 def label(recording: Recording) -> str:
-    """Return how an error text calls a recording: its file, or its times."""
+    """Return the name of a recording in error texts: its file, or its times."""
     return recording.provenance.get("file") or f"recording of {recording.start:g} to {recording.end:g} s"
 
 

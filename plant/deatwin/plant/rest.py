@@ -193,7 +193,7 @@ def has_equilibrium(
 
 
 def _in_tension(equations: Equations, state: RestState, command: float, values: np.ndarray) -> bool:
-    """True also of a rig that does not watch the tension of its film."""
+    """True if the film is in tension, or the rig does not watch its tension."""
     if TENSION not in equations.signals:
         return True
     inputs = equations.held_inputs(command)
@@ -261,7 +261,7 @@ def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
 
 
 def _of_parameters_alone(roots: Any, p: Any) -> list[Any]:
-    """The operations in an expression that depend on parameters only, each after those that it is made of."""
+    """Operations in an expression that depend on parameters only, each after its own operands."""
     alone = {symbol.element_hash(): True for symbol in ca.vertsplit(p)}
     found, waiting = [], [roots[k] for k in range(roots.numel())]
     while waiting:

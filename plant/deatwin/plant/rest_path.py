@@ -1,4 +1,4 @@
-"""States of rest that are followed from the start of an experiment, with what is held since then, to other commands."""
+"""States of rest followed from the start of an experiment to other commands, with held quantities kept."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ HALVINGS = 14
 """Largest number of halvings of the way from rest; pull-in is then found to a part in 16000."""
 UPDATES = 20
 SETTLED = 1e-12
-"""Change of the unknowns, against their scale, that ends Newton's method; nothing is differentiated through it."""
+"""Change of the unknowns, relative to their scale, that ends Newton's method; it is not differentiated."""
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Find the state in which a plant rests once it was brought from its start to a constant command. Shapes: returns
-    (n_x,).
+    """Find the state in which a plant rests after it was brought from its start to a constant command.
+
+    Shapes: returns (n_x,).
     """
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
@@ -57,7 +58,7 @@ def held_rest(
 
 
 class NoRestError(Exception):
-    """There is no state of rest in reach."""
+    """No state of rest is in reach."""
 
 
 Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -67,7 +68,7 @@ Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 def settled(
     equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray, time: float
 ) -> Point:
-    """Let the rest settle with what is held since the start of the experiment, and at its clock time, step by step."""
+    """Let the rest settle, step by step, at its clock time and with the quantities held since the start."""
     n_x = len(equations.states)
     own = np.asarray(equations.hold(here[:n_x], here[n_x:], values, equations.constants)).ravel()
     done, step = 0.0, 1.0
@@ -87,7 +88,7 @@ def settled(
 
 
 def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | None:
-    """Unknowns at which nothing moves, by Newton's method from those of a point nearby; None where it fails."""
+    """Equilibrium by Newton's method from the unknowns of a nearby point; None if it fails."""
     here, *known = point
     evaluate = sample_functions(equations).dynamics
     for _ in range(UPDATES):
@@ -103,7 +104,7 @@ def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | Non
 
 
 def require_tension(equations: Equations, point: Point, time: float) -> None:
-    """A film without tension wrinkles: the equations do not hold. A rig that does not watch it has none to lose."""
+    """Refuse a film without tension, which wrinkles so that the equations do not hold; a rig may not watch it."""
     if TENSION in equations.signals:
         (here, held, inputs, values), n_x = point, len(equations.states)
         seen = equations.watched(here[:n_x], here[n_x:], held, inputs, time, values, equations.constants)
@@ -112,7 +113,7 @@ def require_tension(equations: Equations, point: Point, time: float) -> None:
 
 
 def followed(equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray) -> np.ndarray:
-    """The equilibrium under another command, unless the branch ends before, in a fold or by snapping."""
+    """Equilibrium under another command; raise NoRestError if the branch ends before, in a fold or by snapping."""
     at, step, sign = start, command - start, _sign(equations, here, start, values)
     while at != command:
         target = command if abs(command - at) <= abs(step) else at + step
@@ -137,7 +138,7 @@ def _sign(equations: Equations, here: np.ndarray, command: float, values: np.nda
 
 
 def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Least step, in units of the scale: what may stay anywhere, as a memory at rest, stays where it is."""
+    """Least-squares step in units of the scale; free unknowns, such as a memory at rest, stay in place."""
     scaled = slope * scale
     rows = np.abs(scaled).max(axis=1, initial=0.0)
     rows[rows == 0.0] = 1.0

@@ -20,7 +20,7 @@ WHERE_IN_CASADI = re.compile(r"^\S*\.(?:cpp|hpp|i):\d+:\s*")
 
 
 def number(value: Any, what: str) -> Symbol:
-    """An expression of one number."""
+    """Return an expression of one number, or raise RigError."""
     if not isinstance(value, NUMBERS):
         kind = "casadi.MX; rigs are written in casadi.SX" if isinstance(value, ca.MX) else type(value).__name__
         raise RigError(f"{what} is of the type {kind}; it must be an expression of what the builder gave, or a number")
@@ -34,7 +34,7 @@ def number(value: Any, what: str) -> Symbol:
 
 
 def size(value: Any, what: str) -> float:
-    """A typical size."""
+    """Return a typical size, or raise RigError."""
     if not isinstance(value, (int, float, np.number)) or not 0.0 < value < np.inf:
         raise RigError(f"{what} is {clipped(value)}; it must be a finite number above 0")
     return float(value)
@@ -56,7 +56,7 @@ def _free(arguments: list[Symbol], value: Symbol) -> list[Symbol]:
 
 
 def in_users_code(error: Exception, what: str) -> RigError:
-    """The error of a rig or effect whose own code raised one."""
+    """Error of a rig or effect whose own code raised an exception."""
     frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).parent.name != "casadi"]
     lines = [WHERE_IN_CASADI.sub("", line.strip()) for line in str(error).splitlines() if line.strip()]
     text = clipped(lines[0] if isinstance(error, NotImplementedError) else lines[-1], 200) if lines else ""

@@ -20,7 +20,7 @@ COLUMNS = 10_000
 DOCUMENT_BYTES = 500_000_000
 """Size of a model, a diagnosis or a check: JSON."""
 DOCUMENT_VALUES = 20_000_000
-"""Numbers, texts and lists in such a file."""
+"""Number of values, texts and lists in such a file."""
 RIG_BYTES = 1_000_000
 """Size of a rig file: TOML."""
 
@@ -57,7 +57,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
 
 
 def kind_of_file(path: str | os.PathLike[str]) -> str:
-    """Return what stands at a path where no plain file does, as ``"a pipe"``."""
+    """Return the kind of a path that is not a plain file, as ``"a pipe"``."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -80,7 +80,7 @@ def in_words(count: float) -> str:
 
 
 def clipped(text: object, length: int = 80) -> str:
-    r"""Return what a file holds as an error text may show it: printable, and not all of a long one.
+    r"""Return content of a file for an error text: printable and shortened.
 
     Examples
     --------
@@ -93,7 +93,7 @@ def clipped(text: object, length: int = 80) -> str:
 
 
 def reason(error: Exception) -> str:
-    """Return why a library could not read a file, for an error text.
+    """Return the reason why a library could not read a file, for an error text.
 
     Examples
     --------

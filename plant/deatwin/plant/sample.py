@@ -1,4 +1,4 @@
-"""One sample of a plant from any state, and what a simulation does where it cannot be solved in one step."""
+"""One sample of a plant from any state, with shorter steps where one step does not solve it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from deatwin.plant.integrator.newton import SETTLED
 
 SHORTER_STEPS = (4, 16, 64)
-"""Into how many steps a sample is divided that is not solved in one, one number after the other."""
+"""Numbers of shorter steps, tried in turn if a sample is not solved in one step."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +35,7 @@ class Sample:
     def _in_steps(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float, number: int
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """After so many steps; None where one is not solved."""
+        """Solve the sample in a number of steps; None if one is not solved."""
         width, level = self.sample_time / number, ca.DM(np.nan)
         for count in range(number):
             begin = time + width * count

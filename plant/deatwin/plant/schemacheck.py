@@ -59,7 +59,7 @@ def shipped_schema(name: str) -> dict[str, Any] | None:
 
 
 def shape_fault(document: Mapping[str, Any], name: str) -> str:
-    """Return what is wrong with the values of a document."""
+    """Describe the first fault in the values of a document; empty if there is none."""
     schema = shipped_schema(name)
     return "" if schema is None else next(_faults(document, schema, schema, ""), "")
 

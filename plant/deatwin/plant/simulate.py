@@ -180,7 +180,7 @@ class Simulator:
 
     @cached_property
     def _step(self) -> ca.Function:
-        """One sample, compiled only for those who step: the marches hold their own copy."""
+        """One sample, compiled only for steppers: the marches hold their own copy."""
         return compile_functions({"plain_step": self._single.plain}, in_lanes=self._single.in_lanes)["plain_step"]
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
@@ -197,7 +197,7 @@ class Simulator:
         return slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3]
 
     def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
-        """Why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
+        """Reason why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
         exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
         return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
 

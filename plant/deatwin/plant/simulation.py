@@ -1,4 +1,4 @@
-"""The recordings of an experiment as a plant makes them, and what happened to its film on the way."""
+"""Simulated recordings of an experiment, and the events of the film."""
 
 from __future__ import annotations
 

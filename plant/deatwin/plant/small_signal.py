@@ -1,4 +1,4 @@
-"""One sample of a plant for small deviations from rest, as the matrices of a sampled linear system.
+"""Linearisation of one sample of a plant about rest, as the matrices of a sampled linear system.
 
 The step over a sample, :math:`(x, u) \\to (x^+, y)`, solves the collocation equations
 
@@ -91,7 +91,7 @@ def small_signals(
 
 
 def _differentiated(equations: Equations, point: Point, time: float, sample_time: float) -> SmallSignal:
-    """The sample from rest, where all stages rest, and its derivatives by the states at its start and by commands."""
+    """One sample from rest, with all stages at rest, and its derivatives by the states at its start and by commands."""
     here, held, inputs, values = point
     functions, n_x = sample_functions(equations), len(equations.states)
     step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
@@ -115,7 +115,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Slope of the reading by the command, along the states of rest that a slow command goes through.
+    """Slope of the reading by the command, along states of rest under a slowly changing command.
 
     Where a combination of the equations says nothing, as of the memory of hysteresis that follows the motion, its
     time integral is conserved, and says how that state moves.

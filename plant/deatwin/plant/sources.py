@@ -1,4 +1,4 @@
-"""Plants from where users keep them: a rig file, a ``model.json``, or a function of their own."""
+"""Sources of plants: a rig file, a ``model.json``, or a user's function."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 
 _RAISED = (Exception, SystemExit)
-"""Whatever a user's own code may raise; a script without a guard calls `sys.exit`."""
+"""Errors that a user's own code may raise; a script without a guard calls `sys.exit`."""
 
 
 def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:

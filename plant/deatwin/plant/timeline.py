@@ -1,4 +1,4 @@
-"""The commands of an experiment on one running clock, from rest to the end of its last recording."""
+"""Commands of an experiment on one clock, from rest to the end of its last recording."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deatwin.plant.rigs.base import ReadingTime, StartProcedure
 from deatwin.plant.safe_read import ROWS
 
 OFF_CLOCK = 0.01
-"""Share of a sample by which a record may miss the clock of the one before."""
+"""Largest error, as a share of a sample, by which a record may miss the clock of the one before."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ class Timeline:
 
 
 def _pause(before: Recording, record: Recording) -> int:
-    """Samples between two records, counted from the end of the first: errors of the sample time do not add up."""
+    """Number of samples between two records, counted from the end of the first, so that errors do not add up."""
     pause = (record.start - before.end) / before.sample_time
     if abs(pause - round(pause)) > OFF_CLOCK:
         raise DataError(
@@ -73,7 +73,7 @@ def _pause(before: Recording, record: Recording) -> int:
 
 
 def _channels(experiment: Experiment, rows: list[np.ndarray], count: int) -> dict[str, np.ndarray]:
-    """Extra channels on the experiment's clock: where nothing is measured the last value is kept."""
+    """Extra channels on the experiment's clock; between measurements the last value is kept."""
     names = dict.fromkeys(name for record in experiment.recordings for name in record.extras)
     return {name: _kept(experiment, rows, count, name) for name in names}
 

@@ -60,5 +60,5 @@ def effect_named(name: str) -> Effect:
 
 
 def effect_from(entry: str | Mapping[str, Any]) -> Effect:
-    """The effect that a model file has."""
+    """Return the effect of a model file's entry."""
     return effect_named(entry) if isinstance(entry, str) else FreeForm.from_entry(entry)

@@ -62,7 +62,7 @@ class FreeForm(Effect):
         return self.node
 
     def describe(self) -> tuple[Parameter, ...]:
-        """The size, which is held; then of each term the coefficient and, where it has one, the shape."""
+        """Parameters: the size, which is held; then of each term the coefficient and, if it has one, the shape."""
         own = [Parameter(name="size", value=self.size, unit=self.unit, lower=0.0, upper=1e12, known=True)]
         for number, (term, value) in enumerate(zip(self.terms, self.coefficients, strict=True), start=1):
             own.append(Parameter(name=f"coefficient_{number}", value=value, unit="1", lower=-1e3, upper=1e3))
@@ -114,7 +114,7 @@ class FreeForm(Effect):
 
     @classmethod
     def from_entry(cls, data: Mapping[str, Any]) -> Self:
-        """The free form that a model file has."""
+        """Return the free form of a model file's entry."""
         try:
             described, enters = tuple(data["terms"]), Place(data["place"])
             node, unit = str(data["signal"]), str(data["unit"])

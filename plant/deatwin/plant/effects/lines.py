@@ -24,7 +24,7 @@ class Tone:
 
 
 def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
-    """The line of a given frequency that fits best beside a constant, by least squares.
+    """Sine of a given frequency that, with a constant, fits best in least squares.
 
     Source: Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577, doi:10.1051/0004-6361:200811296.
 
@@ -85,7 +85,7 @@ def slow_cycles(
 def spectral_peaks(
     timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
 ) -> tuple[float, ...]:
-    """Frequencies at which a residual's averaged spectrum peaks, first what rises most above what is around it.
+    """Frequencies of peaks in a residual's averaged spectrum, the most prominent first.
 
     Source: Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
 
@@ -125,7 +125,7 @@ def _periodogram(timepts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _refined(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
-    """The best line near a frequency that is right within the resolution."""
+    """Best line near a frequency that is known to the resolution."""
     from scipy.optimize import minimize_scalar
 
     width = 0.5 / float(np.ptp(timepts))

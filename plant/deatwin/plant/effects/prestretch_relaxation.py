@@ -1,4 +1,4 @@
-"""Relaxation of the tension that the film was mounted with."""
+"""Relaxation of the mounted film's tension."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""Functions with and without memory of which a free form is made.
+r"""Functions with and without memory that make up a free form.
 
 Each takes one signal, in units of its own scale so that it is of order 1, and gives a pure number. A memory m follows
 
@@ -25,7 +25,7 @@ Symbol = Any
 CORNER = 0.001
 """Rounding of corners, in units of the signal's scale."""
 PURSUIT = 0.1
-"""Time in which a play or a running extreme follows what pushes it, in samples."""
+"""Time in which a play or a running extreme follows its input, in samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class Primitive(ABC):
 
     kind: ClassVar[str]
     shape: ClassVar[str] = ""
-    """Name of the parameter that gives it its shape, if it has one."""
+    """Name of the shape parameter, if there is one."""
     remembers: ClassVar[bool] = False
 
     @property
@@ -47,7 +47,7 @@ class Primitive(ABC):
 
     @property
     def shape_parameter(self) -> Parameter | None:
-        """The parameter that gives it its shape; None if it has none."""
+        """Shape parameter; None if there is none."""
         return None
 
     @abstractmethod
@@ -156,7 +156,7 @@ class LowPass(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Play(Primitive):
-    r"""The play operator: m is moved by the ends of a band about it, as by a fork with clearance.
+    r"""Play operator: the ends of a band move m, as a fork with clearance does.
 
     .. math:: T\dot m = p(s - m - w) - p(m - s - w)
 

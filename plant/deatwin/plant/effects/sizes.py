@@ -1,4 +1,4 @@
-"""Effects on plants of other sizes and units than those of the diaphragm, for which their typical values are stated."""
+"""Effects scaled to plants of other sizes and units than the diaphragm, for which typical values are stated."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SIGNALS: Mapping[str, str] = {
     "amplifier_voltage": "V",
     "sample_time": "s",
 }
-"""Signals between which a change of units is known, with their units in the diaphragm."""
+"""Signals whose change of units is known, with their units in the diaphragm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,7 +157,7 @@ class _Similar(Effect):
 
 
 class _View:
-    """A builder as an effect on the diaphragm would see it."""
+    """Builder as an effect on the diaphragm would see it."""
 
     def __init__(self, build: Builder, effect: _Similar) -> None:
         self._build, self._effect = build, effect

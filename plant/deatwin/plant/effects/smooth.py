@@ -1,4 +1,4 @@
-"""Smooth forms of corners and steps, so that a fit sees a derivative everywhere."""
+"""Smooth forms of corners and steps, so that derivatives exist everywhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Periodic sums of sines: power on chosen lines, and none at all on the others.
+"""Periodic sums of sines with power on chosen lines only.
 
 On a multisine of odd harmonics even nonlinearities (a film's stress goes with V²) answer on even lines only,
 odd ones on odd lines; odd lines that are left out of the excitation show the odd nonlinearities.
@@ -11,7 +11,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
 ATTEMPTS = 100
-"""Draws of the phases before limits are said to be too narrow."""
+"""Number of draws of the phases before the limits count as too narrow."""
 
 
 def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:

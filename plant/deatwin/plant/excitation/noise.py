@@ -1,4 +1,4 @@
-"""Gaussian noise in a band, and what limits do to its spectrum."""
+"""Band-limited Gaussian noise, and the effect of limits on its spectrum."""
 
 from collections.abc import Sequence
 

@@ -26,7 +26,7 @@ def sample_count(name: str, time: float, sample_time: float) -> int:
 
 
 def command_array(commands: ArrayLike) -> NDArray[np.float64]:
-    """Return commands as an array, or say that they are none. `commands` commands, V; returns Commands, V."""
+    """Return commands as an array, shape (n,), V; raise DataError if they are not a row of finite numbers."""
     array = np.asarray(commands, dtype=np.float64)
     if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
         raise DataError(f"commands of shape {array.shape}: need one row of at least one finite number")

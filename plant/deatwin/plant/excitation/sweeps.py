@@ -1,4 +1,4 @@
-"""Sines whose frequency moves, on a bias."""
+"""Sines on a bias whose frequency changes."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""FMUs as archives: sources compiled for this computer, and everything zipped at its place."""
+"""FMUs as archives: sources compiled for this computer, and all files zipped in their places."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _ENDINGS = {"Linux": "so", "Darwin": "dylib"}
 _PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 _FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared", "-fvisibility=hidden")
 _SAID = 300
-"""Characters of a compiler's first complaint that an error repeats."""
+"""Number of characters of a compiler's first complaint that an error repeats."""
 
 
 def headers() -> Path:
-    """Folder of the FMI headers, which fmpy brings."""
+    """Folder of the FMI headers, which fmpy provides."""
     found = find_spec("fmpy")
     if found is None or found.origin is None:
         raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "fmpy>=0.3.20"')
@@ -50,7 +50,7 @@ def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
 
 
 def write_fmu(path: str | Path, contents: Mapping[str, bytes]) -> Path:
-    """Zip the files of an FMU beside its target, then rename it."""
+    """Zip the files of an FMU beside its target, then rename the archive."""
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
         for place, content in sorted(contents.items()):
             archive.writestr(place, content)

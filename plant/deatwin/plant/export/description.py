@@ -1,4 +1,4 @@
-"""Model descriptions of FMUs: what CasADi writes, made whole, and those of sampled systems."""
+"""Model descriptions of FMUs: those of CasADi, completed, and those of sampled systems."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _BASE_UNITS = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "1": {},
 }
-"""Exponents of SI's base units; another unit is named only."""
+"""Exponents of SI base units; another unit has a name only."""
 _TOLERANCE = 1e-8
-"""Relative, that importing tools are advised to take."""
+"""Relative tolerance that importing tools are advised to use."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """The model description that CasADi writes, and what it lacks."""
+    """Model description that CasADi writes, and the additions it lacks."""
 
     name: str  # Model identifier
     plain: bytes
@@ -39,7 +39,7 @@ class Description:
     text: str  # Description of the model in one line
 
     def tidied(self) -> bytes:
-        """With units, default experiment and texts, without variables of CasADi's own, which are never computed."""
+        """Add units, default experiment and texts; drop CasADi's own variables, which are never computed."""
         root = ET.fromstring(self.plain)
         variables = root.find("ModelVariables")
         units = {s.name: s.unit for s in (*self.inputs, *self.outputs) if s.unit}

@@ -41,7 +41,7 @@ _UPDATES = 50
 _UNITS = "states in units of their typical sizes; time is the experiment's clock"
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")
 _FRESH = "  m->up_to_date = 0;\n"
-"""CasADi 3.8 forgets that what depends on time is old when time is set."""
+"""Patch for CasADi 3.8, which does not recompute time-dependent values when time is set."""
 
 
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
@@ -112,7 +112,7 @@ def _has_memory(plant: Plant) -> bool:
 
 
 def _refreshed(wrapper: str) -> str:
-    """The wrapper with what depends on time computed anew when time is set."""
+    """Wrapper that recomputes time-dependent values when time is set."""
     for line in _SETS_TIME:
         if wrapper.count(line) != 1:
             raise ModelError(f"the FMU that CasADi {version('casadi')} writes is not of the form known here (3.8)")
@@ -136,7 +136,7 @@ def _builder(parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tupl
 
 
 class _Parts:
-    """The equations, with the states in units of their sizes, apart from what is solved algebraically."""
+    """Equations with states in units of their scales, and without the algebraic part."""
 
     def __init__(self, plant: Plant, rest: RestState) -> None:
         equations, values = plant.equations, plant.free_values

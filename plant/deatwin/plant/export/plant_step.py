@@ -1,4 +1,4 @@
-"""A plant as C source: one implicit step of its equations a sample, as deatwin's own simulation takes it.
+"""Plants as C source: one implicit step of the equations per sample, as in deatwin's own simulation.
 
 The step is CasADi's code for `deatwin.plant.integrator.collocation.step_functions`; around it stand the state, past
 commands, the clock, and the shorter steps that are taken where a sample is not solved in one.
@@ -148,12 +148,12 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
 
 
 def describe(plant: Plant) -> str:
-    """A plant in a few words."""
+    """Description of a plant in a few words."""
     return f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}"
 
 
 def rest_of(plant: Plant) -> RestState:
-    """The state of rest in which an export starts."""
+    """State of rest in which an export starts."""
     rest = rest_state(plant.equations, plant.rig.start.rest_command, plant.free_values)
     if not rest.found:
         raise ModelError(f"the plant cannot be exported: {rest.fault}")
@@ -174,7 +174,7 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
 
 
 def _sample_function(plant: Plant, name: str) -> ca.Function:
-    """One step under the name that it has in C."""
+    """Step function under its name in C."""
     plain = step_functions(plant.equations).plain
     arguments = plain.mx_in()
     return ca.Function(f"{name}_sample", arguments, plain.call(arguments))

@@ -1,4 +1,4 @@
-"""C source of a system that moves once a sample: what models, plants and controllers have in common as code.
+"""C source of sampled systems: the common code of models, plants and controllers.
 
 Each source is one file of C99 that needs no other. With the prefix ``narx``, say, it holds
 
@@ -76,7 +76,7 @@ class SampledSource:
 
 
 def require_identifier(name: str) -> str:
-    """The name, if it can stand before the names of C functions."""
+    """Return the name if it is a valid prefix of C functions."""
     if _IDENTIFIER.fullmatch(name) is None:
         raise ModelError(
             f"{name!r} cannot stand before the names of C functions: take a letter, then at most 40 letters, digits "
@@ -86,14 +86,14 @@ def require_identifier(name: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number in C, which reads back as the same one."""
+    """Format a number in C so that it reads back as the same number."""
     if not isfinite(value):
         raise ModelError(f"a number of the model is {value}; only finite ones can be written as C")
     return repr(float(value))
 
 
 def table(declaration: str, values: ArrayLike) -> str:
-    """A constant array in C; one without entries gets one, since C has none without.
+    """Constant array in C; an empty one gets one entry, since C has no empty arrays.
 
     Examples
     --------
@@ -115,12 +115,12 @@ def _braces(array: np.ndarray) -> str:
 
 
 def comment(lines: Sequence[str]) -> str:
-    """Lines as a comment of C."""
+    """Format lines as a comment of C."""
     safe = [part for line in lines for part in (wrap(line.replace("*/", "* /"), _WIDTH - 3) or [""])]
     return "/* " + "\n * ".join(safe) + "\n */\n"
 
 
 def filled(template: str, **fields: object) -> str:
-    """A template of C with ``$name`` and ``$NAME`` replaced."""
+    """Fill in a template of C with ``$name`` and ``$NAME``."""
     texts = {key: number(value) if isinstance(value, float) else str(value) for key, value in fields.items()}
     return Template(template).substitute(texts)

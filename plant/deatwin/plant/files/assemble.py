@@ -92,7 +92,7 @@ def recordings_of(
 
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
-    """Say how the times were understood where the file does not say it."""
+    """Say how the times were understood if the file does not say it."""
     if table.nameless and named is None:
         logger.warning(
             '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
@@ -111,14 +111,14 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
 
 
 def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
-    """Return whether times that nothing gives a unit may count ms or the like: they go on by whole numbers."""
+    """Return whether times without a unit may count ms or similar: they advance by whole numbers."""
     steps = np.diff(told)
     whole = bool(steps.size and (steps > 0.0).all() and np.array_equal(told, np.round(told)))
     return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return recordings on the clock of the earliest, if all of them say at which date their own clock began."""
+    """Return recordings on the clock of the earliest, if all of them state the date of their clock's zero."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
@@ -158,7 +158,7 @@ def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Source:
-    """The columns of a table that become signals, by role, and their numbers."""
+    """Columns of a table that become signals, by role, and their numbers."""
 
     table: Table
     roles: Mapping[str, tuple[int, ...]]
@@ -202,7 +202,7 @@ class _Source:
         return signals
 
     def origin(self, first: int, last: int) -> dict[str, str]:
-        """Return where the rows from one up to another come from."""
+        """Return the origin of the rows from one up to another."""
         table = self.table
         rows = f"{table.row(first)}-{table.row(last - 1)}"
         clock = {"clock": self.remark} if self.remark else {}
@@ -260,7 +260,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
 
 
 def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
-    """Return what is to be said of uneven times in a column that no unit tells to be times; else an empty text."""
+    """Describe uneven times in a column without a unit of time; else return an empty text."""
     named = [
         k
         for k, name in enumerate(table.names)

@@ -94,7 +94,7 @@ def even_pieces(
 
 
 def _coarse(timepts: Floats, sample_time: float) -> bool:
-    """Return whether times repeat only because they are printed with few digits, and keep a clock within the last."""
+    """Return whether times repeat only because they are printed with few digits, and otherwise keep a clock."""
     steps = np.diff(timepts)
     if (steps < 0.0).any() or (steps == 0.0).mean() < _ROUNDED_STEPS or not steps.any():
         return False
@@ -158,7 +158,7 @@ def _start(rows: Floats, sample_time: float) -> float:
 
 
 def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
-    """Return how far rounded print moved the times, s: half their last digit; 0 if they are not rounded."""
+    """Return how far rounding in print moved the times, s: half their last digit; 0 if they are not rounded."""
     if (np.abs(steps - usual) > 1e-6 * usual).mean() < _ROUNDED_STEPS:
         return 0.0
     for decimals in range(7):
@@ -195,7 +195,7 @@ def _sample_time(
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:
-    """Return how far each time lies off an even clock laid through the middle of them, s."""
+    """Return the distance of each time from an even clock laid through the middle of them, s."""
     late = timepts - timepts[0] - step * np.arange(len(timepts))
     return np.abs(late - 0.5 * (late.max() + late.min()))
 
@@ -225,7 +225,7 @@ def _odd_step(
 
 
 def _advice(timepts: Floats, usual: float) -> str:
-    """Return how to go on with uneven times."""
+    """Return advice for uneven times."""
     if not (options := resampling_options(timepts, usual)):
         return "resample the record evenly"
     step, gaps = options.split()[1], ", allow_gaps=True" if "--allow-gaps" in options else ""

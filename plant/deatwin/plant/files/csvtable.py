@@ -1,4 +1,4 @@
-"""Text of a CSV file to named columns of numbers, whatever its encoding, delimiter and header lines."""
+"""Conversion of CSV text to named columns of numbers, with any encoding, delimiter and header lines."""
 
 import csv
 import hashlib
@@ -26,7 +26,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CsvTable(Table):
-    """The header of a CSV file and its lines of samples, not yet converted."""
+    """Header of a CSV file and its lines of samples, not yet converted."""
 
     lines: list[str]  # The lines that hold samples
     rows: list[int]  # The number of each in the file, as an editor shows it; the first line is 1
@@ -232,7 +232,7 @@ def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
 
 
 def reader(unit: Unit) -> Callable[[str], float]:
-    """Return how to read a cell in a unit as an SI value, rounded once."""
+    """Return a function from a cell in a unit to its SI value, rounded once."""
     exponent = power_of_ten(unit)
     if exponent is None:
         return _converted(unit)
@@ -240,7 +240,7 @@ def reader(unit: Unit) -> Callable[[str], float]:
 
 
 def _converted(unit: Unit) -> Callable[[str], float]:
-    """Return how to read a cell of any unit; the decimal numbers are converted and only the result is rounded."""
+    """Return a function from a cell of any unit to its SI value: exact decimal arithmetic, rounded at the end."""
     shift, numerator, denominator = decimal_relation(unit)
 
     def read(cell: str) -> float:
@@ -252,12 +252,12 @@ def _converted(unit: Unit) -> Callable[[str], float]:
 
 
 def decimal_relation(unit: Unit) -> tuple[Decimal, Decimal, Decimal]:
-    """Return shift, numerator and denominator of a unit as the decimal numbers that they were written as."""
+    """Return shift, numerator and denominator of a unit as the decimal numbers in which they were written."""
     return Decimal(repr(unit.shift)), Decimal(repr(unit.numerator)), Decimal(repr(unit.denominator))
 
 
 def _moved(exponent: int) -> Callable[[str], float]:
-    """Return how to read a cell with its decimal point moved."""
+    """Return a function that reads a cell with its decimal point moved."""
 
     def read(cell: str) -> float:
         float(cell)  # else "1e" would pass

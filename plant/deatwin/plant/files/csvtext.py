@@ -1,4 +1,4 @@
-"""The text of a CSV file: its encoding, its delimiter, and where the header ends.
+"""Layout of a CSV file's text: encoding, delimiter, end of the header.
 
 Nothing is guessed where two readings are possible: a delimiter counts only if the header has as many cells by it
 as the samples, and it must be the only one that does.
@@ -142,7 +142,7 @@ def _are_units(cells: list[str]) -> bool:
 
 
 def _width(lines: list[str], delimiter: str) -> int:
-    """Return how many cells most lines of the second half have, where the delimiter occurs at all."""
+    """Return the number of cells in most lines of the second half, if the delimiter occurs at all."""
     counts = [
         len(split_cells(line, delimiter)) if '"' in line else line.rstrip(delimiter + " ").count(delimiter) + 1
         for line in lines
@@ -190,7 +190,7 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
 
 
 def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
-    """Return whether the columns of a table with tabs are parted by blanks as well."""
+    """Return whether blanks, too, separate the columns of a table with tabs."""
     cells = split_cells(lines[first], delimiter)
     return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(_is_value, parts)) for cell in cells)
 
@@ -213,7 +213,7 @@ def _nameless(lines: list[str]) -> Layout | None:
 
 
 def _is_cut(lines: list[str], rows: list[list[str]]) -> bool:
-    """Return whether commas part the digits of numbers: some cells begin with a zero, and nothing has a point."""
+    """Return whether commas group the digits of numbers: some cells begin with a zero, and none has a point."""
     return any(re.match(r"0\d", cell) for row in rows for cell in row) and not any("." in line for line in lines)
 
 
@@ -221,7 +221,7 @@ _KINDS = frozenset({"number", "date", "text"})
 
 
 def _kind(cell: str) -> str:
-    """Return what a cell holds: nothing, a number, a date, a text, or a mixture of numbers and marks."""
+    """Return the kind of a cell: empty, number, date, text, or a mixture of numbers and marks."""
     if not cell or _is_value(cell):
         return "number" if cell else ""
     if is_date(cell) or is_clock(cell):

@@ -1,4 +1,4 @@
-"""A recording as the text of a CSV file, from which it can be read back to the last bit."""
+"""Recordings as CSV text that reads back to the last bit."""
 
 from decimal import Decimal
 
@@ -41,7 +41,7 @@ def _times(recording: Recording) -> NDArray[np.float64]:
 
 
 def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
-    """Return whether the columns say everything: usual signals, no provenance, a sample time that is found again."""
+    """Return whether the columns suffice: usual signals, no provenance, a sample time that can be recovered."""
     names = (*recording.input_names, *recording.output_names)
     units = (*recording.input_units, *recording.output_units, *recording.extra_units.values())
     usual = (*names, *recording.extras)

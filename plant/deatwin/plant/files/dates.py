@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta, timezone
 from decimal import Decimal
 
 ORDERS = ("dmy", "mdy")
-"""Day or month first, as a user states it."""
+"""Order of day and month, as a user states it."""
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")

@@ -17,11 +17,11 @@ _TIMES = re.compile(
     r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
     re.IGNORECASE,
 )
-"""A header of times that ends in its unit, with nothing between that would part them."""
+"""Header of times that ends in its unit, without a separator."""
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
-"""A unit of time that is all of a header; s, min and h alone may be a way, a minimum and a height."""
+"""Unit of time that is a whole header; s, min and h alone may be a distance, a minimum and a height."""
 _NO_QUANTITIES = frozenset({"counts"})
-"""Before a stroke these begin a unit that is not known, as in ``counts/s``."""
+"""Words that begin an unknown unit before a slash, as in ``counts/s``."""
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
 _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 
@@ -80,7 +80,7 @@ def without_unit(header: str, unit: str) -> str:
 
 
 def said_unit(header: str) -> str:
-    """Return what a header gives as its unit where that is no known one, as the header has it; else an empty text.
+    """Return the unit in a header as written, if it is unknown; else an empty text.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def said_unit(header: str) -> str:
 
 
 def is_misspelt(unit: str) -> bool:
-    """Return whether an unknown unit differs from a known one by its capitals only."""
+    """Return whether an unknown unit differs from a known one only in upper and lower case."""
     return len(unit) > 1 and unit.lower() in _LOWERED and not find_unit(unit)
 
 

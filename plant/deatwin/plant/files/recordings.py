@@ -1,4 +1,4 @@
-"""The front door for recordings: one file or several, any format, in and out."""
+"""Reading and writing of recordings: one file or several, in any format."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -349,7 +349,7 @@ def _write_text(path: Path, text: str) -> None:
 
 
 def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
-    """Return how a file's format is read or written."""
+    """Return the reader or writer of a file's format."""
     ending = Path(split_sheet(path)[0] if verb == "read" else path).suffix.lower()
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')

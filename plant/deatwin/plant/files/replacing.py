@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear complete or not at all."""
 
 import os
 import secrets
@@ -11,7 +11,7 @@ from deatwin.plant.safe_read import kind_of_file
 
 
 def place_of(path: str | os.PathLike[str]) -> Path:
-    """Return where a file will stand: of a link the file that it leads to."""
+    """Return the path that will be written: for a link, its target."""
     target = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
     if kind := kind_of_file(target):
         raise DataError(f"{path}: is {kind}; give the name of a file")
@@ -20,7 +20,7 @@ def place_of(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside a file, and let it take the file's place if all went well."""
+    """Provide a temporary file that replaces a file if all went well."""
     target = place_of(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:

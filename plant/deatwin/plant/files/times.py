@@ -1,4 +1,4 @@
-"""Times that are no plain numbers of a unit: dates, times of day, and Unix times.
+"""Times that are not plain numbers with a unit: dates, times of day, Unix times.
 
 A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2065, when it
 will be 3e9 s, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
@@ -16,7 +16,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
 BEGAN = "clock_began"
-"""The provenance that holds the date of a clock's zero."""
+"""Key of the provenance that holds the date of a clock's zero."""
 DATES = "dates"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
@@ -65,7 +65,7 @@ class TimeScale:
         return [float((Decimal(cell.strip()) - first) * factor) for cell in cells]
 
     def fault(self, cell: str) -> str:
-        """Return what is wrong with a cell, empty where nothing is."""
+        """Describe the fault of a cell; empty if there is none."""
         if not self.texts:
             return ""
         if self.began is None:
@@ -84,7 +84,7 @@ class TimeScale:
 
 
 def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
-    """Return how a column of times is read, or None where it holds plain numbers.
+    """Return the reading of a column of times, or None if it holds plain numbers.
 
     Examples
     --------
@@ -106,7 +106,7 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
 
 
 def _unix(first: str, unit: str) -> TimeScale | None:
-    """Return how Unix times are read; None where the first value is none."""
+    """Return the reading of Unix times; None if the first value is not one."""
     try:
         value = Decimal(first.replace(",", "."))
         for name in (unit,) if unit else _SIZED:

@@ -1,4 +1,4 @@
-"""Units of file columns, and their way to SI and back.
+"""Units of file columns, and their conversion to SI and back.
 
 Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad.
 A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
@@ -277,7 +277,7 @@ def _known(symbols: Counter[str]) -> str:
 
 
 def same_kind(first: str, second: str) -> bool:
-    """Return whether two SI units measure the same kind of quantity, so that numbers in one are numbers in the other.
+    """Return whether two SI units measure the same kind of quantity, so that their numbers are equal.
 
     Examples
     --------

@@ -1,10 +1,10 @@
-"""The columns of a recording as deatwin writes them."""
+"""Columns of a recording as deatwin writes them."""
 
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 
 USUAL_TIMES = "time_s"
-"""The header of the times in the files that deatwin writes."""
+"""Header of the times in files that deatwin writes."""
 COLUMNS = {
     "time": USUAL_TIMES,
     "command": "command_V",
@@ -14,7 +14,7 @@ COLUMNS = {
     "temperature": "temperature_C",
     "force": "force_N",
 }
-"""The header of each, by the name that it has inside."""
+"""Header of each signal, by its internal name."""
 
 
 def usual_unit(name: str) -> str:

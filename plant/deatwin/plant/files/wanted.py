@@ -1,4 +1,4 @@
-"""Units in which columns are wanted: those of a plant, whatever it calls them, instead of SI."""
+"""Units requested for columns instead of SI, such as those of a plant."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -87,12 +87,12 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
-    """The inputs of a step with this middle, which has its `place` there."""
+    """Put the clock time of a step's middle into its inputs, at `place`."""
     return ca.vertcat(u[:place], middle, u[place + 1 :])
 
 
 def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
-    """Two steps of half the width, each of which is told its middle; so many of the first results are handed on."""
+    """Two steps of half the width, each with its own middle; some of the first results pass to the second."""
     arguments = step.mx_in()
     at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
     errors = []

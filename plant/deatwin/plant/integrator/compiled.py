@@ -1,4 +1,4 @@
-"""CasADi Functions compiled to machine code, once per user, where a C compiler is found."""
+"""CasADi Functions compiled to machine code, once per user, if a C compiler is found."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ GCC_ONLY = (
     "-fno-semantic-interposition",
     "-fno-inline-small-functions",
 )
-"""Clang refuses some of these, and has no use for the others."""
+"""Options for GCC alone: Clang refuses some of these and does not need the others."""
 LOOPS = ("-O3",)
 """Compiler options that help code with loops, but not straight-line code."""
 THIS_PROCESSOR = "-march=native"
@@ -59,9 +59,9 @@ WIDE_VECTORS = "__AVX__"
 """Macro that a compiler defines if its vectors hold four numbers or more; with fewer, lanes gain nothing."""
 AS_WRITTEN = Exchange()
 ONE_AT_A_TIME = Lock()
-"""Threads that need the same library wait for the one that builds it, instead of building it once more each."""
+"""Lock: threads that need the same library wait for the one that builds it."""
 SAID = "DEATWIN_SAID"
-"""Environment variable that holds what was said once, so that worker processes do not say it again."""
+"""Environment variable that records a warning, so that worker processes do not repeat it."""
 
 
 def cache_folder() -> Path:
@@ -97,7 +97,7 @@ def _compiler(wanted: str | None) -> str | None:
 
 
 def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
-    """Key of the code that follows from some functions.
+    """Key of the code generated from functions.
 
     To differentiate a plant's equations and to write them in C takes half a second each time. What comes of it
     depends on the equations, on this package's own code and on the compiler alone.
@@ -113,7 +113,7 @@ def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
 
 
 def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | None:
-    """Functions that were compiled before, under a key."""
+    """Functions that were compiled before, by key."""
     if key is None:
         return None
     try:
@@ -175,7 +175,7 @@ def compile_source(source: str) -> Path | None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Target:
-    """A compiler and the processor that it writes for."""
+    """Compiler and the processor for which it compiles."""
 
     program: str
     flags: tuple[str, ...]

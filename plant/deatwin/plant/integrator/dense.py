@@ -16,7 +16,7 @@ import numpy as np
 from deatwin.plant.integrator.lanes import LANES
 
 MOST = 100
-"""Unknowns of all stages up to which whole rows cost less than the lists of a sparse method."""
+"""Number of unknowns of all stages up to which whole rows cost less than a sparse method."""
 GIVEN = 1e-16
 """Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
 coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""
@@ -112,7 +112,7 @@ BLOCK = """\
       }}
     }}
   }}"""
-"""Elimination of the columns of one vector: what is left of a row is a fixed number of vectors."""
+"""Elimination of the columns of one vector; the remaining row has a fixed number of vectors."""
 BACK = """\
   for (k = M - 1; k >= F * NX; --k) {
     lanes *const found = (lanes*) of[k] + B;

@@ -1,4 +1,4 @@
-"""C code that evaluates one function at several points at once, a point in each lane of the processor's vectors.
+"""C code that evaluates one function at several points at once, one point per lane of the processor's vectors.
 
 CasADi writes a function of one point; called for each stage of a step it would wait for each division in turn. Here
 the same instructions act on vectors, by the extension that GCC and Clang share.
@@ -67,23 +67,23 @@ BY_LANE = {
     ca.OP_OR: "{0} || {1}",
     ca.OP_IF_ELSE_ZERO: "{0} ? {1} : 0",
 }
-"""Operations that are done lane by lane; a compiler may still find a vector instruction."""
+"""Operations done lane by lane; a compiler may still find a vector instruction."""
 
 
 INCLUDE = "#include <math.h>\n"
-"""Behind this line of CasADi's code come helpers."""
+"""Line of CasADi's code after which helpers follow."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exchange:
-    """C code to take in the place of some of CasADi's."""
+    """C code that replaces parts of CasADi's code."""
 
     bodies: Mapping[str, str] = field(default_factory=dict)
     beginnings: Mapping[str, str] = field(default_factory=dict)
     helpers: Mapping[str, str] = field(default_factory=dict)  # C functions that they call, by name
 
     def into(self, source: str) -> str:
-        """Code that CasADi wrote, with the bodies exchanged."""
+        """CasADi's code with the bodies exchanged."""
         for name, body in self.bodies.items():
             if found := _body(name, source):
                 source = source[: found.start(1)] + body + source[found.end(1) :]

@@ -88,7 +88,7 @@ def marched(
 
 
 def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
-    """Results of some samples, without the error; the states after the last of them are the march's next."""
+    """Results of some samples, without the error; their last states become the march's next ones."""
     for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
         width = argument.shape[0]
         argument[:] = result[(last - 1) * width : last * width]

@@ -41,7 +41,7 @@ EULER_STEPS, EULER_UPDATES = 4, 6
 """A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
 steps, so many between two stages, with so many Newton updates each."""
 NOTHING = 1e-300
-"""Keeps a ratio of two changes defined where a plant does not move at all."""
+"""Small number that keeps a ratio of two changes defined if a plant does not move at all."""
 
 
 def solved_stages(stages: Stages) -> ca.Function:
@@ -74,7 +74,7 @@ def solved_stages(stages: Stages) -> ca.Function:
 def _continued(
     name: str, function: ca.Function, count: int, found: Sequence[ca.MX], known: Sequence[ca.MX]
 ) -> list[ca.MX]:
-    """Apply a function some times to ``(w, size of its last change, error)`` where the error is large."""
+    """Apply a function to ``(w, size of its last change, error)`` some times, as long as the error is large."""
     arguments = function.mx_in()
     state, rest = arguments[: len(found)], arguments[len(found) :]
     keep = ca.Function(f"keep_{name}", arguments, state)
@@ -238,7 +238,7 @@ def _weight(stages: Stages, h: ca.SX) -> ca.SX:
 
 
 def _shifted(stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca.SX) -> list[list[Complex]]:
-    """``lambda M - h J`` as numbers; h is 1 where there is no mass row."""
+    """``lambda M - h J`` as numbers; h is 1 in rows without mass."""
     rest = -_weight(stages, h) @ jacobian
     rows = [[Complex(rest[i, j]) for j in range(stages.n)] for i in range(stages.n)]
     for i in range(stages.n_x):

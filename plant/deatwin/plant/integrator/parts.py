@@ -1,4 +1,4 @@
-r"""A sample in two parts, each solved in a step of its own, though where it divides depends on parameters.
+r"""Division of a sample into two parts, each solved in its own step, at a place that depends on parameters.
 
 A step takes half of the sample's width, whatever the parts' own widths; the clock runs faster or slower in it. With the
 share :math:`\sigma` of the first part and the phase :math:`0 \le \varphi \le 1`
@@ -21,7 +21,7 @@ import casadi as ca
 Symbol = Any  # casadi.SX
 
 LEAST = 1e-9
-"""Least share of a part: where nothing moves at all, a state without inertia would be free."""
+"""Least share of a part: if the width vanished, a state without inertia would be free."""
 
 
 class Step(NamedTuple):

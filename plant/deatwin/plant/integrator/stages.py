@@ -140,7 +140,7 @@ class Stages:
 
     @property
     def in_lanes(self) -> Exchange:
-        """C code on vectors for what is evaluated or solved at several stages, where there is some."""
+        """C code on vectors for evaluations and solutions at several stages, if there are any."""
         pattern = self.jacobian.sparsity_out(1)
         helpers: dict[str, str] = {}
         beginnings: dict[str, str] = {}
@@ -198,7 +198,7 @@ class Stages:
         return self.solution("last_stage", self.n_p, 1)
 
     def solution(self, name: str, columns: int, kept: int) -> ca.Function:
-        """``(entries of J at all stages, M, h, right sides) -> `` what solves the system of all stages."""
+        """``(entries of J at all stages, M, h, right sides) -> `` solution of the system of all stages."""
         pattern = self.jacobian.sparsity_out(1)
         entries, mass, h = ca.MX.sym("J", pattern.nnz(), self.count), ca.MX.sym("mass", self.n_x), ca.MX.sym("h")
         right = ca.MX.sym("right", self.n * self.count, columns)

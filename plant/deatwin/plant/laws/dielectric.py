@@ -29,7 +29,7 @@ from deatwin.plant.laws.stress import true_stress
 Symbol = Any  # a CasADi SX, MX, DM or a float
 
 VACUUM_PERMITTIVITY = 8.8541878188e-12
-"""F/m, CODATA 2022."""
+"""Vacuum permittivity, F/m (CODATA 2022)."""
 
 
 def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_field: Any) -> Any:

@@ -13,7 +13,7 @@ GROUP = "deatwin.rigs"
 
 @lru_cache
 def _point_named(name: str) -> type[Rig] | None:
-    """The rig whose entry point has its name, without loading those of others, which may be slow or broken."""
+    """Rig of the entry point with this name; other entry points, which may be slow or broken, are not loaded."""
     kinds = [point.load() for point in entry_points(group=GROUP, name=name)]
     return next((kind for kind in kinds if kind.kind == name), None)
 

@@ -1,4 +1,4 @@
-"""A strip that a test machine pulls: stretch in, force out. It calibrates a material without any voltage."""
+"""Strip in a tensile test: stretch in, force out. It calibrates a material without voltage."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ from deatwin.plant.rigs.rigfile import RigFile
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
 THESIS_PRESTRETCHES = (3.5, 4.5)
-"""The thesis leaves open which of them its films had."""
+"""Prestretches of which the thesis leaves open which its films had."""
 RESOLUTIONS = {"reduced": reduced, "fine": membrane}
 
 Symbol = Any

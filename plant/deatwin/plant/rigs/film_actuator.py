@@ -147,11 +147,11 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        """Watches what the film bears: with its tension, where something holds it in its plane."""
+        """Watch the limits of the film, including its tension if it is held in its plane."""
 
     @abstractmethod
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
-        """The film at a position of the moved part."""
+        """Film at a position of the moved part."""
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
@@ -173,7 +173,7 @@ def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) ->
 
 
 def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
-    """Watch how near the film is to breakdown, for films that nothing holds in their plane: those do not wrinkle."""
+    """Watch how near the film is to breakdown; a film that is free in its plane does not wrinkle."""
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
     build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*(breakdown_share(p, voltage, thickness) for p in film.points))))
 

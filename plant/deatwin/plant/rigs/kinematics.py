@@ -47,7 +47,7 @@ class BallInFilm(Protocol):
 
 
 def electrode_share(build: Builder) -> Symbol:
-    """Share of the electrode's area that is there still."""
+    """Share of the electrode's area that still has contact."""
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))
 
 

@@ -1,4 +1,4 @@
-r"""The film of a diaphragm, fine: axisymmetric elements whose branches flow at each point by themselves.
+r"""Fine film of a diaphragm: axisymmetric elements whose branches flow independently at each point.
 
 The unknowns at a node are its hoop stretch :math:`\Lambda = r/\rho` and its height z. Both are quadratic within
 an element of the logarithm :math:`s = \ln\rho` of the reference radius, so that
@@ -51,7 +51,7 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     inside = build.constant("contact_share", (edges[0] / edges[1]) ** 2 * np.pi * edges[1] ** 2)
 
     def passed(radius: Symbol) -> Symbol:
-        """An edge that moves passes over each element smoothly; one that stays where it was covers all."""
+        """A moving edge passes over each element smoothly; a fixed one covers whole elements."""
         return smooth_step((ca.sqrt(share) - radius) / width) / smooth_step((1 - radius) / width)
 
     # The points together have the area that is left, whatever the elements.
@@ -78,7 +78,7 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
 
 
 def _free_nodes(rig: BallInFilm, nodes: np.ndarray, edge: int, build: Builder) -> dict[str, list[Symbol]]:
-    """Coordinates of the free nodes from the ball outwards, each looked for in a slightly sagging flat film."""
+    """Coordinates of the free nodes from the ball outwards, with start values in a slightly sagging flat film."""
     free: dict[str, list[Symbol]] = {"stretch": [], "drop": []}
     for node, reference in enumerate(nodes[:-1]):
         stretch, drop = ("electrode_stretch", "outer_drop") if node == edge else (f"stretch_{node}", f"drop_{node}")

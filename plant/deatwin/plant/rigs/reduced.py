@@ -1,4 +1,4 @@
-r"""The film of a diaphragm, reduced to four coordinates.
+r"""Film of a diaphragm, reduced to four coordinates.
 
 Both zones, the electrode and the annulus, keep a uniform thickness while flat, :math:`r^2 = \alpha\rho^2 + \beta`,
 between the stretches at their edges; the film falls by one drop in the annulus, with z logarithmic in r, and by
@@ -132,7 +132,7 @@ class _Zone:
 
 
 def _uniform_thickness(inner_ref: Symbol, inner: Symbol, outer_ref: Symbol, outer: Symbol) -> _Zone:
-    """r² = alpha rho² + beta: exact for small changes of a prestrained ring."""
+    """Map r² = alpha rho² + beta, exact for small changes of a prestretched ring."""
     alpha = (outer**2 - inner**2) / (outer_ref**2 - inner_ref**2)
     beta = inner**2 - alpha * inner_ref**2
 
@@ -203,7 +203,7 @@ class _Geometry:
         return [self.radius[number][k] for k in range(POINTS)]
 
     def rings(self, number: int) -> list[Symbol]:
-        """Area of the ring that each Gauss point of a zone stands for."""
+        """Ring area that each Gauss point of a zone represents."""
         return [self.area[number][k] for k in range(POINTS)]
 
     @property

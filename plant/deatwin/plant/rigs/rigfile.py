@@ -1,4 +1,4 @@
-"""Rig files: what the experimenter knows of a rig, as TOML.
+"""Rig files in TOML: what the experimenter knows of a rig.
 
 | section | key | range | default |
 |---|---|---|---|
@@ -34,7 +34,7 @@ from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 
 @dataclass(frozen=True, kw_only=True)
 class FilmSpec:
-    """The film: lengths in m, `thickness` before stretching; `ball` is None where it is not known."""
+    """Film: lengths in m, `thickness` before stretching; `ball` is None if unknown."""
 
     material: str
     thickness: float
@@ -46,7 +46,7 @@ class FilmSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadSpec:
-    """The ball at the centre: mass in kg, diameter of the contact in m."""
+    """Ball at the centre: mass in kg, diameter of the contact in m."""
 
     mass: float
     contact_diameter: float
@@ -54,7 +54,7 @@ class LoadSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSpec:
-    """The drive: gain in film volts a command volt, start procedure in s, range of commands in V or None."""
+    """Drive: gain in film volts per command volt, start procedure in s, range of commands in V or None."""
 
     gain: float
     start_ramp: float
@@ -65,7 +65,7 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """The sensor: sample rate in Hz, rms noise and resolution in m, and what its zero is."""
+    """Sensor: sample rate in Hz, rms noise and resolution in m, and the meaning of its zero."""
 
     sample_rate: float
     noise: float
@@ -85,11 +85,11 @@ class RigFile:
 
     @staticmethod
     def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":
-        """Make a rig of the sections and keys of a rig file."""
+        """Make a rig from the sections and keys of a rig file."""
         return _checked(data, source)
 
     def to_dict(self) -> dict[str, dict[str, Any]]:
-        """Return sections, keys and values as a rig file has them, in its units, ready for JSON."""
+        """Return sections, keys and values of a rig file, in its units, ready for JSON."""
         return {
             section: {
                 name: key.to_file(value)

@@ -1,4 +1,4 @@
-"""The keys of a rig file: one table that reads them, writes them, and is their JSON Schema."""
+"""Keys of a rig file: one table that reads and writes them, and gives their JSON Schema."""
 
 import math
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ class NumberKey:
         return f"a number from {self.lower:g} to {self.upper:g}"
 
     def fault(self, value: object) -> str:
-        """Return what is wrong with a value and what is allowed."""
+        """Describe the fault of a value and what is allowed; empty if there is none."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if not self.lower <= value <= self.upper:  # nan is not
@@ -40,7 +40,7 @@ class NumberKey:
         return value / self.per_si
 
     def _slip(self, value: float) -> str:
-        """Return what to write where the value is in another unit and would be in range, as 0.0005 m for 0.5 mm."""
+        """Suggest a value in the right unit if it would then be in range, as 0.5 for 0.0005 m in mm."""
         for unit, factor, shift in self.slips if abs(value) < 1e12 else ():
             meant = float(f"{value * factor + shift:.6g}")
             if value and self.lower <= meant <= self.upper:
@@ -70,7 +70,7 @@ class TextKey:
         return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
 
     def fault(self, value: object) -> str:
-        """Return what is wrong with a value and what is allowed."""
+        """Describe the fault of a value and what is allowed; empty if there is none."""
         if not isinstance(value, str):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
         if self.choices and value not in self.choices:
@@ -153,7 +153,7 @@ RIG_KEYS: Mapping[str, Keys] = {
 
 
 def kind_of(value: object) -> str:
-    """Return what TOML calls a value."""
+    """Return TOML's name for the kind of a value."""
     kinds = {bool: "a truth value", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 

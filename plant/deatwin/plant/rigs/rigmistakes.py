@@ -10,16 +10,16 @@ from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
 from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
-"""A section, or a section and a key of it; nothing for the file as a whole."""
+"""A section, or a section and one of its keys; empty for the whole file."""
 
 MOST = 20
-"""Mistakes that are told one by one."""
+"""Number of mistakes that are listed one by one."""
 _BELOW = (
     (("film", "electrode_diameter_mm"), ("film", "frame_diameter_mm")),
     (("load", "contact_diameter_mm"), ("film", "electrode_diameter_mm")),
     (("drive", "command_min_V"), ("drive", "command_max_V")),
 )
-"""Numbers that must be below others: one part cannot hold another otherwise."""
+"""Numbers that must be below others, since one part cannot hold the other otherwise."""
 
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
 _PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
@@ -61,7 +61,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
 
 
 def lines_of(text: str) -> dict[Place, int]:
-    """Return in which lines the sections and keys of a rig file stand."""
+    """Return the line numbers of the sections and keys of a rig file."""
     if '"""' in text or "'''" in text:
         return {}
     found: dict[Place, int] = {}
@@ -105,7 +105,7 @@ def _parts(path: str) -> Place:
 
 
 def _outside(name: str) -> Mistake:
-    """The mistake of a section that is not known, or of a key above all sections."""
+    """Mistake of an unknown section, or of a key above all sections."""
     for section, keys in RIG_KEYS.items():
         if name in keys:
             return Mistake(
@@ -122,7 +122,7 @@ def _outside(name: str) -> Mistake:
 
 
 def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
-    """The mistakes of a section, which the file may call otherwise."""
+    """Mistakes of a section, which may have another name in the file."""
     keys = RIG_KEYS[section]
     if values is None:
         required = _listed(name for name, key in keys.items() if key.required)
@@ -145,7 +145,7 @@ def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
 
 
 def _unknown(name: str, section: str, called: str) -> Mistake:
-    """The mistake of an unknown key. What is offered: its own section, else the nearest name, else all."""
+    """Mistake of an unknown key. It offers the key's own section, else the nearest name, else all names."""
     keys = RIG_KEYS[section]
     owners = [other for other, others in RIG_KEYS.items() if name in others]
     hint = nearest(name[:100], keys)
@@ -160,7 +160,7 @@ def _unknown(name: str, section: str, called: str) -> Mistake:
 
 
 def _order(sections: Mapping[str, object], called: Mapping[str, str]) -> Iterator[Mistake]:
-    """The mistakes of numbers that are right each by itself."""
+    """Mistakes of numbers that are each right on their own."""
     for (section, name), (other, limit) in _BELOW:
         value, most = _number(sections[section], section, name), _number(sections[other], other, limit)
         if value is not None and most is not None and value >= most:

@@ -37,7 +37,7 @@ _KINDS = {
 
 
 def require_stated(rig: Rig) -> None:
-    """Raise RigError unless each field of a rig is of its kind and in its range."""
+    """Raise RigError unless each field of a rig has the right type and lies in its range."""
     for field in fields(rig):
         value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
         if kinds[0] in _KINDS and not (value is None and "None" in kinds):

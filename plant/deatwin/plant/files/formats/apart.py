@@ -1,4 +1,4 @@
-"""Files that C libraries unpack are unpacked in a process of its own first.
+"""Unpacking of files by C libraries in a separate process first, which a damaged file may crash.
 
 A damaged file can crash SciPy's and HDF5's readers, or keep them busy for ever, and with them every program that
 asked for it. What becomes of the process of the trial is one clear error here.
@@ -56,7 +56,7 @@ class Outcome(Enum):
 
 
 def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted: str) -> Content:
-    """Return what a function makes of a file, unless it does not survive that."""
+    """Return a function's result for a file, unless the process that tries it first crashes."""
     case = (unpack.__module__, unpack.__name__, hashlib.sha256(content).hexdigest(), *wanted)
     if case not in _survived:
         outcome = trial(unpack, content, path, *wanted)
@@ -68,7 +68,7 @@ def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted:
 
 
 def trial(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> Outcome:
-    """Unpack a file in another process, and say how that went."""
+    """Unpack a file in another process and report the result."""
     program = spawn.get_executable()
     if getattr(sys, "frozen", False) or not program:
         return Outcome.UNTRIED  # there is no interpreter to start: a program of one file would begin again

@@ -1,4 +1,4 @@
-"""Tables of the binary formats, whose columns are arrays, and whose units may stand in attributes."""
+"""Tables of the binary formats: columns are arrays, and units may stand in attributes."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The description of a recording that goes with its columns into every format, as one JSON text.
+"""Description of a recording that accompanies its columns in every format, as one JSON text.
 
 It says what the columns cannot: which of them is input and output, the names and SI units inside, the sample
 time to the last bit, and the provenance.
@@ -24,7 +24,7 @@ KEY = "deatwin"  # the variable, property or attribute that holds the descriptio
 
 
 class Signals(Protocol):
-    """The signals of a recording, in SI units."""
+    """Signals of a recording, in SI units."""
 
     @property
     def inputs(self) -> NDArray[np.float64]: ...

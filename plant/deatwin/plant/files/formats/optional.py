@@ -1,4 +1,4 @@
-"""Packages that only some formats need, imported where they are used."""
+"""Packages for some formats only, imported where they are used."""
 
 import importlib
 import logging
@@ -31,7 +31,7 @@ def require(package: str, purpose: str) -> Any:
 
 @contextmanager
 def reading(path: str, format_name: str, *, logger: str = "", harmless: tuple[str, ...] = ()) -> Iterator[None]:
-    """Make one clear error of whatever a library raises on a damaged file, or warns of."""
+    """Turn any error or warning of a library on a damaged file into one clear error."""
     doubts: list[str] = []
     known = list(logging.root.manager.loggerDict) if logger else []
     logs = [logging.getLogger(name) for name in known if name.split(".")[0] == logger]
@@ -55,7 +55,7 @@ def reading(path: str, format_name: str, *, logger: str = "", harmless: tuple[st
 
 
 class _Keeper(logging.Handler):
-    """Keeps what is logged."""
+    """Handler that keeps log records."""
 
     def __init__(self, kept: list[str]) -> None:
         super().__init__(logging.WARNING)

@@ -20,7 +20,7 @@ _LISTED = 20  # headers that an error text names
 
 
 def is_place(wanted: str) -> bool:
-    """Return whether a column is named by its place, as in ``#2``."""
+    """Return whether a column is named by its position, as in ``#2``."""
     return re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) is not None
 
 
@@ -36,7 +36,7 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """An even clock that a file states instead of a column of times."""
+    """Even clock that a file states instead of a column of times."""
 
     sample_time: float  # Time between two samples, s
     start: float = 0.0  # Time of the first sample, s
@@ -141,7 +141,7 @@ class Table(ABC):
         return tuple(self.column(signal.header) for signal in self.declared.signals if signal.role == role)
 
     def signal(self, role: str, column: int) -> Signal:
-        """Return what a column is called inside, and its SI unit."""
+        """Return the internal name of a column, and its SI unit."""
         header = self.headers[column]
         for declared in self.declared.signals:
             if declared.header == header:

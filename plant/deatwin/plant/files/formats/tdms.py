@@ -78,7 +78,7 @@ def _require_held(file: Any, held: int, path: str) -> None:
 
 
 def _declared(file: Any, channels: list[Any], path: str) -> Declared:
-    """Return what the file says beside its channels."""
+    """Return the declarations of the file besides its channels."""
     if KEY in file.properties:
         start = channels[0].properties.get("wf_start_offset", 0.0) if channels else 0.0
         return read_description(str(file.properties[KEY]), path, start=float(start))

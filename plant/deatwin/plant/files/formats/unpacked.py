@@ -35,7 +35,7 @@ def too_much(path: str, count: float) -> DataError:
 
 
 class Metered(io.BytesIO):
-    """Bytes of a file that are not read again and again: a header may name the same samples many times."""
+    """Number of bytes of a file that are read only once: a header may name the same samples many times."""
 
     def __init__(self, content: bytes, path: str) -> None:
         super().__init__(content)
@@ -124,7 +124,7 @@ def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) ->
 
 
 def _unpacked_size(packed: bytes, before: int, path: str) -> int:
-    """Return how many bytes an element unpacks to: piece by piece, keeping none."""
+    """Return the unpacked size of an element in bytes: piece by piece, keeping none."""
     count, stream = 0, zlib.decompressobj()
     while packed and not stream.eof:
         count += len(stream.decompress(packed, _PIECE))
