@@ -34,14 +34,21 @@ ROW = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Tested:
+    """Validation of a model on unseen data, or the reason why there is none."""
+
+    validation: Validation | None = None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
     """A model and what it was judged on."""
 
     model: NarxModel
     method: str  # How its terms were chosen
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
-    validation: Validation | None
-    why_not: str = ""  # Then the reason
+    tested: Tested
     complete: bool = True  # Whether the search for terms went to its end
     notes: tuple[str, ...] = ()  # What is to be known about the fit
     clocks: Sequence[str] = ()  # What was done to the sampling of the recordings
@@ -66,7 +73,7 @@ class Identified:
     @property
     def steps(self) -> int | None:
         """How many steps ahead an unstable model is judged; None where it is judged by its free run."""
-        unstable = None if self.validation is None else self.validation.unstable
+        unstable = None if self.tested.validation is None else self.tested.validation.unstable
         return None if unstable is None else unstable.steps
 
     @property
@@ -88,8 +95,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, folder, number, part, run) for number, (part, run) in _first(found, runs)]
     drawings.append(_terms(found, folder))
-    if found.validation is not None and found.validation.tests:
-        drawings.append(_tests(found.validation, folder))
+    if found.tested.validation is not None and found.tested.validation.tests:
+        drawings.append(_tests(found.tested.validation, folder))
     rows = _rows(found, runs)
     reached = sum(row.passed for row in rows)
     worst = max(runs, key=lambda run: run.rms_error)
@@ -99,8 +106,12 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         f"{reached} of {len(rows)} "
         "measures reached."
     )
-    said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
-    unstable = None if found.validation is None else found.validation.unstable
+    said = (
+        found.tested.validation.status.value
+        if found.tested.validation is not None
+        else f"no correlation tests: {found.tested.why_not}"
+    )
+    unstable = None if found.tested.validation is None else found.tested.validation.unstable
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
     notes = [Note(title="What the residual says", paragraphs=paragraphs)]
@@ -196,9 +207,9 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Row]:
                 passed=run.status.ok and run.rms_error < moved,
             )
         )
-    if found.validation is not None and found.validation.tests:
-        failed = [test.name for test in found.validation.failed]
-        reached = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
+    if found.tested.validation is not None and found.tested.validation.tests:
+        failed = [test.name for test in found.tested.validation.failed]
+        reached = f"fails: {', '.join(failed)}" if failed else f"all {len(found.tested.validation.tests)} pass"
         rows.append(
             Row(measure="correlation tests of the residual", demanded="none fails", reached=reached, passed=not failed)
         )
