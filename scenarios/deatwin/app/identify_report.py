@@ -34,14 +34,21 @@ ROW = 0.3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Tested:
+    """Validation of a model on unseen data, or the reason why there is none."""
+
+    validation: Validation | None = None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
     """A model and what it was judged on."""
 
     model: NarxModel
     method: str  # That chose its terms
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
-    validation: Validation | None
-    why_not: str = ""  # Then the reason
+    tested: Tested
     complete: bool = True  # False if the search for terms was interrupted
     notes: tuple[str, ...] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
@@ -66,7 +73,7 @@ class Identified:
     @property
     def steps(self) -> int | None:
         """Steps ahead by which an unstable model is judged; None if its free run judges it."""
-        unstable = None if self.validation is None else self.validation.unstable
+        unstable = None if self.tested.validation is None else self.tested.validation.unstable
         return None if unstable is None else unstable.steps
 
     @property
@@ -88,8 +95,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
     drawings.append(_terms(found))
-    if found.validation is not None and found.validation.tests:
-        drawings.append(_tests(found.validation))
+    if found.tested.validation is not None and found.tested.validation.tests:
+        drawings.append(_tests(found.tested.validation))
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
@@ -97,8 +104,12 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
         f"{reached(rows)} measures reached."
     )
-    said = found.validation.status.value if found.validation is not None else f"no correlation tests: {found.why_not}"
-    unstable = None if found.validation is None else found.validation.unstable
+    said = (
+        found.tested.validation.status.value
+        if found.tested.validation is not None
+        else f"no correlation tests: {found.tested.why_not}"
+    )
+    unstable = None if found.tested.validation is None else found.tested.validation.unstable
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
     notes = [Note(title="What the residual says", paragraphs=paragraphs)]
@@ -186,9 +197,9 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
                 run.status.ok and run.rms_error < moved,
             )
         )
-    if found.validation is not None and found.validation.tests:
-        failed = [test.name for test in found.validation.failed]
-        told = f"fails: {', '.join(failed)}" if failed else f"all {len(found.validation.tests)} pass"
+    if found.tested.validation is not None and found.tested.validation.tests:
+        failed = [test.name for test in found.tested.validation.failed]
+        told = f"fails: {', '.join(failed)}" if failed else f"all {len(found.tested.validation.tests)} pass"
         rows.append(Measure("correlation tests of the residual", "none fails", told, not failed))
     return rows
 

@@ -13,8 +13,9 @@ import numpy as np
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
-from deatwin.ident.narx.reliance import assess_reliance
+from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import DIVERGED, DivergedError, free_run_residual
+from deatwin.ident.narx.validate import Validation
 from deatwin.plant.checks import require_samples
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
@@ -58,7 +59,9 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
     return tuple(first for first, _ in pairs), tuple(last for _, last in pairs)
 
 
-def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> NarxModel:
+def assessed(
+    model: NarxModel, recordings: Recordings, held_out: Recordings, *, validation: Validation | None = None
+) -> NarxModel:
     """Return the model with the assessment on its recordings in its provenance, as `deatwin identify` saves it.
 
     The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
@@ -73,6 +76,8 @@ def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> 
         All recordings made for the model, including the held-out parts.
     held_out : Recording, Experiment, or several
         The parts that were not used for the fit; see `hold_out`.
+    validation : Validation, optional
+        Result of `validate` on the held-out parts; computed if omitted.
 
     Returns
     -------
@@ -85,7 +90,7 @@ def assessed(model: NarxModel, recordings: Recordings, held_out: Recordings) -> 
     """
     whole, unseen = flatten(recordings), flatten(held_out)
     excited, _ = band_excited(whole)
-    reliance = assess_reliance(model, unseen)
+    reliance = assess_reliance(model, unseen) if validation is None else Reliance.of(validation)
     told = {} if reliance is None else reliance.provenance
     left = _largest_residual(model, [part for part in unseen if part.n_samples >= _FEWEST] or whole)
     return replace(model, provenance={**model.provenance, **excited, **left, **told})

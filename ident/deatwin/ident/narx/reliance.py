@@ -7,19 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.validate import ValidationStatus, validate
+from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
-Array = NDArray[np.float64]
-
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"
 """Keys of a model's provenance."""
-_TWO_SIDED = 1.96  # quantile of the normal law for intervals of 95 %
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +36,22 @@ class Reliance:
     failed: tuple[str, ...] = ()
     gain_error: float | None = None
     gain_error_half_width: float | None = None
+
+    @classmethod
+    def of(cls, validation: Validation) -> Self:
+        """Return the assessment that a validation contains.
+
+        Parameters
+        ----------
+        validation : Validation
+            Validation of the model on held-out recordings.
+        """
+        return cls(
+            status=validation.status,
+            failed=tuple(dict.fromkeys(test.name for test in validation.failed)),
+            gain_error=validation.gain_error,
+            gain_error_half_width=validation.gain_error_half_width,
+        )
 
     @property
     def biased(self) -> bool:
@@ -135,44 +145,11 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     Reliance or None
         Assessment; None if the recordings are too short for the tests.
 
-    Notes
-    -----
-    The gain error is the slope b of the regression ``y - y_s = a + b y_s`` on the free run y_s. Its variance allows for
-    errors correlated in time: the autocovariance of the products of error and regressor is summed up to the first pair
-    of lags with a negative sum (C. J. Geyer, Statistical Science 7 (1992) 473-483).
     """
     try:
-        found = validate(model, recordings)
+        return Reliance.of(validate(model, recordings))
     except ModelError:
         return None
-    names = tuple(dict.fromkeys(test.name for test in found.failed))
-    if found.diverged or found.status is ValidationStatus.UNSTABLE or model.n_outputs != 1:
-        return Reliance(status=found.status, failed=names)
-    error, width = _gain_error([model.simulate(recording).outputs[0] for recording in recordings], recordings)
-    return Reliance(status=found.status, failed=names, gain_error=error, gain_error_half_width=width)
-
-
-def _gain_error(runs: Sequence[Array], recordings: Sequence[Recording]) -> tuple[float | None, float | None]:
-    """The slope of the free-run error over the free run, and half of its 95 % interval."""
-    swings = [run - run.mean() for run in runs]
-    power = sum(float(swing @ swing) for swing in swings)
-    scale = sum(float(np.sum(recording.outputs[0] ** 2)) for recording in recordings)
-    if power <= np.finfo(np.float64).eps * scale:  # the model does not move: it has no gain
-        return None, None
-    errors = [recording.outputs[0] - run for recording, run in zip(recordings, runs, strict=True)]
-    slope = sum(float(swing @ error) for swing, error in zip(swings, errors, strict=True)) / power
-    products = [swing * (error - error.mean() - slope * swing) for swing, error in zip(swings, errors, strict=True)]
-    variance = sum(_variance_of_sum(product) for product in products) / power**2
-    return slope, _TWO_SIDED * math.sqrt(variance)
-
-
-def _variance_of_sum(values: Array) -> float:
-    """Variance of the sum of a correlated series about zero."""
-    size = 1 << (2 * values.size - 1).bit_length()
-    sums = np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: values.size]
-    pairs = sums[: sums.size // 2 * 2].reshape(-1, 2).sum(axis=1)
-    first_negative = int(np.argmax(np.append(pairs <= 0.0, True)))
-    return max(2.0 * float(pairs[:first_negative].sum()) - float(sums[0]), float(sums[0]))
 
 
 def _numbers(written: str | None) -> tuple[float | None, float | None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.fit import Fit
+from deatwin.ident.narx.fit import Fit, gain_error
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
@@ -118,6 +117,9 @@ class Validation(Described):
         Names and units of the signals.
     unstable : Unstable or None
         Pole outside the unit circle with the fit of predictions over its growth time; None if the model is stable.
+    gain_error, gain_error_half_width : float or None
+        Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
+        interval; None if the free run rests or runs away, or there are several outputs.
     """
 
     one_step: Fit
@@ -132,6 +134,8 @@ class Validation(Described):
     output_names: tuple[str, ...] = ("output",)
     output_units: tuple[str, ...] = ("",)
     unstable: Unstable | None = None
+    gain_error: float | None = None
+    gain_error_half_width: float | None = None
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "fits": several(_fits),
@@ -262,13 +266,6 @@ class Validation(Described):
 
     def to_json(self) -> dict[str, Any]:
         """Return the validation as plain data ("deatwin/validation/1"), with null for infinite values."""
-
-        def finite(values: Array) -> list[float | None]:
-            return [float(v) if math.isfinite(v) else None for v in values]
-
-        def fit(one: Fit) -> dict[str, Any]:
-            return {"mean_square": finite(one.mean_square), "nrmse": finite(one.nrmse)}
-
         unstable = None
         if self.unstable is not None:
             pole = self.unstable.pole
@@ -276,7 +273,7 @@ class Validation(Described):
                 "pole": [pole.real, pole.imag],
                 "sample_time_s": self.unstable.sample_time,
                 "steps": self.unstable.steps,
-                "ahead": fit(self.unstable.ahead),
+                "ahead": self.unstable.ahead.document,
             }
         return {
             "schema": SCHEMA,
@@ -289,9 +286,11 @@ class Validation(Described):
             "outputs": [
                 {"name": name, "unit": unit} for name, unit in zip(self.output_names, self.output_units, strict=True)
             ],
-            "one_step": fit(self.one_step),
-            "free_run": fit(self.free_run),
+            "one_step": self.one_step.document,
+            "free_run": self.free_run.document,
             "unstable": unstable,
+            "gain_error": self.gain_error,
+            "gain_error_half_width": self.gain_error_half_width,
             "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
             "tests": [
                 {
@@ -389,10 +388,14 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= _ROUNDING * largest))
     inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
     rows = range(model.n_outputs)
+    diverged = tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None)
+    unstable = unstable_model(model, chosen, diverged=any(not run.status.ok for run in simulated))
+    bounded = not diverged and unstable is None
+    gain = gain_error(simulated) if bounded and model.n_outputs == 1 else None
     return Validation(
         one_step=Fit.of(predicted),
         free_run=Fit.of(simulated),
-        diverged=tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None),
+        diverged=diverged,
         tests=() if exact else correlation_tests(residuals, inputs, max_lag=max_lag, level=level),
         whiteness=() if exact else tuple(whiteness_of(residuals, row, max_lag=max_lag) for row in rows),
         n_samples=n_samples,
@@ -401,26 +404,27 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
         input_names=model.input_names,
         output_names=model.output_names,
         output_units=model.output_units,
-        unstable=unstable_model(model, chosen, diverged=any(not run.status.ok for run in simulated)),
+        unstable=unstable,
+        gain_error=None if gain is None else gain[0],
+        gain_error_half_width=None if gain is None else gain[1],
     )
 
 
 def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
-    def fit(one: Mapping[str, Any]) -> Fit:
-        return Fit(**{k: np.array([math.inf if v is None else v for v in one[k]]) for k in ("mean_square", "nrmse")})
-
     unstable = None
     if (told := document["unstable"]) is not None:
         unstable = Unstable(
             pole=complex(*told["pole"]),
             sample_time=float(told["sample_time_s"]),
             steps=int(told["steps"]),
-            ahead=fit(told["ahead"]),
+            ahead=Fit.read(told["ahead"]),
         )
     return {
         "unstable": unstable,
-        "one_step": fit(document["one_step"]),
-        "free_run": fit(document["free_run"]),
+        "gain_error": document["gain_error"],
+        "gain_error_half_width": document["gain_error_half_width"],
+        "one_step": Fit.read(document["one_step"]),
+        "free_run": Fit.read(document["free_run"]),
         "diverged": tuple((int(item["recording"]), float(item["time_s"])) for item in document["diverged"]),
         "tests": tuple(
             CorrelationTest(**{**t, "lags": np.array(t["lags"], dtype=np.int64)}) for t in document["tests"]

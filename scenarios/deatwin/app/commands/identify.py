@@ -22,6 +22,7 @@ from deatwin.app.options import (
 from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
+    from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
     from deatwin.studies.folder import ResultFolder
@@ -145,9 +146,11 @@ def identify(
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
         _, unexcited = band_excited(records)
-        model = assessed(identifier.model_, records, unseen)
+        tested = _tested(identifier.model_, unseen)
+        model = assessed(identifier.model_, records, unseen, validation=tested.validation)
         model.save(out)
-        errors = [_errors(model, part) for part in unseen]
+        alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
+        errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
         found = [*identifier.notes_, *unexcited]
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
@@ -156,7 +159,7 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, unseen, identifier, notes)
+            _write_report(folder, record, model, method, unseen, tested, identifier, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -201,24 +204,17 @@ def _write_report(
     model: NarxModel,
     method: Method,
     unseen: Sequence[Recording],
+    tested: Tested,
     identifier: NarxIdentifier,
     clocks: list[str],
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
-    from deatwin.ident.narx import validate
-    from deatwin.plant.errors import ModelError
 
-    validation, why_not = None, ""
-    try:
-        validation = validate(model, unseen)
-    except ModelError as error:
-        why_not = str(error)
     found = Identified(
         model=model,
         method=method.value,
         unseen=unseen,
-        validation=validation,
-        why_not=why_not,
+        tested=tested,
         complete=identifier.status_.ok,
         notes=identifier.notes_,
         clocks=clocks,
@@ -268,28 +264,27 @@ def _origins(model: NarxModel) -> dict[str, float]:
     return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
-def _errors(model: NarxModel, unseen: Recording) -> dict[str, Any]:
-    free = model.simulate(unseen)
+def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, Any]:
+    """Errors and residual tests of the model on one unseen part."""
+    free, found = model.simulate(unseen), tested.validation
     return {
         "one_step": model.predict(unseen).rms_error,
         "free_run": free.rms_error,
         "finished": free.status.ok,
         "unit": model.output_units[0],
-        **_tested(model, unseen),
+        "validation": f"residuals not tested: {tested.why_not}" if found is None else found.status.value,
+        "failed_tests": None if found is None else [test.name for test in found.failed],
+        "unstable": [] if found is None or found.unstable is None else found.unstable.sentences(found.output_units),
     }
 
 
-def _tested(model: NarxModel, unseen: Recording) -> dict[str, Any]:
-    """The correlation tests, where the unseen part is long enough for them."""
+def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
+    """Validate the model on unseen parts, or give the reason why that is not possible."""
+    from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import validate
     from deatwin.plant.errors import ModelError
 
     try:
-        found = validate(model, unseen)
+        return Tested(validation=validate(model, unseen))
     except ModelError as error:
-        return {"validation": f"residuals not tested: {error}", "failed_tests": None, "unstable": []}
-    return {
-        "validation": found.status.value,
-        "failed_tests": [test.name for test in found.failed],
-        "unstable": [] if found.unstable is None else found.unstable.sentences(found.output_units),
-    }
+        return Tested(why_not=str(error))
