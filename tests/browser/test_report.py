@@ -125,7 +125,7 @@ def reports(browser: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         commands(folder)
-        stories(folder, patch)
+        told(folder, patch)
     return folder
 
 

@@ -46,7 +46,7 @@ from deatwin.plant.files import read_experiment, read_recording
 from deatwin.plant.fleet import Actuator, History, Tolerance, fleet, specification
 from deatwin.plant.limits import Event
 from deatwin.plant.linear_elastic import LinearElastic
-from deatwin.plant.material import MATERIALS, Branch, Material, material
+from deatwin.plant.material import MATERIALS, Branch, Material
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
@@ -143,7 +143,6 @@ __all__ = [
     "effect_named",
     "fleet",
     "load_plant",
-    "material",
     "quantise",
     "read_experiment",
     "read_recording",

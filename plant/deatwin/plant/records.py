@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import Enum
 from functools import cache
+from math import isfinite
 from types import NoneType, UnionType
 from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -67,7 +68,8 @@ def _value(hint: Any, value: Any) -> Any:
     if hint == Json:
         return value
     if origin in (Union, UnionType):
-        return None if value is None else _value(next(one for one in arguments if one is not NoneType), value)
+        absent = value is None or (isinstance(value, float) and not isfinite(value))  # a file holds null for both
+        return None if absent else _value(next(one for one in arguments if one is not NoneType), value)
     if origin is tuple:
         return tuple(_value(arguments[0], one) for one in _of(Sequence, value))
     if origin is not None:  # a mapping
@@ -76,6 +78,8 @@ def _value(hint: Any, value: Any) -> Any:
         return read(hint, value)  # type: ignore[arg-type]
     if issubclass(hint, Enum):
         return hint(value)
+    if hint is float and not isfinite(_of((int, float), value)):
+        raise ValueError(f"{value} is no finite number")
     return _of((int, float) if hint is float else hint, value)
 
 
