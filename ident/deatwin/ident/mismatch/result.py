@@ -28,7 +28,7 @@ class Statistic:
     name: str
     value: float  # Largest of the group: a ratio of mean squares, a distance of periodograms, or a correlation
     where: str = ""  # The part of the data, the frequency, or the regressor at which it is found
-    score: float | None = None  # Standardised by what chance gives
+    score: float | None = field(default=None, metadata=OPTIONAL)  # Standardised by what chance gives
     p_value: float  # Of this group alone
 
 
