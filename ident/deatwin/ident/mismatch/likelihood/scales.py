@@ -28,6 +28,8 @@ SHIFTS = 8
 """Times that the ratios move on where the best is the last one: each is as far as the prior is wide."""
 NEGLIGIBLE = 30.0
 """Nats below the peak: e^-30 of it."""
+TWICE = 0.02
+"""Widths of the peak: nearer to each other two ratios are one, since a spline through both would follow rounding."""
 ACROSS, FINE = 8.0, 41
 """Deviations on either side of a peak over which a scale is summed, and in how many steps: less than half a deviation,
 of which the trapezoidal rule makes no error that double precision shows."""
@@ -110,13 +112,15 @@ def _integral(curve: _Curve, centre: float, spread: float) -> float:
     best = int(np.clip(best, 1, at.size - 2))
     curve.extend(np.linspace(at[best - 1], at[best + 1], NODES + 2)[1:-1])
     at, values = curve.at, curve.values
-    near = slice(int(np.clip(np.argmax(values), 1, at.size - 2)) - 1, None)
-    bend, slope, _ = np.polyfit(at[near][:3] - at[near][1], values[near][:3], 2)
+    best = int(np.clip(np.argmax(values), 1, at.size - 2))
+    slopes = np.diff(values[best - 1 : best + 2]) / np.diff(at[best - 1 : best + 2])
+    bend = (slopes[1] - slopes[0]) / (at[best + 1] - at[best - 1])  # of the parabola through three values
+    slope = slopes[0] + bend * (at[best] - at[best - 1])
     width = np.sqrt(-0.5 / bend) if bend < 0.0 else spread
-    peak = at[near][1] - (0.5 * slope / bend if bend < 0.0 else 0.0)
+    peak = at[best] - (0.5 * slope / bend if bend < 0.0 else 0.0)
     curve.extend(peak + width * (np.arange(NODES) - (NODES - 1) / 2.0))
     at, values = curve.at, curve.values
-    counts = values > values.max() - NEGLIGIBLE
+    counts = (values > values.max() - NEGLIGIBLE) & (np.diff(at, prepend=-np.inf) > TWICE * width)
     fine = np.linspace(at[counts][0], at[counts][-1], 1 + 100 * NODES)
     return float(logsumexp(CubicSpline(at[counts], values[counts])(fine)) + np.log(fine[1] - fine[0]))
 

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Process, Reading
-from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.likelihood.scales import evidence, weighed
 from deatwin.plant.errors import DataError
 
 PROCESS = Process(weights=(0.6, 0.4), times=(0.1, 1.0))
@@ -123,6 +123,17 @@ def test_an_error_far_from_its_prior_is_found(loud):
         known = replace(reading, kappa=LogNormal(median=float(np.exp(log_kappa))))
         by_hand.append(evidence([known], Prior.of((2, None))).log + log_prior(reading.kappa, log_kappa))
     assert found.log == pytest.approx(float(logsumexp(by_hand) + np.log(0.03)), abs=0.02)
+
+
+def test_the_sum_over_ratios_holds_wherever_the_peak_lies():
+    """Forty sizes of the error, so that the ratios that are tried fall in all ways beside each other."""
+    reading = replace(rows(20, n=60), kappa=LogNormal(median=0.5, spread=0.7))
+    prior, fine = Prior.of((3, None)), np.linspace(-4.0, 8.0, 241)
+    for loud in np.geomspace(0.2, 400.0, 40):
+        one = replace(reading, residual=loud * reading.residual)
+        known = [fit.log_evidence(np.log([2.0]))[0] for fit in weighed(one, prior, fine)]
+        dense = np.array(known) + log_prior(one.kappa, fine + np.log(2.0))
+        assert evidence([one], prior).log == pytest.approx(float(logsumexp(dense) + np.log(0.05)), abs=0.02)
 
 
 def test_laplace_over_several_scales_is_near_their_sum():
