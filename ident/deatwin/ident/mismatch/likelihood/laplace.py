@@ -1,0 +1,91 @@
+r"""Evidence of a fit for given scales of error and noise, from products of whitened residual and columns.
+
+With whitened residual r and columns G, z where the fit lies in the standard normal coordinates, and the variances
+:math:`S_k` of the innovations:
+
+.. math::
+    b = G^T r - z, \quad M = G^T G + I, \quad
+    \log p(y) = -\tfrac12 \Big(r^T r + z^T z - b^T M^{-1} b + \sum_k \log 2\pi S_k + \log\det M\Big)
+
+exact where the readings are linear in the coordinates. An amplitude a that cannot be negative has half a normal as its
+prior, which makes this times :math:`2\Phi(m/s)`, m and s being the mean and deviation of a without that limit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from deatwin.ident.mismatch.likelihood.model import Prior
+
+LOG_2PI = float(np.log(2.0 * np.pi))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Weighed:
+    """A fit at one ratio of error and noise: log evidence and coordinates as functions of the noise.
+
+    `products` (m + 1, m + 1) are those of the whitened residual and columns for unit noise, `logs` the sum of the log
+    variances of the innovations, `count` their number.
+    """
+
+    products: np.ndarray
+    logs: float
+    count: int
+    prior: Prior
+
+    @cached_property
+    def _axes(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.linalg.eigh(self.products[1:, 1:])
+
+    def _along(self, log_sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of M along its axes: eigenvalues and b, shape (g, m) each; and what each noise weighs, (g,)."""
+        (squares, axes), weight = self._axes, np.exp(-2.0 * log_sigma)
+        b = np.multiply.outer(weight, self.products[0, 1:] @ axes) - self.prior.fitted @ axes
+        return 1.0 + np.multiply.outer(weight, np.maximum(squares, 0.0)), b, weight
+
+    def log_evidence(self, log_sigma: np.ndarray) -> np.ndarray:
+        """For noise of these logarithms, shape (g,)."""
+        m, b, weight = self._along(log_sigma)
+        squares = weight * self.products[0, 0] + self.prior.fitted @ self.prior.fitted - (b**2 / m).sum(axis=1)
+        variances = self.logs + self.count * (LOG_2PI + 2.0 * log_sigma)
+        return -0.5 * (squares + variances + np.log(m).sum(axis=1)) + self._allowed(m, b)
+
+    def coordinates(self, log_sigma: float) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (m,) and covariance (m, m) of the coordinates, none of which is limited."""
+        m, b, _ = self._along(np.array([log_sigma]))
+        axes = self._axes[1]
+        return self.prior.fitted + axes @ (b[0] / m[0]), axes / m[0] @ axes.T
+
+    def _allowed(self, m: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Log of the posterior over the prior probability that the limited coordinates are where they may be."""
+        limited = np.isfinite(self.prior.above)
+        if not limited.any():
+            return np.zeros(len(m))
+        axes, above = self._axes[1][limited], self.prior.above[limited]
+        mean = self.prior.fitted[limited] + b / m @ axes.T
+        cov = np.einsum("ia,ga,ja->gij", axes, 1.0 / m, axes)
+        return log_above(mean, cov, above) - log_ndtr(-above).sum()
+
+
+def log_above(mean: np.ndarray, cov: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """Log probability that normal variables (g, q) all lie above (q,): one after the other, each limit taken in.
+
+    Exact for one variable or independent ones; else each is taken for normal again once it was cut (Mendell & Elston
+    1974, doi:10.2307/2529617).
+    """
+    mean, cov, total = mean.copy(), cov.copy(), np.zeros(len(mean))
+    edges = (mean - above) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    for k in np.argsort(edges.mean(axis=0)):  # what is cut most comes first, since that is exact
+        spread = np.sqrt(cov[:, k, k])
+        edge = (mean[:, k] - above[k]) / spread
+        inside = log_ndtr(edge)
+        total += inside
+        hazard = np.exp(-0.5 * (edge**2 + LOG_2PI) - inside)  # mean of what was cut, in deviations
+        along = cov[:, :, k] / spread[:, None]
+        mean += along * hazard[:, None]
+        cov -= np.einsum("gi,gj,g->gij", along, along, hazard * (hazard + edge))
+    return total

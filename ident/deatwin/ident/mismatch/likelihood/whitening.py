@@ -1,0 +1,185 @@
+r"""Whitening of a stationary process in white noise, by its innovations.
+
+With the state x of the process, one component for each time constant, :math:`a = \exp(-\Delta t/\tau)`:
+
+.. math:: v = y - \mathbf{1}^T x, \quad S = \mathbf{1}^T P \mathbf{1} + 1, \quad x^+ = a (x + P \mathbf{1}\, v / S)
+
+for each row of readings alike. A recording starts with x = 0 and the stationary P; a gap is a longer Δt. Where Δt stays
+the same the gains settle, and the rest is one linear filter. Only the ratio ρ = κ/σ counts: unit noise is taken here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from deatwin.ident.mismatch.likelihood.model import Process
+
+SETTLED = 1e-12
+"""Share of the innovation's variance by which P may still change: 21,000 samples make 1e-8 nats of it."""
+ROUNDING = 16.0 * float(np.finfo(float).eps)
+"""The same for each unit of ρ²: so many times that rounds off where P is reckoned from what the process had before."""
+SAME_STEP = 1e-6
+"""Relative difference of two steps of one clock: times of day in double precision differ by 1e-9 of a step."""
+PIECE = 1000
+"""Samples that are kept at a time where the gains have not settled."""
+DOUBLINGS = 60
+"""Each doubles the time over which P has settled; 2^60 samples are more than anybody records."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filter:
+    """The process, as a state space for several ratios at once: diagonals a and stationary variances, (k, p)."""
+
+    ratios: np.ndarray
+    process: Process
+
+    @property
+    def variances(self) -> np.ndarray:
+        """Stationary, of each component, shape (k, p)."""
+        return np.multiply.outer(self.ratios**2, np.array(self.process.weights))
+
+    def decay(self, step: float) -> np.ndarray:
+        """exp(-Δt/τ), shape (p,)."""
+        return np.exp(-step / np.array(self.process.times))
+
+    def start(self) -> np.ndarray:
+        """P before the first sample of a recording, shape (k, p, p)."""
+        return self.variances[:, :, None] * np.eye(len(self.process.weights))
+
+    def gain(self, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gains (k, p) and variances of the innovation (k,) for P."""
+        row = cov.sum(axis=2)
+        innovation = row.sum(axis=1) + 1.0
+        return row / innovation[:, None], innovation
+
+    def ahead(self, cov: np.ndarray, step: float) -> np.ndarray:
+        """P a sample later, its reading taken in."""
+        gain, innovation = self.gain(cov)
+        decay = self.decay(step)
+        left = cov - np.einsum("ki,kj,k->kij", gain, gain, innovation)
+        grown = self.variances * (1.0 - decay**2)
+        return left * np.outer(decay, decay) + grown[:, :, None] * np.eye(decay.size)
+
+    def settled(self, step: float) -> np.ndarray:
+        """P that stays, by doubling (Anderson 1978, doi:10.1016/0005-1098(78)90088-3), shape (k, p, p)."""
+        decay, k = self.decay(step), self.ratios.size
+        unit = np.eye(decay.size)
+        move = np.broadcast_to(np.diag(decay), (k, *unit.shape))
+        seen = np.ones((k, *unit.shape))
+        cov = (self.variances * (1.0 - decay**2))[:, :, None] * unit
+        for _ in range(DOUBLINGS):
+            middle, turned = np.linalg.inv(unit + cov @ seen), np.swapaxes(move, 1, 2)
+            more = move @ middle @ cov @ turned
+            seen = seen + turned @ seen @ middle @ move
+            move, cov = move @ middle @ move, cov + more
+            if np.abs(more).max() <= np.finfo(float).eps * np.abs(cov).max():
+                break
+        return (cov + np.swapaxes(cov, 1, 2)) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Innovations of some samples for some of the ratios: (k, m, n), and their variances, (k, n)."""
+
+    samples: slice
+    ratios: slice
+    values: np.ndarray
+    variances: np.ndarray
+
+    @property
+    def whitened(self) -> np.ndarray:
+        """Innovations of variance 1."""
+        return self.values / np.sqrt(self.variances)[:, None, :]
+
+
+def blocks(
+    process: Process, ratios: np.ndarray, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray
+) -> Iterator[Block]:
+    """All innovations of rows (m, n) on a clock: times and numbers of records, (n,) each."""
+    times, records = clock
+    ends = [*(1 + np.flatnonzero(np.diff(records))), times.size]
+    for first, last in zip([0, *ends[:-1]], ends, strict=True):
+        yield from _recording(Filter(ratios, process), times[first:last], rows[:, first:last], first)
+
+
+def grams(
+    process: Process, ratios: np.ndarray, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Products of the whitened rows with each other, (k, m, m), and sums of the log variances, (k,)."""
+    products, logs = np.zeros((ratios.size, len(rows), len(rows))), np.zeros(ratios.size)
+    for block in blocks(process, ratios, clock, rows):
+        products[block.ratios] += [w @ w.T for w in block.whitened]  # a matrix by itself: half the work
+        logs[block.ratios] += np.log(block.variances).sum(axis=1)
+    return products, logs
+
+
+def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray) -> np.ndarray:
+    """The rows (m, n), whitened for unit noise and one ratio."""
+    result = np.empty_like(rows)
+    for block in blocks(process, np.array([ratio]), clock, rows):
+        result[:, block.samples] = block.whitened[0]
+    return result
+
+
+def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> Iterator[Block]:
+    """Stretch by stretch of the same step: the gains one by one until they have settled, then a linear filter."""
+    steps = np.diff(times, append=2.0 * times[-1] - times[-2] if times.size > 1 else times[-1] + 1.0)
+    changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > SAME_STEP * steps[:-1])
+    cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
+    for end in (*changes, times.size):
+        step, final = steps[at], of.settled(steps[at])
+        while at < end:
+            if _is_settled(of, cov, final):
+                yield from _steady(of, final, step, state, rows[:, at:end], first + at)
+                cov, at = final, end
+                continue
+            stop = min(end, at + PIECE)
+            block, cov = _varying(of, cov, final, step, state, rows[:, at:stop], first + at)
+            at += block.values.shape[2]
+            yield block
+
+
+def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
+    """Whether P is where it stays, against the innovation's variance."""
+    allowed = (SETTLED + ROUNDING * of.ratios**2) * of.gain(final)[1]
+    return bool((np.abs(cov - final).sum(axis=(1, 2)) <= allowed).all())
+
+
+def _varying(
+    of: Filter, cov: np.ndarray, final: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
+) -> tuple[Block, np.ndarray]:
+    """Sample by sample until the gains have settled; moves `state` (k, m, p) on."""
+    decay, values, variances = of.decay(step), [], []
+    for row in rows.T:
+        gain, innovation = of.gain(cov)
+        values.append(row - state.sum(axis=2))
+        variances.append(innovation)
+        state += values[-1][:, :, None] * gain[:, None, :]
+        state *= decay
+        cov = of.ahead(cov, step)
+        if _is_settled(of, cov, final):
+            break
+    samples = slice(first, first + len(values))
+    return Block(samples, slice(0, of.ratios.size), np.stack(values, axis=2), np.stack(variances, axis=1)), cov
+
+
+def _steady(
+    of: Filter, cov: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
+) -> Iterator[Block]:
+    """One linear filter of the process' order for each ratio; moves `state` (k, m, p) on."""
+    decay, (gains, variances), n = of.decay(step), of.gain(cov), rows.shape[1]
+    order, ahead = decay.size, decay ** np.arange(n, 0, -1)[:, None]
+    for k, gain in enumerate(gains):
+        closed = decay[:, None] * (
+            np.eye(order) - gain[:, None]
+        )  # the state from sample to sample, its reading taken in
+        poles, zeros = np.poly(closed), np.poly(decay)
+        free = np.array([-np.linalg.matrix_power(closed, i).sum(axis=0) for i in range(order)])
+        begin = np.stack([np.convolve(poles, row)[:order] for row in state[k] @ free.T])
+        values = lfilter(zeros, poles, rows, zi=begin)[0]
+        state[k] = state[k] * decay**n + (values @ ahead) * gain
+        yield Block(slice(first, first + n), slice(k, k + 1), values[None], np.full((1, n), variances[k]))

@@ -1,0 +1,57 @@
+"""Columns of the plant's own error and of an effect's law."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.likelihood.structured import bends, known, law, slow, timing
+
+TIMES = 0.02 * np.arange(3000)
+MOTION = 1e-4 * np.sin(0.7 * TIMES) + 3e-5 * np.sin(3.1 * TIMES + 1.0)
+
+
+def test_bends_are_orthogonal_to_what_parameters_take_up_and_of_the_stated_size():
+    columns = bends(MOTION, 3e-7)
+    assert columns.shape == (3000, 6)
+    products = columns.T @ columns
+    np.testing.assert_allclose(products, products[0, 0] * np.eye(6), atol=1e-9 * products[0, 0])
+    np.testing.assert_allclose(columns.T @ np.column_stack([np.ones(3000), MOTION / 1e-4]), 0.0, atol=1e-12)
+    assert np.sqrt(np.mean(columns**2, axis=0).sum()) == pytest.approx(3e-7)
+    left = (
+        MOTION**3
+        - np.column_stack([np.ones(3000), MOTION, columns])
+        @ np.linalg.lstsq(np.column_stack([np.ones(3000), MOTION, columns]), MOTION**3, rcond=None)[0]
+    )
+    assert np.abs(left).max() < 1e-9 * np.abs(MOTION**3).max()
+
+
+def test_timing_is_the_change_over_a_shift():
+    records = (TIMES >= 30.0).astype(int)
+    times = TIMES + 500.0 * records
+    column = timing(MOTION, times, records, 0.002)[:, 0]
+    exact = 0.002 * (0.7e-4 * np.cos(0.7 * TIMES) + 9.3e-5 * np.cos(3.1 * TIMES + 1.0))
+    inside = np.r_[1:1499, 1501:2999]
+    np.testing.assert_allclose(column[inside], exact[inside], atol=1e-3 * exact.max())
+    np.testing.assert_allclose(column, exact, atol=0.05 * exact.max())  # no step where a recording ends
+
+
+def test_known_directions_come_with_their_sizes():
+    directions = np.column_stack([MOTION, np.zeros(3000), MOTION**2])
+    np.testing.assert_allclose(np.sqrt(np.mean(known(directions, [2e-6, 1e-6, 3e-7]) ** 2, axis=0)), [2e-6, 0.0, 3e-7])
+
+
+def test_slow_modes_hold_nearly_all_of_a_slow_process():
+    columns = slow(TIMES, 2e-7, 60.0, 4)
+    whole = 4e-14 * np.exp(-np.abs(TIMES[::50, None] - TIMES[::50]) / 60.0)
+    left = np.trace(whole - columns[::50] @ columns[::50].T) / np.trace(whole)
+    # Karhunen and Loève of an exponential covariance: eigenvalues 2c/(w² + c²), c = T/tau = 1, w tan(w/2) = 1 and so on
+    w = np.array([1.3065, 3.6732, 6.5846, 9.6317])
+    assert left == pytest.approx(1.0 - np.sum(2.0 / (w**2 + 1.0)), abs=0.005)
+
+
+def test_a_law_bends_what_an_effect_contributes():
+    contribution = np.where(TIMES > 10.0, 1e-5 * (1.0 - np.exp(-(TIMES - 10.0) / 20.0)), 0.0)
+    columns = law(contribution, TIMES, 0.1)
+    assert columns.shape == (3000, 4)
+    assert not columns[contribution == 0.0].any()
+    assert np.abs(columns).max() <= 0.1 * contribution.max() * (1 + 1e-12)
+    np.testing.assert_allclose(columns[-1], 0.1 * contribution[-1])  # all polynomials are 1 at the end

@@ -1,0 +1,67 @@
+"""The filter's whitening against a dense covariance."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.likelihood.model import Process
+from deatwin.ident.mismatch.likelihood.whitening import Filter, grams, whitened
+
+FAST = Process(weights=(0.5, 0.5), times=(0.1, 1.0))
+SLOW = Process(weights=(0.5, 0.5, 0.01, 0.01), times=(0.1, 1.0, 10.0, 100.0))
+
+
+def clock() -> tuple[np.ndarray, np.ndarray]:
+    """Three recordings: one with gaps of many and of a broken number of samples, a jittered one, and a single sample."""
+    rng = np.random.default_rng(1)
+    gaps = np.cumsum(np.concatenate([np.full(40, 0.02), [0.4], np.full(25, 0.02), [0.033], np.full(800, 0.02)]))
+    jittered = 40.0 + np.cumsum(0.02 + 0.002 * rng.uniform(-1.0, 1.0, 60))
+    times = [gaps, jittered, np.array([60.0])]
+    return np.concatenate(times), np.concatenate([np.full(t.size, k) for k, t in enumerate(times)])
+
+
+def dense(process: Process, ratio: float, times: np.ndarray, records: np.ndarray) -> np.ndarray:
+    """Covariance of unit noise and the process, by its definition."""
+    lags, together = np.abs(times[:, None] - times), records[:, None] == records
+    cov = np.eye(times.size)
+    for weight, constant in zip(process.weights, process.times, strict=True):
+        cov += ratio**2 * weight * np.exp(-lags / constant) * together
+    return cov
+
+
+@pytest.mark.parametrize("process", [FAST, SLOW, Process(weights=(1.0,), times=(0.3,))])
+def test_products_and_determinant_are_those_of_the_dense_covariance(process):
+    times, records = clock()
+    rows, ratios = np.random.default_rng(2).standard_normal((4, times.size)), np.array([0.03, 0.4, 5.0])
+    products, logs = grams(process, ratios, (times, records), rows)
+    for k, ratio in enumerate(ratios):
+        cov = dense(process, ratio, times, records)
+        np.testing.assert_allclose(products[k], rows @ np.linalg.solve(cov, rows.T), atol=1e-8)
+        assert logs[k] == pytest.approx(np.linalg.slogdet(cov)[1], abs=1e-8)
+        row = whitened(process, ratio, (times, records), rows)
+        np.testing.assert_allclose(row @ row.T, products[k], atol=1e-10)
+
+
+def test_the_settled_covariance_solves_the_riccati_equation():
+    from scipy.linalg import solve_discrete_are
+
+    several = Filter(np.array([0.02, 0.3, 4.0]), SLOW)
+    decay, one = several.decay(0.02), np.ones((4, 1))
+    for found, variances in zip(several.settled(0.02), several.variances, strict=True):
+        pushed = np.diag(variances * (1.0 - decay**2))
+        np.testing.assert_allclose(found, solve_discrete_are(np.diag(decay), one, pushed, np.eye(1)), rtol=1e-6)
+
+
+def test_what_the_process_makes_becomes_white():
+    """Of 20,000 samples 5 % of autocorrelations lie beyond 1.96 / sqrt(n); of 40 lags more than 8 do once in 4000."""
+    n, rng = 20_000, np.random.default_rng(3)
+    times, records = 0.02 * np.arange(n), np.zeros(n)
+    made = rng.standard_normal(n)
+    for weight, tau in zip(FAST.weights, FAST.times, strict=True):
+        decay, state = np.exp(-0.02 / tau), np.sqrt(weight) * rng.standard_normal()
+        for k, push in enumerate(np.sqrt(weight * (1.0 - decay**2)) * rng.standard_normal(n)):
+            made[k] += 2.0 * state
+            state = decay * state + push
+    white = whitened(FAST, 2.0, (times, records), made[None])[0]
+    lags = np.array([white[lag:] @ white[:-lag] for lag in range(1, 41)]) / (white @ white)
+    assert (np.abs(lags) > 1.96 / np.sqrt(n)).sum() <= 8
+    assert np.mean(white**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / n))
