@@ -260,7 +260,7 @@ def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypa
     found = diagnose(nominal, experiment, effects=[ElectrodeRC(), SensorLag()])
     assert found.verdict is Verdict.AMBIGUOUS
     (pair,) = found.indistinguishable
-    assert pair in [{"effects": list(d.effects), "d2": d.d2} for d in known]
+    assert (pair.effects, pair.d2) in [(d.effects, d.d2) for d in known]
     assert found.advice is not None
     assert found.advice.confusion_before >= distance.confusion(pair.d2)
 
