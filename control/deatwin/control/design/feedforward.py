@@ -90,8 +90,8 @@ class InverseFilter:
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter combines the present reference, the previous one and three lags; least squares of ``F G/G(1) - 1`` from a
-    hundredth of the band to its end give the weights. The filter is stable for all zeros of the model.
+    The filter combines the present reference, the previous one and three first-order lags; least squares of ``F G/G(1) - 1`` from a
+    hundredth of the band to its end give the weights. The filter is stable wherever the model's zeros lie.
 
     Parameters
     ----------

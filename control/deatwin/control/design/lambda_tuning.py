@@ -137,7 +137,7 @@ def lambda_tuning_pid(
     Parameters
     ----------
     linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`), with two lags visible in its samples.
+        Model of the actuator as the controller sees it (`LinearModel.in_loop`), whose second lag is at least one sampling time.
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float, optional

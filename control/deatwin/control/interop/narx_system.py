@@ -127,7 +127,7 @@ class NarxSystem:
 
 @taking(model=instance(NarxModel), inputs=numbers, outputs=numbers)
 def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
-    """Return the state of a model's ``control.nlsys`` after some rows of a recording.
+    """Return the state that the system `to_nlsys(model)` has after the given rows of a recording.
 
     Parameters
     ----------

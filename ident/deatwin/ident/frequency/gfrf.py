@@ -53,7 +53,7 @@ def gfrf(
     Returns
     -------
     FrequencyResponse
-        Response H_n, output unit by the n-th power of the input unit, with the covariance that follows from the
+        Response H_n, in output units per n-th power of the input unit, with the covariance that follows from the
         parameters.
 
     Raises

@@ -28,8 +28,8 @@ class Coupon(Rig):
     An isotropic, incompressible strip with free sides contracts by :math:`\lambda^{-1/2}` in both directions, even
     with relaxing branches, so that there is no unknown coordinate. The strip has no branch of its own: relaxation is
     added as an effect. Each pull is a separate experiment, from rest at stretch 1. A measured force belongs to the
-    stretch of its own row, at the end of the hold. A ramp represented as a staircase therefore leads a branch by half a
-    sample: 0.5 % of the branch's stress for a relaxation time of 2 s at 50 Hz.
+    stretch of its own row, at the end of the hold. A staircase reaches each stretch half a sample before the ramp that it
+    stands for; this changes the stress of a branch with a relaxation time of 2 s by 0.5 % at 50 Hz.
 
     Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
     a fit finds relaxation times and ratios of moduli, but not their absolute size.

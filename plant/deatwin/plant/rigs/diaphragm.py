@@ -59,7 +59,7 @@ class Diaphragm(Rig):
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
-        True if the experimenter stated the contact; otherwise the other contact is an alternative.
+        True if the experimenter stated the contact; otherwise the other contact is a rig variant that a diagnosis also tries.
     prestretch_is_known : bool
         True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from it, is an
         alternative.

@@ -125,7 +125,7 @@ def nofrf_exact(
     Returns
     -------
     FrequencyResponse
-        Response G_n, output unit by the n-th power of the input unit, at the lines of the period at which U_n is not
+        Response G_n, in output units per n-th power of the input unit, at the lines of the period at which U_n is not
         zero.
 
     Warns

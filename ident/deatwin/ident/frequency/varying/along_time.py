@@ -67,7 +67,7 @@ def tv_gfrf(
     Returns
     -------
     VaryingResponse
-        Response H_n over time, output unit by the n-th power of the input unit, with the covariance that follows from
+        Response H_n over time, in output units per n-th power of the input unit, with the covariance that follows from
         the parameters at each time.
 
     Raises
@@ -163,7 +163,7 @@ def tv_nofrf(
     Returns
     -------
     VaryingResponse
-        Response G_n over time, output unit by the n-th power of the input unit, at the lines where U_n is not zero.
+        Response G_n over time, in output units per n-th power of the input unit, at the lines where U_n is not zero.
 
     Warns
     -----

@@ -68,7 +68,7 @@ class VaryingResponse(Described, Frozen):
     responses : tuple of (FrequencyResponse or None), length n_times
         Response of each model; at least one is not None.
     correct : callable
-        Function that returns ``frozen_correction``.
+        Function without arguments that returns what changing parameters add to the frozen response.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
