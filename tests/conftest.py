@@ -36,12 +36,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True)
-def as_loud_as_before() -> Iterator[None]:
-    """A command that is run in this process with --quiet or --json leaves the package's logger quiet."""
+def as_loud_as_ever() -> Iterator[None]:
+    """A command that a test or a fixture of a whole session ran with --quiet or --json leaves the logger quiet."""
     logger = logging.getLogger("deatwin")
-    level = logger.level
+    logger.setLevel(logging.NOTSET)
     yield
-    logger.setLevel(level)
+    logger.setLevel(logging.NOTSET)
 
 
 @pytest.fixture
