@@ -22,7 +22,7 @@ from deatwin.studies.report.tabulated import drawn_table
 from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
-    from deatwin.ident.narx import NarxModel, NarxResponse, Validation
+    from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
     from deatwin.plant.recording import Recording
 
 
@@ -39,6 +39,12 @@ class Tested:
 
     validation: Validation | None = None
     why_not: str = ""
+    unstable: Unstable | None = None  # Where there are too few samples for a validation
+
+    @property
+    def pole(self) -> Unstable | None:
+        """The unstable pole of the model, if it has one."""
+        return self.unstable if self.validation is None else self.validation.unstable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +79,7 @@ class Identified:
     @property
     def steps(self) -> int | None:
         """Steps ahead by which an unstable model is judged; None if its free run judges it."""
-        unstable = None if self.tested.validation is None else self.tested.validation.unstable
+        unstable = self.tested.pole
         return None if unstable is None else unstable.steps
 
     @property
@@ -109,7 +115,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         if found.tested.validation is not None
         else f"no correlation tests: {found.tested.why_not}"
     )
-    unstable = None if found.tested.validation is None else found.tested.validation.unstable
+    unstable = found.tested.pole
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
     notes = [Note(title="What the residual says", paragraphs=paragraphs)]

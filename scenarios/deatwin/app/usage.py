@@ -5,11 +5,23 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import typer
 from typer.core import TyperCommand, TyperGroup
 
 
 class Command(TyperCommand):
     """A command in whose help no type stands beside a flag, which takes no value, or beside an argument's own word."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command; an option that takes one value and is given twice is a mistake."""
+        before_files = args[: args.index("--")] if "--" in args else args
+        words = [word.partition("=")[0] for word in before_files]
+        for option in self.params:
+            single = option.param_type_name == "option" and not getattr(option, "is_flag", False)
+            if single and not getattr(option, "multiple", False) and option.nargs == 1:
+                if sum(word in (*option.opts, *option.secondary_opts) for word in words) > 1:
+                    raise typer.BadParameter("given more than once; it takes one value", ctx=ctx, param=option)
+        return super().parse_args(ctx, args)
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:
         """Return the parameters, those of typer's own among them."""

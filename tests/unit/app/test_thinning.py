@@ -54,3 +54,19 @@ def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureF
     assert found["unseen"][0]["failed_tests"] is None
     if samples == 40:
         assert found["terms"]["y(k-1)"] == pytest.approx(0.6, abs=1e-3)
+
+
+def test_an_unstable_pole_is_told_though_the_held_out_part_is_too_short_for_tests(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(0)  # y(k) = 1.1 y(k-1) + u(k-1) + e(k), held by u = 0.5 (r - y): the loop's pole is 0.6
+    wanted, y, u = np.repeat(rng.uniform(-1, 1, 13), 20)[:250], np.zeros(250), np.zeros(250)
+    for k in range(1, 250):
+        y[k] = 1.1 * y[k - 1] + u[k - 1] + 0.002 * rng.normal()
+        u[k] = 0.5 * (wanted[k] - y[k]) + 0.2 * rng.normal()
+    write_csv(tmp_path / "r.csv", {"time_s": 0.1 * np.arange(250), "command_V": u, "displacement_mm": y})
+    line = ["identify", str(tmp_path / "r.csv"), "--degree", "1", "--out", str(tmp_path / "m.json"), "--json"]
+    assert main(line) == 0
+    (found,) = json.loads(capsys.readouterr().out)["unseen"]
+    assert found["validation"].startswith("residuals not tested: ")
+    assert "unstable pole: z = 1.1" in " ".join(found["unstable"])

@@ -17,7 +17,7 @@ from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
@@ -246,6 +246,10 @@ def calibrate(
     """
     if starts < 1:
         raise DataError(f"starts = {starts}: a calibration needs at least one")
+    for name in names or ():
+        if name not in plant.parameters.free:
+            why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
+            raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
     problem = Problem(plant=plant, parts=parts_of(records), names=tuple(names or plant.parameters.free))
     search = least(problem, plant.rig.noise, starts, evaluations, tolerance, hopeless)
     if search is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,12 +17,40 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment, Recording, label
 
 Array = NDArray[np.float64]
 Recordings = Recording | Experiment | Iterable[Recording | Experiment]
 
 _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
+
+
+def require_alike(recordings: Sequence[Recording]) -> None:
+    """Raise ModelError unless recordings have the same inputs and outputs, in the same units, and one sample time."""
+    first = recordings[0]
+    for record in recordings[1:]:
+        if not math.isclose(record.sample_time, first.sample_time, rel_tol=1e-6):
+            differs = f"sample times of {first.sample_time:g} s and {record.sample_time:g} s"
+        elif (counts := (first.inputs.shape[0], first.outputs.shape[0])) != (
+            others := (record.inputs.shape[0], record.outputs.shape[0])
+        ):
+            differs = f"{counts[0]} and {others[0]} inputs, {counts[1]} and {others[1]} outputs"
+        else:
+            units = zip(
+                (*first.input_names, *first.output_names),
+                (*first.input_units, *first.output_units),
+                (*record.input_units, *record.output_units),
+                strict=True,
+            )
+            # A unit that nobody stated contradicts none.
+            apart = [f"{name} in {a} and in {b}" for name, a, b in units if a != b and not {a, b} & {"", "1"}]
+            if not apart:
+                continue
+            differs = ", ".join(apart)
+        raise ModelError(
+            f"{label(first)} and {label(record)}: {differs}; one model needs the same inputs, outputs, units and "
+            "sample time in all recordings"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,10 +102,7 @@ class Regression:
     def on(cls, recordings: Recordings, table: TermTable, *, output: int = 0) -> Regression:
         """Set up the regression on given terms."""
         chosen = flatten(recordings)
-        times = [record.sample_time for record in chosen]
-        channels = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
-        if len(channels) != 1 or not math.isclose(min(times), max(times), rel_tol=1e-6):
-            raise ModelError("the recordings must have the same inputs, outputs and sample time")
+        require_alike(chosen)
         own = np.concatenate([record.outputs[output] for record in chosen])
         if np.ptp(own) == 0.0:
             raise ModelError(f"the output is constantly {own[0] or 'zero'}: there is nothing to identify")

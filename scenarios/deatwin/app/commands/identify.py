@@ -274,7 +274,7 @@ def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, An
         "unit": model.output_units[0],
         "validation": f"residuals not tested: {tested.why_not}" if found is None else found.status.value,
         "failed_tests": None if found is None else [test.name for test in found.failed],
-        "unstable": [] if found is None or found.unstable is None else found.unstable.sentences(found.output_units),
+        "unstable": [] if tested.pole is None else tested.pole.sentences(model.output_units),
     }
 
 
@@ -282,9 +282,11 @@ def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
     """Validate the model on unseen parts, or give the reason why that is not possible."""
     from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import validate
+    from deatwin.ident.narx.unstable import unstable_model
     from deatwin.plant.errors import ModelError
 
     try:
         return Tested(validation=validate(model, unseen))
     except ModelError as error:
-        return Tested(why_not=str(error))
+        diverged = any(not model.simulate(part).status.ok for part in unseen)
+        return Tested(why_not=str(error), unstable=unstable_model(model, unseen, diverged=diverged))

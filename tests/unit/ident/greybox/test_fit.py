@@ -229,3 +229,12 @@ def test_two_that_do_the_same_are_both_undetermined_and_the_others_are_not():
     assert fit_with(one, other, 1e-7 * one).undetermined == {"c"}
     # what can be told apart, if badly, is
     assert not fit_with(one, other, one + 1e-4 * other[::-1]).undetermined
+
+
+@pytest.mark.parametrize(
+    ("name", "said"), [("width", "width is no parameter"), ("stifness", 'did you mean "stiffness"')]
+)
+def test_a_name_that_cannot_be_fitted_is_refused(plant, name, said):
+    experiment = recorded(plant, noise_command(0, 50))
+    with pytest.raises(DataError, match=said):
+        calibrate(plant, [Part.whole(experiment)], names=[name])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.long_arx import LongArx, Signals, answer_chance, enough_lags, n_residuals
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
-from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -248,11 +248,8 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
 
 
 def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, probability: float) -> None:
-    shapes = {(record.inputs.shape[0], record.outputs.shape[0]) for record in chosen}
-    times = [record.sample_time for record in chosen]
-    if len(shapes) != 1 or not math.isclose(min(times), max(times), rel_tol=1e-6):
-        raise ModelError("the recordings must have the same inputs, outputs and sample time")
-    ((n_inputs, n_outputs),) = shapes
+    require_alike(chosen)
+    n_inputs, n_outputs = chosen[0].inputs.shape[0], chosen[0].outputs.shape[0]
     if n_inputs == 0 or not 0 <= output < n_outputs:
         raise ModelError(
             f"the recordings have {n_inputs} inputs and {n_outputs} outputs; a dead time is that of an input "
