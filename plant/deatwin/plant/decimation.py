@@ -21,7 +21,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     A linear system still relates inputs and outputs that were filtered alike; a nonlinear one does so only if little
     power is removed (see `removed_share`). A new row holds its input for ``factor`` old rows: its input is the
     filtered command in the middle of that time; its reading is taken at the end (or the start), as in the old rows. A
-    model of the new rows thus has the phase of the held system, and its gain to the order ``(omega T)^2 / 24``.
+    model of the new rows thus has the phase of the held system, and its gain to within ``(omega T)^2 / 24``,
+    T being the new sampling time.
     About nine new samples at each end are dropped, where the filter would reach beyond the record; the clock is kept.
 
     Parameters

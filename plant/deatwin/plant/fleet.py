@@ -178,7 +178,7 @@ class Actuator:
 
 
 def specification() -> Plant:
-    """Return the common specification: the thesis' plant without drift, with the real drive and sensor.
+    """Return the plant that all six actuators were built to: no drift, with the drive and sensor of `MeasuringChain`.
 
     Returns
     -------

@@ -80,8 +80,9 @@ def lqg(
 
     The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2`, with :math:`\rho` chosen so that, one
     closed-loop time after the delay, the reading has completed 63 % of a reference step. The observer is the stationary
-    Kalman filter of the model with white noise on the reading, a random walk of the output, and a command disturbance
-    of equal effect. Because the observer estimates the drift, the loop has no error at rest.
+    Kalman filter of the model with white noise on the reading, a random walk of the output, and white noise on the
+    command whose static effect has the variance of one step of the walk. Because the observer estimates the drift, the
+    loop has no error at rest.
 
     Parameters
     ----------

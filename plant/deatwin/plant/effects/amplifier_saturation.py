@@ -21,9 +21,9 @@ class AmplifierSaturation(Effect):
 
     No state. s = 1 clips, s < 1 bends. The corner is rounded over w: 20 V is almost sharp; an output stage that
     runs out of current yields over hundreds of volts. Typical: a limit near the top of the range, 2.8 kV. Signature:
-    almost nothing up to 4w below the limit and a flat top above it, at all frequencies, even in the voltage, before
-    the film. An `end_stop` clips the motion instead, so it also cuts the ball's ringing; `strain_stiffening` bends
-    from low voltage on; a wide corner looks like `leakage`. Off at s = 0.
+    almost nothing up to 4w below the limit and, for s = 1, a flat top above it, at all frequencies and alike for both
+    polarities; it acts before the film. An `end_stop` clips the motion instead, so it also cuts the ball's ringing;
+    `strain_stiffening` bends from low voltage on; a wide corner looks like `leakage`. Off at s = 0.
 
     Parameters
     ----------
