@@ -172,7 +172,8 @@ class Commit:
                 with tempfile.TemporaryDirectory() as source:
                     packed = io.BytesIO(call("git", "archive", self.commit, folder=self.repository))
                     with tarfile.open(fileobj=packed) as files:
-                        files.extractall(source, filter="data")
+                        # The archive is of our own commit; releases before 3.11.4 know no filter.
+                        files.extractall(source, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
                     options = ("-q", "--no-deps", "--no-build-isolation", "--target", fresh)
                     call(self.python(), "-m", "pip", "install", *options, source, environment=clean_environment())
         return folder

@@ -34,8 +34,9 @@ PARTS = {
 }
 # Not even a diagnosis needs a law's whole class to look up its quantile, nor filters before there is a signal.
 PARTS |= {part: PARTS["deatwin.ident.greybox"] for part in ("deatwin.ident.mismatch", "deatwin.control")}
-BROUGHT_ALONG = {"cython_runtime", "swig_runtime_data5", "charset_normalizer"}
-"""What compiled packages make themselves, and what numpy.f2py takes where it happens to be installed."""
+BROUGHT_ALONG = {"cython_runtime", "swig_runtime_data5", "charset_normalizer", "sitecustomize", "usercustomize"}
+"""What compiled packages make themselves, what numpy.f2py takes where it happens to be installed, and what a system's
+Python starts with."""
 COUNT = """
 import importlib, json, sys
 loaded = {}
