@@ -20,7 +20,9 @@ class Command(TyperCommand):
             single = option.param_type_name == "option" and not getattr(option, "is_flag", False)
             if single and not getattr(option, "multiple", False) and option.nargs == 1:
                 if sum(word in (*option.opts, *option.secondary_opts) for word in words) > 1:
-                    raise typer.BadParameter("given more than once; it takes one value", ctx=ctx, param=option)
+                    raise typer.BadParameter(
+                        "given more than once; it takes one value", param_hint=f"'{option.opts[0]}'"
+                    )
         return super().parse_args(ctx, args)
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:
