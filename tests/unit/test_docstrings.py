@@ -9,25 +9,7 @@ import re
 from enum import Enum
 
 import pytest
-
-PUBLIC = (
-    "deatwin.plant",
-    "deatwin.plant.effects",
-    "deatwin.plant.excitation",
-    "deatwin.plant.export",
-    "deatwin.plant.files",
-    "deatwin.plant.laws",
-    "deatwin.ident",
-    "deatwin.ident.narx",
-    "deatwin.ident.narx.linear",
-    "deatwin.ident.narx.preprocess",
-    "deatwin.ident.frequency",
-    "deatwin.ident.greybox",
-    "deatwin.ident.mismatch",
-    "deatwin.control",
-    "deatwin.control.export",
-    "deatwin.studies.sweep",
-)
+from public import PUBLIC
 
 
 def arguments(function: object) -> list[str]:

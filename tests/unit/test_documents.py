@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 import typer.main
+from public import PUBLIC
 
 from deatwin.app.cli import app
 from deatwin.app.options import fold_experiments
@@ -24,24 +25,6 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
 REFERENCE = DOCS / "reference"
-PUBLIC = (
-    "deatwin.plant",
-    "deatwin.plant.effects",
-    "deatwin.plant.excitation",
-    "deatwin.plant.export",
-    "deatwin.plant.files",
-    "deatwin.plant.laws",
-    "deatwin.ident",
-    "deatwin.ident.narx",
-    "deatwin.ident.narx.linear",
-    "deatwin.ident.narx.preprocess",
-    "deatwin.ident.frequency",
-    "deatwin.ident.greybox",
-    "deatwin.ident.mismatch",
-    "deatwin.control",
-    "deatwin.control.export",
-    "deatwin.studies.sweep",
-)
 MOST_PUBLIC_NAMES = 450
 FENCE = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PLACEHOLDER = re.compile(r"[A-Z]{3,}")

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from designed import DESIGNED
 
 from deatwin.app.cli import main
 from deatwin.ident.narx import NarxModel
@@ -25,8 +26,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     CalibratedPlant.nominal(strip).save("model.json")
     late = Plant(rig=Planar(sample_time=0.02)).with_effects(Delay(time=0.03))
     CalibratedPlant.nominal(late).save("late.json")
-    Path("check.json").write_text(json.dumps(CHECK), encoding="utf-8")
-    Path("failed.json").write_text(json.dumps({**CHECK, "controller": None}), encoding="utf-8")
+    Path("check.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
+    Path("failed.json").write_text(json.dumps({**DESIGNED, "controller": None}), encoding="utf-8")
     Path("other.json").write_text('{"schema": "deatwin/diagnosis/1"}', encoding="utf-8")
 
     def run(*arguments: str) -> tuple[int, str]:
@@ -35,32 +36,6 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
         return status, said.out + said.err
 
     return run
-
-
-CHECK = {
-    "schema": "deatwin/check/1",
-    "operating": {
-        "input": 2.0,
-        "output": 1.0,
-        "static_gain": 1.0,
-        "status": "ok",
-        "sample_time": 0.02,
-        "input_unit": "V",
-        "output_unit": "mm",
-    },
-    "controller": {
-        "kind": "linear",
-        "name": "PI",
-        "sample_time": 0.02,
-        "operating_input": 2.0,
-        "operating_output": 1.0,
-        "command_min": 1.0,
-        "command_max": 4.0,
-        "closed_loop_time": 0.5,
-        "windup": [0.1],
-        "law": {"a": [[1.0]], "b": [[0.04, -0.04]], "c": [1.0], "d": [0.5, -0.5]},
-    },
-}
 
 
 @pytest.mark.parametrize(

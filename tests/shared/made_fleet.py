@@ -1,0 +1,52 @@
+"""Made-up actuators of one law, and the models of one structure that are fitted to them."""
+
+import numpy as np
+
+from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, identify_alike
+from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
+from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
+from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
+from deatwin.plant.fleet import fleet as fabricated
+from deatwin.plant.recording import Recording
+
+PERIOD, STEP, NOISE = 60, 0.12, 1e-6
+"""Samples of the probing tones; sample time and noise, s and m, of the made-up actuators."""
+GAINS = (1.0, 1.2, 1.5)
+"""Of the made-up actuators."""
+
+
+def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
+    """y(k) = 0.55 y(k-1) + gain 1e-5 (u(k)^2 + u(k-1)^2 + u(k) u(k-1)) + e(k)."""
+    rng = np.random.default_rng(seed)
+    u = np.convolve(rng.uniform(-2.5, 2.5, n + 4), np.ones(5) / 5, "valid") + OPERATING_INPUT
+    e, y = NOISE * rng.standard_normal(n), np.zeros(n)
+    y[0] = 3.8e-4 * gain
+    for k in range(1, n):
+        y[k] = 0.55 * y[k - 1] + 1e-5 * gain * (u[k] ** 2 + u[k - 1] ** 2 + u[k] * u[k - 1]) + e[k]
+    return Recording.from_arrays(
+        u, y, STEP, input_names=("command",), input_units=("V",), output_names=("displacement",), output_units=("m",)
+    )
+
+
+def plan_of() -> Plan:
+    """Every sample, y(k-1), u(k) and u(k-1), second degree."""
+    errors = np.ones((3, len(LAGS), len(DEGREES)))
+    errors[:, LAGS.index((1, 1)), DEGREES.index(2)] = 0.1
+    return Plan(orders=(Orders(factor=1, errors=errors),), chosen=0)
+
+
+def made_fleet() -> Fleet:
+    """Three actuators of one law and three gains, recorded for 360 s."""
+    prepared = []
+    for number, gain in enumerate(GAINS):
+        record = made_up(gain, seed=number)
+        prepared.append(
+            Prepared(
+                actuator=fabricated(0)[number],
+                recordings=dict.fromkeys(VARIANTS, record),
+                sections=choose_sections(record, n_segments=20),
+                sampling=choose_sampling(record, n_lags=50),
+                findings=inspect_recordings(record),
+            )
+        )
+    return identify_alike(prepared, plan_of())
