@@ -24,7 +24,7 @@ def test_help_loads_nothing_heavy() -> None:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stderr
     text, _, loaded = done.stdout.partition("LOADED")
-    for command in ("demo", "simulate", "identify", "frequency", "diagnose", "check", "scenario", "doctor"):
+    for command in ("demo", "simulate", "identify", "frequency", "diagnose", "plan", "check", "scenario", "doctor"):
         assert command in text
     heavy = {"numpy", "scipy", "casadi", "matplotlib", "jinja2", "control", "sklearn", "deatwin.plant", "deatwin.ident"}
     assert heavy.isdisjoint(loaded.split())

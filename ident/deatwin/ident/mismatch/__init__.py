@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate import Location, locate
 from deatwin.ident.mismatch.located import LocationSummary
 from deatwin.ident.mismatch.naming import Candidate, Distance, Footprint, Naming, footprints, name_causes
+from deatwin.ident.mismatch.plan import ExperimentPlan, Foreseen, plan_experiment
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.result import (
@@ -40,10 +41,12 @@ __all__ = [
     "Diagnosis",
     "Discovery",
     "Distance",
+    "ExperimentPlan",
     "Findings",
     "FitSummary",
     "FittedParameter",
     "Footprint",
+    "Foreseen",
     "FreeFormSummary",
     "Gate",
     "Interval",
@@ -65,6 +68,7 @@ __all__ = [
     "gate",
     "locate",
     "name_causes",
+    "plan_experiment",
     "prepare",
     "say",
     "verify",

@@ -24,6 +24,13 @@ if TYPE_CHECKING:
 INPUT_FILE = "next_input.csv"
 
 
+def write_input(path: Path | str, commands: Recording) -> None:
+    """Write commands as a CSV file, ``time_s,command_V``, that `deatwin simulate` and a drive can take."""
+    name, unit = commands.input_names[0], commands.input_units[0]
+    header = name if unit in ("", "1") else f"{name}_{unit}"
+    write_csv(path, {"time_s": np.round(commands.timepts, 9), header: commands.inputs[0]})
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Advice(Described):
     """The next experiment.
@@ -154,9 +161,7 @@ class Advice(Described):
             File to write; nothing is written where no input is advised.
         """
         if self.recording is not None:
-            name, unit = self.recording.input_names[0], self.recording.input_units[0]
-            header = name if unit in ("", "1") else f"{name}_{unit}"
-            write_csv(path, {"time_s": np.round(self.recording.timepts, 9), header: self.recording.inputs[0]})
+            write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the input and how far the explanations' readings part; without an input, what each waveform reaches.

@@ -130,13 +130,13 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
     plant : Plant
         On the rig.
     parts : sequence of Part
-        Recordings.
+        Recordings; there may be none where the drive says it.
 
     Returns
     -------
     Limits
     """
-    least, most = used_range(parts)
+    least, most = plant.rig.command_range if plant.rig.command_range and not parts else used_range(parts)
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, least), max(rest, most))
     bottom = rest if least >= rest else lowest

@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from deatwin.ident.mismatch.likelihood.model import Process
 
@@ -171,6 +170,8 @@ def _steady(
     of: Filter, cov: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
 ) -> Iterator[Block]:
     """One linear filter of the process' order for each ratio; moves `state` (k, m, p) on."""
+    from scipy.signal import lfilter
+
     decay, (gains, variances), n = of.decay(step), of.gain(cov), rows.shape[1]
     order, ahead = decay.size, decay ** np.arange(n, 0, -1)[:, None]
     for k, gain in enumerate(gains):

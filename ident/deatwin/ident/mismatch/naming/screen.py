@@ -280,7 +280,7 @@ def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Ca
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)
     simulate = partial(footprint, base.plant, parts, without, missing=fit.rms)
-    shapes = effect.starts(times, fit.residuals) or _shapes(effect, base, parts)
+    shapes = effect.starts(times, fit.residuals) or shapes_of(effect, base.plant, parts)
     found = [f for f in map(simulate, shapes) if f is not None]
     return [_at_its_time(found, fit, times, simulate)] if effect.event and found else found
 
@@ -302,14 +302,14 @@ def _at_its_time(
     return best
 
 
-def _shapes(effect: Effect, base: Calibration, parts: Sequence[Part]) -> list[Effect]:
+def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effect]:
     """The effect over a grid of each shape parameter, inside its range and around its typical value."""
     grids = []
     for parameter in effect.describe():
         if parameter.name == effect.strength:
             continue
         if parameter.name == effect.threshold:
-            values = np.quantile(_levels(effect, base, parts), LEVELS)
+            values = np.quantile(_levels(effect, plant, parts), LEVELS)
         elif parameter.scale is Scale.LOGARITHMIC:
             values = parameter.value * np.geomspace(*SHAPE_RANGE, SHAPES)
         else:
@@ -319,10 +319,10 @@ def _shapes(effect: Effect, base: Calibration, parts: Sequence[Part]) -> list[Ef
     return [replace(effect, **dict(combination)) for combination in itertools.product(*grids)]
 
 
-def _levels(effect: Effect, base: Calibration, parts: Sequence[Part]) -> np.ndarray:
+def _levels(effect: Effect, plant: Plant, parts: Sequence[Part]) -> np.ndarray:
     """What a threshold of an effect is compared with, along the fitted part, SI."""
     if effect.place is not Place.DRIVE:
         return np.abs(np.concatenate([part.measured for part in parts]))
-    parameters = base.plant.parameters
+    parameters = plant.parameters
     gain = parameters["gain"].value if "gain" in parameters else 1.0
     return gain * np.abs(np.concatenate([part.commands for part in parts]))

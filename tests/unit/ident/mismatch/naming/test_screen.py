@@ -14,10 +14,10 @@ from deatwin.ident.mismatch.naming.screen import (
     SEEN,
     Footprint,
     _of_a_size,
-    _shapes,
     footprint,
     footprints,
     leads,
+    shapes_of,
 )
 from deatwin.plant import (
     AmplifierSaturation,
@@ -50,7 +50,7 @@ def fitted():
 @pytest.mark.parametrize("effect, name", [(EndStop(), "position"), (SensorSaturation(), "limit")])
 def test_a_threshold_is_looked_for_among_the_readings(fitted, effect, name):
     fit, part = fitted
-    places = [getattr(shape, name) for shape in _shapes(effect, fit, [part])]
+    places = [getattr(shape, name) for shape in shapes_of(effect, fit.plant, [part])]
     assert len(set(places)) == len(LEVELS)
     # each has readings on both sides: elsewhere the effect would do nothing, or what the zero does
     assert part.measured.min() < min(places)
@@ -59,13 +59,13 @@ def test_a_threshold_is_looked_for_among_the_readings(fitted, effect, name):
 
 def test_a_voltage_is_looked_for_among_the_voltages(fitted):
     fit, part = fitted
-    limits = [shape.limit for shape in _shapes(AmplifierSaturation(), fit, [part])]
+    limits = [shape.limit for shape in shapes_of(AmplifierSaturation(), fit.plant, [part])]
     assert 800 * part.commands.min() < min(limits) < max(limits) < 800 * part.commands.max()
 
 
 def test_a_time_is_looked_for_around_the_typical_one(fitted):
     fit, part = fitted
-    times = [shape.time for shape in _shapes(Creep(), fit, [part])]
+    times = [shape.time for shape in shapes_of(Creep(), fit.plant, [part])]
     assert times == pytest.approx([60 / 8, 60, 480])
 
 

@@ -1,0 +1,89 @@
+"""What is known before a recording: parameters, strengths of effects, and the size of the plant's own error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from deatwin.ident.mismatch.likelihood import structured
+from deatwin.ident.mismatch.likelihood.model import Process
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.parameters import Parameter, Scale
+
+DATA_SHEET = 0.3
+"""Relative deviation of a plant's parameter from its nominal value: what data sheets of elastomers are wrong by."""
+AMPLITUDE, RATE = 2.0, 1.0
+"""Deviation of an effect's strength in typical ones, and of the logarithm of its times: a factor of e either way."""
+FAST, FAST_TIMES = 0.4, (5.0, 50.0)
+"""Rms of the fast error as a share of the rig's, and its time constants in samples: sampling follows the motion."""
+TIMING = 0.15
+"""Deviation of the time at which a reading is taken, in samples."""
+SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
+"""Rms of the slow error as a share of the rig's, its time constant in samples, and the modes that are kept of it."""
+LEAST_ERROR = 0.05
+"""Of the noise: a rig that states no error of its own still has one that is too small to be seen."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OwnError:
+    """The error of a plant with these `readings` (n,), SI, at `times` (n,), s, in the experiments `records` (n,)."""
+
+    readings: np.ndarray
+    times: np.ndarray
+    records: np.ndarray
+    sample_time: float
+    noise: float  # SI
+    stated: float  # Rms that the rig states, SI
+
+    @property
+    def rms(self) -> float:
+        """Rms that is expected, SI."""
+        return max(self.stated, LEAST_ERROR * self.noise)
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """What repeats: bends of the instantaneous relation, timing, slow modes; shape (n, k), as large as expected."""
+        clock = np.arange(self.times.size) * self.sample_time
+        return np.column_stack(
+            [
+                structured.bends(self.readings, self.rms),
+                structured.timing(self.readings, self.times, self.records, TIMING * self.sample_time),
+                structured.slow(clock, SLOW * self.rms, SLOW_TIME * self.sample_time, SLOW_MODES),
+            ]
+        )
+
+    @property
+    def process(self) -> Process:
+        """What does not repeat, of variance 1."""
+        return Process(weights=(0.5, 0.5), times=tuple(time * self.sample_time for time in FAST_TIMES))
+
+    @property
+    def ratio(self) -> float:
+        """Rms of what does not repeat over the noise's."""
+        return FAST * self.rms / self.noise
+
+
+def deviation(parameter: Parameter) -> float:
+    """Deviation of a plant's own parameter from its nominal value, in the coordinate of its scale."""
+    if parameter.scale is Scale.LOGARITHMIC:
+        return DATA_SHEET
+    return DATA_SHEET * abs(parameter.scale.to_coordinate(parameter.value)) or _width(parameter)
+
+
+def strength_deviation(effect: Effect) -> float:
+    """Deviation of an effect's strength, in its unit; a share is at most the whole."""
+    typical = effect.described(effect.strength)
+    return 1.0 if abs(typical.value) == 1.0 else AMPLITUDE * abs(typical.value)
+
+
+def _width(parameter: Parameter) -> float:
+    """Deviation of an even distribution over a parameter's range; 1 of one without ends."""
+    low, high = parameter.ends
+    return float((high - low) / np.sqrt(12.0)) if np.isfinite([low, high]).all() else 1.0
+
+
+PRIORS: Mapping[int, float] = {0: 1 / 2, 1: 3 / 8, 2: 1 / 10, 3: 1 / 40}
+"""Probability of so many effects."""

@@ -1,0 +1,79 @@
+r"""How well readings that nobody has taken yet would show effects.
+
+What an effect of unit strength does to the readings, c, is whitened by the plant's fast error and the noise, as G is,
+the derivatives by what may be anything: parameters and the plant's repeatable error, in deviations of their priors.
+What is left of two such changes once these are fitted,
+
+.. math:: \langle a, b \rangle = a^T b - a^T G (G^T G + I)^{-1} G^T b
+
+is all that the readings say of them. A strength s has the expected evidence
+:math:`\tfrac12 s^2 \langle c, c \rangle - \tfrac12 \log(1 + s_0^2 \langle c, c \rangle)` over none, with the deviation
+:math:`s_0` beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, OwnError
+from deatwin.ident.mismatch.likelihood.whitening import grams
+
+SURE = 0.95
+"""Probability from which on an effect is named."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Change:
+    """What an effect of one shape does to the readings at unit strength, SI; its strength beforehand and typically."""
+
+    effect: str
+    readings: np.ndarray  # shape (n,)
+    typical: float
+    deviation: float
+    one_sided: bool
+
+
+def products(error: OwnError, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
+    """What readings say of changes and of pairs of them, (k, k); `derivatives` (n, p) in deviations beforehand, SI."""
+    nuisance = np.column_stack([derivatives, error.columns])
+    rows = np.vstack([nuisance.T, *(change.readings for change in changes)]) / error.noise
+    whole = grams(error.process, np.array([error.ratio]), (error.times, error.records), np.ascontiguousarray(rows))[0][
+        0
+    ]
+    m = nuisance.shape[1]
+    own, across, among = whole[:m, :m] + np.eye(m), whole[:m, m:], whole[m:, m:]
+    return np.asarray(among - across.T @ np.linalg.solve(own, across))
+
+
+def smallest(square: float, deviation: float, catalogue: int) -> float:
+    """Strength whose expected evidence makes it certain against nothing missing; infinite where nothing is seen of it.
+
+    `square` is the product of its change with itself, `catalogue` the number of effects that share the prior.
+    """
+    if square <= 0.0:
+        return float(np.inf)
+    odds = np.log(SURE / (1.0 - SURE)) + np.log(PRIORS[0] / (PRIORS[1] / catalogue))
+    return float(np.sqrt((2.0 * odds + np.log1p(deviation**2 * square)) / square))
+
+
+def distances(changes: Sequence[Change], among: np.ndarray) -> np.ndarray:
+    """d² from each change at its typical strength to the nearest of each effect, (k, number of effects).
+
+    What another effect does may be spread over its shapes, as that of a law with several times: the nearest sum of its
+    changes that all act one way counts.
+    """
+    squares, axes = np.linalg.eigh(among)
+    seen = (axes * np.sqrt(np.maximum(squares, 0.0))).T  # columns with the same products
+    names = list(dict.fromkeys(change.effect for change in changes))
+    typical = np.array([change.typical for change in changes])
+    found = np.empty((len(changes), len(names)))
+    for j, name in enumerate(names):
+        own = [k for k, change in enumerate(changes) if change.effect == name]
+        ways = (1.0,) if changes[own[0]].one_sided else (1.0, -1.0)
+        for k in range(len(changes)):
+            found[k, j] = min(nnls(way * seen[:, own], typical[k] * seen[:, k])[1] for way in ways)
+    return found**2

@@ -1,0 +1,104 @@
+"""The files of `deatwin plan`: the plan, its figure, a page, and the input that is advised."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from deatwin.ident.mismatch import INPUT_FILE
+from deatwin.ident.mismatch.plan import ExperimentPlan, Foreseen
+from deatwin.plant.amplitudes import amount, written_amplitude
+from deatwin.plant.prefixes import prefixed
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
+from deatwin.studies.report.svg import COLOURS, draw, standalone
+
+
+def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:
+    """Write all files of a plan."""
+    if found.waveform:
+        folder.save(INPUT_FILE, found.save_input)
+    write_story(folder, _page(found, list(_drawings(found, folder))), record)
+    end_run(folder, record, "plan", found.to_dict())
+    folder.remove_former(rf"{INPUT_FILE}|figures/visible\.(csv|svg)")
+
+
+def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
+    shown = [one for one in found.effects if one.smallest is not None]
+    if not shown:
+        return
+    header = f"effect,found_from_{found.unit or '1'},typical_{found.unit or '1'}"
+    rows = [f"{one.effect},{one.smallest_change:.6g},{one.change:.6g}" for one in shown]
+    with draw((7.4, 1.2 + 0.24 * len(shown))) as figure:
+        axes = found.plot(figure.add_subplot())
+        for line, colour in zip(axes.get_lines(), ("after", "before", "measured"), strict=True):
+            line.set_color(COLOURS[colour][0])  # those of the library are not for the dark
+        axes.legend(markerscale=1)
+        folder.text("figures/visible.svg", standalone(figure))
+        caption = (
+            "How much an effect must change the reading to be found, once the plant's parameters are fitted, and how "
+            "much it typically does. Left of the first mark this input shows nothing of it."
+        )
+        yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
+
+
+def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
+    unit = written_amplitude({"um": "m"}.get(found.unit, found.unit))[0]
+    table = Table.of(
+        "Effects",
+        found.effects,
+        {
+            "effect": lambda one: _words(one.effect),
+            "found from": _least,
+            "typical": lambda one: _strength(one.typical, one.unit),
+            f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
+            "not told from": lambda one: ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen"),
+        },
+    )
+    tables = [table]
+    if found.tried:
+        tables.append(
+            Table.of(
+                "Inputs that were tried",
+                sorted(found.tried.items(), key=lambda item: item[1]),
+                {"input": lambda item: item[0], "confusion": lambda item: f"{item[1]:.3f}"},
+            )
+        )
+    return StoryPage(
+        title="plan",
+        sentence=f"{found.sentence[:1].upper()}{found.sentence[1:]}.",
+        rows=[],
+        notes=[Note(title="How this was computed", paragraphs=list(_said(found, unit)))],
+        figures=drawings,
+        tables=tables,
+    )
+
+
+def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
+    noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
+    yield (
+        f"To first order about the nominal plant, with sensor noise of {noise} and a model error of {error}. All "
+        "parameters of the plant are refitted beside an effect, and its own error is allowed for."
+    )
+    yield (
+        "An effect is found where it is expected to be at least 95 % probable, and changes the reading by more than "
+        "the model error once the parameters are fitted. Two effects are not told apart where "
+        "the wrong one would fit better in more than 2.3 % of all recordings; the other one may have any strength, "
+        "and any spread of its times."
+    )
+    if found.impossible:
+        yield f"The plant could not be simulated with {', '.join(map(_words, found.impossible))}."
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _strength(value: float, unit: str) -> str:
+    size, shown = prefixed(value, unit)
+    return amount(f"{value / size:.3g}", shown)
+
+
+def _least(one: Foreseen) -> str:
+    return "at no strength" if one.smallest is None else _strength(one.smallest, one.unit)

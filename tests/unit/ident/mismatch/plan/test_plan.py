@@ -1,0 +1,133 @@
+"""Plans of a first-order lag between a command and a reading, whose effects are known in closed form."""
+
+import json
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.plan import ExperimentPlan, plan_experiment
+from deatwin.plant import (
+    DataError,
+    Delay,
+    Experiment,
+    Parameter,
+    Plant,
+    Recording,
+    Rig,
+    SensorCurvature,
+    SensorLag,
+    StartProcedure,
+)
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
+from deatwin.plant.files import read_commands
+
+STEP = 0.02
+EFFECTS = (Delay(), SensorLag(), SensorCurvature())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Amplifier(Rig):
+    """A first-order lag between command and reading."""
+
+    sample_time: float = STEP
+    noise: float = 1e-6
+
+    kind: ClassVar[str] = "amplifier"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+    model_share: ClassVar[float] = 1e-3
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
+            Parameter(name="time", value=0.1, unit="s", lower=0.0, upper=1.0),
+        )
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1e-4)
+        command = build.place(Place.DRIVE, "command", build.command)
+        build.rate(position, build.parameter("gain") * command - position, mass=build.parameter("time"))
+        return build.place(Place.SENSOR, "reading", position)
+
+
+def commands(values: np.ndarray) -> Recording:
+    silent = np.zeros((0, values.size))
+    return Recording.from_arrays(values, silent, STEP, input_names=("command",), input_units=("V",))
+
+
+def steps(n: int = 600) -> Recording:
+    return commands(np.repeat(np.random.default_rng(3).uniform(0.0, 5.0, n // 60), 60))
+
+
+def row(plan: ExperimentPlan, name: str):
+    return next(one for one in plan.effects if one.effect == name)
+
+
+@pytest.fixture(scope="module")
+def plan() -> ExperimentPlan:
+    return plan_experiment(Plant(rig=Amplifier()), steps(), effects=EFFECTS)
+
+
+def test_steps_show_what_a_constant_cannot(plan: ExperimentPlan) -> None:
+    held = plan_experiment(Plant(rig=Amplifier()), commands(np.zeros(600)), effects=EFFECTS)
+    assert all(one.visible for one in plan.effects)
+    assert row(held, "delay").smallest is None and row(held, "sensor_lag").smallest is None
+    assert "does not show it" in row(held, "delay").sentence
+
+
+def test_the_change_is_what_a_simulation_with_the_effect_gives(plan: ExperimentPlan) -> None:
+    plant, record = Plant(rig=Amplifier()), plan.recording
+    with_delay = plant.with_effects(Delay()).simulate(Experiment(recordings=(record,))).outputs[0][0]
+    assert row(plan, "delay").change == pytest.approx(1e6 * np.sqrt(np.mean((with_delay - record.outputs[0]) ** 2)))
+
+
+def test_more_noise_needs_more(plan: ExperimentPlan) -> None:
+    noisy = plan_experiment(Plant(rig=Amplifier(noise=2e-5)), steps(), effects=EFFECTS)
+    assert all(row(noisy, one.effect).smallest > one.smallest for one in plan.effects)
+
+
+def test_a_slow_input_does_not_tell_a_delay_from_a_lag() -> None:
+    slow = commands(2.5 - 2.5 * np.cos(2 * np.pi * np.arange(1500) * STEP / 15.0))
+    found = plan_experiment(Plant(rig=Amplifier(noise=2e-6)), slow, effects=(Delay(), SensorLag(time=0.03)))
+    fast = plan_experiment(Plant(rig=Amplifier(noise=2e-6)), steps(1500), effects=(Delay(), SensorLag(time=0.03)))
+    assert not row(fast, "delay").alike and not row(fast, "sensor_lag").alike
+    assert all(one.alike or not one.visible for one in found.effects)
+
+
+def test_an_input_is_advised_within_the_range(tmp_path) -> None:
+    rig = Amplifier(command_range=(0.0, 4.0))
+    plan = plan_experiment(Plant(rig=rig), effects=(Delay(), SensorCurvature()), seconds=8.0)
+    assert plan.waveform in plan.tried and plan.tried[plan.waveform] == min(plan.tried.values())
+    assert plan.recording.inputs.min() >= 0.0 and plan.recording.inputs.max() <= 4.0
+    plan.save_input(tmp_path / "next_input.csv")
+    np.testing.assert_allclose(read_commands(tmp_path / "next_input.csv").inputs, plan.recording.inputs)
+    again = plan_experiment(Plant(rig=rig), effects=(Delay(), SensorCurvature()), seconds=8.0)
+    assert json.dumps(plan.to_dict()) == json.dumps(again.to_dict())
+
+
+def test_what_cannot_be_planned_is_said() -> None:
+    plant = Plant(rig=Amplifier())
+    with pytest.raises(DataError, match=r"no range of its command .*command_max_V"):
+        plan_experiment(plant)
+    with pytest.raises(DataError, match="either the input or its length"):
+        plan_experiment(plant, steps(), seconds=3.0)
+    with pytest.raises(DataError, match="fewer than 100 samples"):
+        plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=1.0)
+
+
+def test_the_plot_has_a_mark_for_each_effect_that_is_found(plan: ExperimentPlan) -> None:
+    axes = plan.plot()
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        one.effect.replace("_", " ") for one in plan.effects
+    ][::-1]
+    assert axes.get_xlabel() == "change of the reading, rms (µm)"
