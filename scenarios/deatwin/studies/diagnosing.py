@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.ident.mismatch import INPUT_FILE, Diagnosis, diagnose
+from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.effects import Effect
 from deatwin.plant.interrupts import obeying
 from deatwin.plant.model import Plant
@@ -35,13 +36,16 @@ class DiagnosisTask:
     jobs: int = 1  # Worker processes
     seed: int = 0
 
-    def run(self, folder: ResultFolder, progress: Progress) -> Diagnosis:
-        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run."""
+    def run(self, folder: ResultFolder, progress: Progress, say: Callable[[str], None] | None = None) -> Diagnosis:
+        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run.
+
+        `say` is told the size and place of the mismatch as soon as they are known.
+        """
         for name in WRITTEN:
             require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
-        diagnosis = self._diagnosed(folder, record, progress)
+        diagnosis = self._diagnosed(folder, record, FinishedSteps(progress, self._unit, say))
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
         remove_partial(folder)
@@ -55,9 +59,12 @@ class DiagnosisTask:
         record.save(folder)
         return diagnosis
 
-    def _diagnosed(self, folder: ResultFolder, record: RunRecord, progress: Progress) -> Diagnosis:
+    @property
+    def _unit(self) -> str:
+        return written_amplitude(self.plant.rig.output_unit)[0]
+
+    def _diagnosed(self, folder: ResultFolder, record: RunRecord, finished: FinishedSteps) -> Diagnosis:
         """The diagnosis, written; or, where it is interrupted, the steps that were finished."""
-        finished = FinishedSteps(progress)
         try:
             with obeying():
                 diagnosis = diagnose(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from deatwin.plant.amplitudes import amplitude_unit
+from deatwin.plant.amplitudes import amount, amplitude_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.voice import Progress
 
@@ -25,12 +26,31 @@ NOTE = (
 )
 
 
+def first_words(step: Step, unit: str) -> str:
+    """What a step found, in a sentence for those who wait for the verdict; empty of a step that takes no time."""
+    found = step.to_dict()
+    if step.name == "base":
+        left, noise, error = (amount(f"{found[k]:.3g}", unit) for k in ("fitted", "noise", "model_error"))
+        return f"base plant: {left} rms is left after the fit; the noise is {noise}, the plant's own error {error}"
+    if step.name == "detect" and found["excess"] is not None:
+        size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
+        return f"size: {size} more than the noise; {least} would count"
+    if step.name == "locate":
+        times = sorted(found["time"], key=lambda window: -window["score"])[:1]
+        bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]
+        when = [f"from {w['from_s']:.4g} to {w['to_s']:.4g} s" for w in times]
+        which = [f"from {b['from_Hz']:.3g} to {b['to_Hz']:.3g} Hz" for b in bands]
+        return f"place: most {' and '.join([*when, *which])}" if when or which else ""
+    return ""
+
+
 class FinishedSteps:
     """Collects what the steps of a diagnosis find, and how far it is."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress, unit: str = "", say: Callable[[str], None] | None = None) -> None:
         self.share, self.doing = 0.0, "beginning"
-        self._progress = progress
+        self._progress, self._unit = progress, unit
+        self._say, self._said = say or (lambda text: None), ""
         self._steps: dict[tuple[str, str], Step] = {}
 
     def tell(self, share: float, doing: str) -> None:
@@ -41,6 +61,10 @@ class FinishedSteps:
     def take(self, step: Step) -> None:
         """Take a step that is through, in place of a former one of the same subject, and say which."""
         self._steps[step.name, step.subject] = step
+        known = first_words(step, self._unit)
+        if known and known != self._said:
+            self._said = known
+            self._say(known)
         if step.subject:
             self._progress(self.share, f"{self.doing} ({step.subject})")
 

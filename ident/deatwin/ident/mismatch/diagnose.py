@@ -96,7 +96,7 @@ def diagnose(
     keep(base_step(bench, base))
 
     tell(0.25, "looking for a mismatch")
-    known, detection = _looked_into(bench, base.chosen, for_detection)
+    known, detection = _looked_into(bench, base.chosen, for_detection, tell)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         before = base
         base, (known, detection) = _among_forms(bench, base, (known, detection), for_detection)
@@ -159,9 +159,11 @@ def diagnose(
     return diagnosis
 
 
-def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator) -> _Seen:
+def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator, tell: Progress | None = None) -> _Seen:
     """What each effect would do to a calibrated plant, and whether anything is missing in it."""
-    known = footprints(bench, base.calibration, bench.effects, base.calibration)
+    count = len(bench.effects)
+    done = None if tell is None else lambda n: tell(0.25 + 0.03 * n / count, "looking for a mismatch")
+    known = footprints(bench, base.calibration, bench.effects, base.calibration, done)
     return known, detect(base, bench, rng, known=known)
 
 

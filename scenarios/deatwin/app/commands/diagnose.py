@@ -80,7 +80,7 @@ def diagnose(
         seed=seed,
     )
     with results(out, voice, "reading") as (folder, progress):
-        diagnosis = task.run(folder, progress)
+        diagnosis = task.run(folder, progress, voice.say)
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")

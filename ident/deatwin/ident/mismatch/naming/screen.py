@@ -81,7 +81,13 @@ class Lead:
     left: float = 0.0
 
 
-def footprints(bench: Bench, base: Calibration, effects: Sequence[Effect], fit: Calibration) -> tuple[Footprint, ...]:
+def footprints(
+    bench: Bench,
+    base: Calibration,
+    effects: Sequence[Effect],
+    fit: Calibration,
+    finished: Callable[[int], None] | None = None,
+) -> tuple[Footprint, ...]:
     """Simulate the base plant with each effect, at each of its shapes.
 
     Parameters
@@ -94,13 +100,16 @@ def footprints(bench: Bench, base: Calibration, effects: Sequence[Effect], fit: 
         To be tried.
     fit : Calibration
         Whose residual is to be explained: effects that come at a time or with a period look there for it.
+    finished : callable, optional
+        Called with the number of effects that are done.
 
     Returns
     -------
     tuple of Footprint
         In the order of `effects`; none of a shape with which the plant cannot be simulated.
     """
-    found = run_jobs(_of_effect, [(base, effect, bench.fitted, fit) for effect in effects], workers=bench.jobs)
+    jobs = [(base, effect, bench.fitted, fit) for effect in effects]
+    found = run_jobs(_of_effect, jobs, workers=bench.jobs, finished=finished)
     return tuple(itertools.chain.from_iterable(found))
 
 

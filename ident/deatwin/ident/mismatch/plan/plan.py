@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import OwnError, deviation, st
 from deatwin.ident.mismatch.naming.screen import footprint, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
 from deatwin.ident.mismatch.plan.seen import Change, distances, products, smallest
-from deatwin.ident.parallel import stream_jobs
+from deatwin.ident.parallel import run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
@@ -84,14 +85,16 @@ def plan_experiment(
     if commands is not None:
         if seconds is not None:
             raise DataError("a length in seconds is of an input that is advised: give either the input or its length")
-        tell(0.0, "trying the effects on this input")
-        return _plan(plant, _seen(plant, commands, known, jobs), "", {}, known)
+        doing = "trying the effects on this input"
+        tell(0.0, doing)
+        seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing))
+        return _plan(plant, seen, "", {}, known)
     inputs = _inputs(plant, SAMPLES * plant.rig.sample_time if seconds is None else seconds, seed)
     found: dict[str, _Seen] = {}
     for number, (name, record) in enumerate(inputs.items()):
         tell(number / len(inputs), f"trying {name}")
         try:
-            found[name] = _seen(plant, record, known, jobs)
+            found[name] = _seen(plant, record, known, jobs, partial(_told, tell, number, len(inputs), len(known), name))
         except SimulationError:
             continue
     if not found:
@@ -99,6 +102,10 @@ def plan_experiment(
     tried = {name: seen.confused for name, seen in found.items()}
     best = min(tried, key=lambda name: tried[name])
     return _plan(plant, found[best], best, tried, known)
+
+
+def _told(tell: Progress, number: int, inputs: int, effects: int, name: str, done: int) -> None:
+    tell((number + done / effects) / inputs, f"trying {name}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,7 +143,9 @@ class _Seen:
         return float(np.mean([confusion(d2) for d2 in near])) if near else 0.5
 
 
-def _seen(plant: Plant, commands: Recording, effects: Sequence[Effect], jobs: int) -> _Seen:
+def _seen(
+    plant: Plant, commands: Recording, effects: Sequence[Effect], jobs: int, finished: Callable[[int], None]
+) -> _Seen:
     record = _with_readings(plant, commands)
     part, rig = Part.whole(Experiment(recordings=(record,))), plant.rig.for_motion(float(np.std(record.outputs[0])))
     problem = Problem(plant=plant, parts=(part,), names=plant.parameters.free)
@@ -153,10 +162,8 @@ def _seen(plant: Plant, commands: Recording, effects: Sequence[Effect], jobs: in
         noise=rig.noise,
         stated=rig.model_error,
     )
-    changes: list[Change] = []
-    for found in stream_jobs(_changes, [(plant, effect, (part,)) for effect in effects], workers=jobs):
-        changes += found
-    changes.sort(key=lambda change: [effect.name for effect in effects].index(change.effect))
+    found = run_jobs(_changes, [(plant, effect, (part,)) for effect in effects], workers=jobs, finished=finished)
+    changes = [change for of_one in found for change in of_one]
     shown, basis = {change.effect for change in changes}, tangent_basis(run[1][:, moves])
     return _Seen(
         recording=record,
