@@ -106,12 +106,12 @@ def bounded(
         return identifier, ()
     pole = poles_at(identifier.model_, training)[:1]
     spurious = bool(np.all((pole.imag == 0.0) & (pole.real < -1.0)))
-    for fewer in range(identifier.output_lags - 1, 0, -1) if may_choose and spurious else ():
+    for fewer in range(OUTPUT_LAGS - 1, 0, -1) if may_choose and spurious else ():
         tried = type(identifier)(**(identifier.get_params(deep=False) | {"output_lags": fewer}))
         fit(tried)
         if not _diverges(tried.model_, training):
             return tried, (
-                f"with {identifier.output_lags} lags of the output the model had an unstable pole at a negative z, "
+                f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, "
                 f"which no sampled plant has; {fewer} competed instead",
             )
     return identifier, (

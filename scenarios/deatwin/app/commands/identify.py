@@ -121,6 +121,7 @@ def identify(
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
+    from deatwin.app.identify_noise import biased_by_noise
     from deatwin.app.thinning import thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -167,6 +168,7 @@ def identify(
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
         apart = disagreements(model, chosen.dead_times)
+        apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
         found = [*diverged, *apart, *([reliance.scarcity] if reliance.scarcity else []), *identifier.notes_, *unexcited]
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
