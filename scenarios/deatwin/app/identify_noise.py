@@ -1,4 +1,4 @@
-"""Measurement noise that biases a one-step fit of `deatwin identify`, found by fitting the free run of its terms."""
+"""Bias of a one-step fit of `deatwin identify`, by measurement noise above all, found by fitting the free run."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
         return []
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     return [
-        f"noise on the readings biases the fit one step ahead: fitted to the free run instead, the same terms are off by "
-        f"{after:.4g}{unit} rms on the unseen part, not {before:.4g}{unit}; --method semp fits the free run"
+        f"fitted to the free run instead of one step ahead, the same terms are off by {after:.4g}{unit} rms in free run "
+        f"on the unseen part, not {before:.4g}{unit}: noise on the readings, or dynamics that the terms leave out, bias "
+        "a fit one step ahead; --method semp fits the free run"
     ]

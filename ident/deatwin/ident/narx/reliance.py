@@ -13,7 +13,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"
-SCARCITY_KEY = "samples_per_parameter"
+SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"
 """Keys of a model's provenance."""
 _UNTESTED = "untested"
 _ENOUGH = 5.0
@@ -38,6 +38,8 @@ class Reliance:
     samples_per_parameter : float or None
         Training samples for each effective parameter of the model; None if unknown. Terms chosen among many candidates
         count for more than one parameter each.
+    fit : float or None
+        Fit of the free run to the held-out data in percent: 100 is perfect, their mean gives 0; None if unknown.
     """
 
     status: ValidationStatus | None
@@ -45,6 +47,7 @@ class Reliance:
     gain_error: float | None = None
     gain_error_half_width: float | None = None
     samples_per_parameter: float | None = None
+    fit: float | None = None
 
     @classmethod
     def of(cls, model: NarxModel, validation: Validation | None) -> Self:
@@ -60,12 +63,14 @@ class Reliance:
         share = samples_per_parameter(model)
         if validation is None:
             return cls(status=None, samples_per_parameter=share)
+        fit = float(validation.free_run.percent[0])
         return cls(
             status=validation.status,
             failed=tuple(dict.fromkeys(test.name for test in validation.failed)),
             gain_error=validation.gain_error,
             gain_error_half_width=validation.gain_error_half_width,
             samples_per_parameter=share,
+            fit=fit if math.isfinite(fit) and validation.unstable is None else None,
         )
 
     @property
@@ -100,9 +105,17 @@ class Reliance:
                 f"the model is biased: on held-out data the output swings {100 * abs(self.gain_error):.2g} ± "
                 f"{100 * self.gain_error_half_width:.2g} % {way} than the model's free run"
             )
-        if self.scarcity:
-            found.append(self.scarcity)
-        return tuple(found)
+        return (*found, *self.remarks)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Caveats that the residual tests do not tell: too few training samples, and a free run that is worth nothing."""
+        useless = (
+            "the model explains nothing: its free run follows the held-out data no better than their mean does"
+            if self.fit is not None and self.fit <= 0.0
+            else ""
+        )
+        return tuple(said for said in (useless, self.scarcity) if said)
 
     @property
     def scarcity(self) -> str:
@@ -125,6 +138,8 @@ class Reliance:
             kept[BIAS_KEY] = f"{self.gain_error:.6g} +- {self.gain_error_half_width:.6g}"
         if self.samples_per_parameter is not None:
             kept[SCARCITY_KEY] = f"{self.samples_per_parameter:.6g}"
+        if self.fit is not None:
+            kept[FIT_KEY] = f"{self.fit:.6g}"
         return kept
 
     @classmethod
@@ -161,7 +176,8 @@ class Reliance:
             failed=failed,
             gain_error=error,
             gain_error_half_width=width,
-            samples_per_parameter=_positive(provenance, SCARCITY_KEY),
+            samples_per_parameter=_number(provenance, SCARCITY_KEY),
+            fit=_number(provenance, FIT_KEY),
         )
 
 
@@ -199,23 +215,24 @@ def samples_per_parameter(model: NarxModel) -> float | None:
     residual instead of one (Foster, George, "The risk inflation criterion for multiple regression", Ann. Statist. 22
     (1994) 1947-1975, doi:10.1214/aos/1176325766), so that many parameters is what a chosen term may count for.
     """
-    samples, candidates = (_positive(model.provenance, key) for key in ("samples", "candidates"))
+    samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
     if samples is None or not model.terms:
         return None
     terms = len(model.terms)
-    return samples / (terms * max(1.0, 2.0 * math.log((candidates or terms) / terms)))
+    candidates = max(candidates or 0.0, terms)
+    return samples / (terms * max(1.0, 2.0 * math.log(candidates / terms)))
 
 
-def _positive(provenance: Mapping[str, str], key: str) -> float | None:
-    """Read a positive number; None if it is absent."""
+def _number(provenance: Mapping[str, str], key: str) -> float | None:
+    """Read a number; None if it is absent."""
     if (written := provenance.get(key)) is None:
         return None
     try:
         value = float(written)
     except ValueError:
         value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise ModelError(f"the model's provenance has {key} = {written!r}: it must be a positive number")
+    if not math.isfinite(value):
+        raise ModelError(f"the model's provenance has {key} = {written!r}: it must be a number")
     return value
 
 

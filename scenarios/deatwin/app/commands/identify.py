@@ -169,7 +169,7 @@ def identify(
         _say(voice, model, errors, [label(record) for record in records])
         apart = disagreements(model, chosen.dead_times)
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        found = [*diverged, *apart, *([reliance.scarcity] if reliance.scarcity else []), *identifier.notes_, *unexcited]
+        found = [*diverged, *apart, *reliance.remarks, *identifier.notes_, *unexcited]
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:

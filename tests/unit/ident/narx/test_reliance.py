@@ -98,6 +98,17 @@ def test_the_choice_among_candidates_counts_as_parameters(samples: int, scarce: 
     assert again is not None and bool(again.scarcity) is scarce
 
 
+def test_a_model_that_explains_nothing_says_so() -> None:
+    """An input and an output that have nothing to do with each other leave a white residual, which passes all tests."""
+    u, y = np.random.default_rng(6).normal(size=(2, 600))
+    record = Recording.from_arrays(u, y, 0.01)
+    found = assess_reliance(NarxModel.from_terms({"u(k-1)": 0.08}, sample_time=0.01), [record])
+    assert found.status is ValidationStatus.PASSED and found.fit is not None and found.fit <= 0.0
+    assert "explains nothing" in found.caveats[0]
+    again = Reliance.of_provenance(found.provenance)
+    assert again is not None and again.remarks == found.remarks
+
+
 def test_a_fit_counts_its_candidates() -> None:
     u, noise = np.random.default_rng(4).normal(size=(2, 30))
     record = Recording.from_arrays(u, np.convolve(u, [0.0, 0.5, 0.3])[:30] + 0.1 * noise, 0.01)

@@ -17,7 +17,7 @@ from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Recording, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -265,7 +265,11 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
             "probability between 0 and 1"
         )
     if np.ptp(np.concatenate([record.outputs[output] for record in chosen])) == 0.0:
-        raise ModelError(f'the output "{chosen[0].output_names[output]}" is constant: no input acts on it')
+        files = ", ".join(dict.fromkeys(label(record) for record in chosen))
+        raise ModelError(
+            f'{files}: the output "{chosen[0].output_names[output]}" is constant: no input acts on it; give another '
+            "column as output, or record with a stronger input"
+        )
 
 
 def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) -> Signals:
