@@ -15,8 +15,8 @@ _SECTIONS = 10
 """Parts of the held-out data whose squared errors are compared."""
 _LEVEL = 0.05
 """Chance that a free-run fit without any gain seems to be better."""
-_WORTH_SAYING = 0.9
-"""Share of the free-run error that is left: a gain of less than a tenth changes no decision."""
+_WORTH_SAYING = 0.01
+"""Gain in the output's standard deviations: as with an excess of the one-step error, 1 % changes no decision."""
 
 
 def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Sequence[Recording]) -> list[str]:
@@ -39,7 +39,8 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
     own, other = (np.concatenate([pair[i].residuals[0] for pair in runs]) for i in (0, 1))
     parts = [np.array([part @ part for part in np.array_split(errors, _SECTIONS)]) for errors in (own, other)]
     before, after = (float(np.sqrt(np.mean(errors**2))) for errors in (own, other))
-    if after > _WORTH_SAYING * before or not worse(parts[0], parts[1], _LEVEL):
+    size = float(np.concatenate([part.outputs[0] for part in unseen]).std())
+    if before - after < _WORTH_SAYING * size or not worse(parts[0], parts[1], _LEVEL):
         return []
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     return [
