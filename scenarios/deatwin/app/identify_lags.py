@@ -71,17 +71,21 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
 
 
 def disagreements(model: NarxModel, dead_times: Sequence[DeadTime]) -> list[str]:
-    """Return a sentence for each input whose first lag in the model lies outside the interval of its dead time."""
+    """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time."""
     said = []
     for row, one in enumerate(dead_times):
         lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
-        if one.interval is None or (lags and one.interval[0] <= min(lags) <= one.interval[1]):
-            continue
-        found = f"its first lag in the model is {min(lags)}" if lags else "it is in no term of the model"
-        said.append(
-            f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
-            f"{found}: noise hides single lags from the choice of terms, so trust the former"
-        )
+        if not lags:
+            said.append(
+                f"{one.input_name} is in no term of the model, which tells nothing of its effect: let later lags compete "
+                "(--input-lags), or record with a stronger input"
+            )
+        elif one.interval is not None and not one.interval[0] <= min(lags) <= one.interval[1]:
+            said.append(
+                f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
+                f"its first lag in the model is {min(lags)}: noise hides single lags from the choice of terms, so trust "
+                "the former"
+            )
     return said
 
 

@@ -50,6 +50,8 @@ def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
     assert disagreements(agreeing, found) == []
     (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9, "u(k-2)": 0.1}, sample_time=0.1), found)
     assert "after 1 sample" in said and "is 2" in said
+    (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9}, sample_time=0.1), found)
+    assert "u is in no term of the model" in said
 
 
 @pytest.mark.parametrize("zeta", [None, 1.0])
