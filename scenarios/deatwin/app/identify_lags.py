@@ -1,18 +1,21 @@
-"""Input lags that compete in `deatwin identify`, chosen by the dead times."""
+"""Lags that compete in `deatwin identify`: of the input by the dead times, of the output by stability."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.ident.narx.preprocess import DeadTime
     from deatwin.plant.recording import Recording
 
 
 FIRST, LAST = 0, 2
 """The first and last input lag without a dead time."""
+OUTPUT_LAGS = 2
+"""Lags of the output, unless others are asked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +44,7 @@ class InputLags:
 
 def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: int | None) -> InputLags:
     """Return the input lags that compete: those that were asked for, else three from each dead time on."""
-    from deatwin.ident.narx.preprocess import estimate_dead_time, lags_after
+    from deatwin.ident.narx.preprocess import DeadTimeStatus, estimate_dead_time, lags_after
 
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))
     dead_times = estimate_dead_time(recordings)
@@ -49,7 +52,10 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     late = [one for one in dead_times if one.interval is not None and one.interval[0] > 1]
     if first is None and last is None:
         if not late:
-            return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
+            # A lag at which no input acts yet could only enter the model by chance.
+            none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
+            lags = tuple(lag for lag in usual if lag or not none_at_once)
+            return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
         shifted = set(lags_after(late, len(usual))) | (set(usual) if len(late) < len(dead_times) else set())
         lags = tuple(sorted(shifted))
         said.append(f"the input lags that compete are therefore {_written(lags)}")
@@ -62,6 +68,64 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
             f"--first-input-lag {low} --input-lags {high + LAST}"
         )
     return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
+
+
+def disagreements(model: NarxModel, dead_times: Sequence[DeadTime]) -> list[str]:
+    """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time."""
+    said = []
+    for row, one in enumerate(dead_times):
+        lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
+        if not lags:
+            said.append(
+                f"{one.input_name} is in no term of the model, which tells nothing of its effect: let later lags compete "
+                "(--input-lags), or record with a stronger input"
+            )
+        elif one.interval is not None and not one.interval[0] <= min(lags) <= one.interval[1]:
+            said.append(
+                f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
+                f"its first lag in the model is {min(lags)}: noise hides single lags from the choice of terms, so trust "
+                "the former"
+            )
+    return said
+
+
+def bounded(
+    identifier: NarxIdentifier,
+    training: Sequence[Recording],
+    fit: Callable[[NarxIdentifier], None],
+    *,
+    may_choose: bool,
+) -> tuple[NarxIdentifier, tuple[str, ...]]:
+    """Return an identifier whose model runs free over its own training data, and sentences on what this took.
+
+    Behind a sharp low-pass filter, as of decimation, the output at a sample also depends on later inputs. A lag of the
+    output too many imitates that by an unstable pole on the negative real axis. A plant in continuous time, whose poles
+    z = exp(s T) are positive or come in pairs, has none there, so the lag is spurious and is left out.
+    """
+    import numpy as np
+
+    from deatwin.ident.narx.unstable import poles_at
+
+    if not _diverges(identifier.model_, training):
+        return identifier, ()
+    pole = poles_at(identifier.model_, training)[:1]
+    spurious = bool(np.all((pole.imag == 0.0) & (pole.real < -1.0)))
+    for fewer in range(OUTPUT_LAGS - 1, 0, -1) if may_choose and spurious else ():
+        tried = type(identifier)(**(identifier.get_params(deep=False) | {"output_lags": fewer}))
+        fit(tried)
+        if not _diverges(tried.model_, training):
+            return tried, (
+                f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, "
+                f"which no sampled plant has; {fewer} competed instead",
+            )
+    return identifier, (
+        "the model's free run diverges on the very recordings it was learned from: do not simulate with it; unless the "
+        "plant is unstable, take fewer --output-lags, a lower --degree, or --method semp",
+    )
+
+
+def _diverges(model: NarxModel, training: Sequence[Recording]) -> bool:
+    return not all(model.simulate(record).status.ok for record in training)
 
 
 def _written(lags: tuple[int, ...]) -> str:

@@ -56,7 +56,7 @@ class Identified:
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
     tested: Tested
     complete: bool = True  # False if the search for terms was interrupted
-    notes: tuple[str, ...] = ()  # About the fit
+    notes: Sequence[str] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
 
     @property

@@ -60,7 +60,10 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 
 def _reason(choice: SamplingChoice) -> str:
-    return f"the first minimum of the output's correlation lies at {choice.first_minimum} samples, and 10 to 20 suffice"
+    return (
+        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, and 10 to 20 "
+        "suffice"
+    )
 
 
 def _done(factor: int, made: Sequence[Recording]) -> str:

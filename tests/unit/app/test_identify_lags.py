@@ -11,7 +11,8 @@ import pytest
 from scipy.signal import lfilter
 
 from deatwin.app.cli import main
-from deatwin.app.identify_lags import choose_input_lags
+from deatwin.app.identify_lags import choose_input_lags, disagreements
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.files import write_recording
 from deatwin.plant.recording import Recording
 
@@ -39,7 +40,52 @@ def test_lags_begin_at_the_dead_time_unless_others_are_asked_for():
     assert "end at 4" in asked.sentences[-1] and "--first-input-lag 24 --input-lags 27" in asked.sentences[-1]
     enough = choose_input_lags([late(25)], 20, 30)
     assert enough.lags == tuple(range(20, 31)) and len(enough.sentences) == 1
-    assert choose_input_lags([late(1)], None, None).lags == (0, 1, 2)
+    assert choose_input_lags([late(1)], None, None).lags == (1, 2)
+    assert choose_input_lags([late(0)], None, None).lags == (0, 1, 2)
+
+
+def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
+    found = choose_input_lags([late(1)], None, None).dead_times
+    agreeing = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 0.1}, sample_time=0.1)
+    assert disagreements(agreeing, found) == []
+    (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9, "u(k-2)": 0.1}, sample_time=0.1), found)
+    assert "after 1 sample" in said and "is 2" in said
+    (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9}, sample_time=0.1), found)
+    assert "u is in no term of the model" in said
+
+
+@pytest.mark.parametrize("zeta", [None, 1.0])
+@pytest.mark.parametrize("method", ["svb", "frols"])
+def test_slow_plants_at_twenty_kilohertz_are_learned_by_decimation(
+    at: Path, capsys: pytest.CaptureFixture[str], zeta: float | None, method: str
+) -> None:
+    """A second of a plant of 20 ms: behind the filter the free run follows within a tenth of the output's deviation."""
+    rng = np.random.default_rng([1, 3])
+    pole = np.exp(-1 / 400)
+    u = np.repeat(rng.uniform(-1, 1, 152), 133)[:20_000]
+    poles = [pole] if zeta is None else [pole, pole]
+    y = lfilter(np.r_[0.0, np.poly(poles).sum()], np.poly(poles), u)
+    write_recording("fast.csv", named(u, y + 0.001 * y.std() * rng.normal(size=u.size), 5e-5))
+    command = ["identify", "fast.csv", *COLUMNS, "--decimate", "auto", "--method", method, "--out", "narx.json"]
+    assert main([*command, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "decimated by" in told["clocks"][0]
+    assert told["unseen"][0]["finished"] and told["unseen"][0]["free_run"] < 0.1 * y.std()
+    assert all(one["status"] != "loop" for one in told["dead_times"])
+
+
+def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning(at: Path, capsys) -> None:
+    """With lags that were asked for nothing is changed, but said."""
+    rng = np.random.default_rng([1, 3])
+    u = np.repeat(rng.uniform(-1, 1, 152), 133)[:20_000]
+    y = lfilter([0.0, 1 - np.exp(-1 / 400)], [1, -np.exp(-1 / 400)], u)
+    write_recording("fast.csv", named(u, y + 0.001 * y.std() * rng.normal(size=u.size), 5e-5))
+    command = ["identify", "fast.csv", *COLUMNS, "--decimate", "99", "--out", "narx.json", "--json"]
+    assert main([*command, "--output-lags", "2"]) == 0
+    assert "diverges on the very recordings" in json.loads(capsys.readouterr().out)["notes"][0]
+    assert main(command) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "which no sampled plant has; 1 competed instead" in told["notes"][0] and told["unseen"][0]["finished"]
 
 
 @pytest.fixture

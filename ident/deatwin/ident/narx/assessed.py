@@ -15,7 +15,6 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import DIVERGED, DivergedError, free_run_residual
-from deatwin.ident.narx.validate import Validation
 from deatwin.plant.checks import require_samples
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
@@ -60,7 +59,7 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
 
 
 def assessed(
-    model: NarxModel, recordings: Recordings, held_out: Recordings, *, validation: Validation | None = None
+    model: NarxModel, recordings: Recordings, held_out: Recordings, *, reliance: Reliance | None = None
 ) -> NarxModel:
     """Return the model with the assessment on its recordings in its provenance, as `deatwin identify` saves it.
 
@@ -76,8 +75,8 @@ def assessed(
         All recordings made for the model, including the held-out parts.
     held_out : Recording, Experiment, or several
         The parts that were not used for the fit; see `hold_out`.
-    validation : Validation, optional
-        Result of `validate` on the held-out parts; computed if omitted.
+    reliance : Reliance, optional
+        Assessment on the held-out parts; computed if omitted.
 
     Returns
     -------
@@ -90,8 +89,7 @@ def assessed(
     """
     whole, unseen = flatten(recordings), flatten(held_out)
     excited, _ = band_excited(whole)
-    reliance = assess_reliance(model, unseen) if validation is None else Reliance.of(validation)
-    told = {} if reliance is None else reliance.provenance
+    told = (assess_reliance(model, unseen) if reliance is None else reliance).provenance
     left = _largest_residual(model, [part for part in unseen if part.n_samples >= _FEWEST] or whole)
     return replace(model, provenance={**model.provenance, **excited, **left, **told})
 

@@ -6,6 +6,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from enum import Enum
 from typing import Any, Self
 
@@ -214,7 +215,9 @@ class NarxIdentifier(Identifier, ABC):
         chosen = flatten(recordings)
         rows = range(chosen[0].outputs.shape[0])
         data = [self._regression(chosen, row) for row in rows or (0,)]
-        self.model_ = self._learn_all(data, tell)
+        model = self._learn_all(data, tell)
+        candidates = str(sum(len(one.table.terms) for one in data))
+        self.model_ = replace(model, provenance={**model.provenance, "candidates": candidates})
         self.notes_ = self._notes(chosen)
         return self
 

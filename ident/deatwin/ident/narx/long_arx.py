@@ -18,7 +18,8 @@ Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 
 _OUTPUT_LAGS = 30
-"""Most lags of the output; Akaike's criterion takes what is needed of them."""
+"""Most lags of the output, and never more than of the inputs, so that short recordings keep samples for both; Akaike's
+criterion takes what is needed of them."""
 _ANSWERS = 10
 """Lags of the output from which an input that answers to it is foretold: more make the test less sharp."""
 _FOR_EACH = 5
@@ -98,7 +99,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
     n_inputs = signals[0][0].shape[0]
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
     output = _outputs(signals, longest)[0][:, :_ANSWERS]
-    target = np.concatenate([inputs[which, _first(longest) :] for inputs, _ in signals])
+    target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
     test = _Scores.of(np.column_stack([np.ones(target.size), *past, output]), target, output.shape[1])
     return test.p_value()
 
@@ -148,14 +149,14 @@ class _Scores:
 def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
     """Return the largest number of lags, up to `wanted`, for which there are enough samples; 0 for none."""
     for longest in range(wanted if n_inputs else 0, 0, -1):
-        if n_residuals(signals, longest) >= _FOR_EACH * (1 + _OUTPUT_LAGS + n_inputs * (longest + 1)):
+        if n_residuals(signals, longest) >= _FOR_EACH * (1 + min(_OUTPUT_LAGS, longest) + n_inputs * (longest + 1)):
             return longest
     return 0
 
 
 def n_residuals(signals: Signals, longest: int) -> int:
     """Return the number of samples whose lags and next inputs are all measured."""
-    return sum(max(0, output.size - _first(longest)) for _, output in signals)
+    return sum(max(0, output.size - longest) for _, output in signals)
 
 
 def _order(columns: Array, fixed: int) -> int:
@@ -168,20 +169,16 @@ def _order(columns: Array, fixed: int) -> int:
     return int(np.argmin(n * np.log(squares) + 2.0 * np.arange(squares.size)))
 
 
-def _first(longest: int) -> int:
-    return max(longest, _OUTPUT_LAGS)
-
-
 def _inputs(signals: Signals, which: int, lags: range) -> Array:
     """An input at some lags, shape (n, n_lags)."""
-    first = _first(max(lags))
+    first = max(lags)
     return np.concatenate(
         [np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags]) for inputs, _ in signals]
     )
 
 
 def _outputs(signals: Signals, longest: int) -> tuple[Array, Array]:
-    """The output at the lags 1 to 30, shape (n, 30), and the output, shape (n,)."""
-    first, lags = _first(longest), range(1, _OUTPUT_LAGS + 1)
-    past = [np.column_stack([y[first - lag : y.size - lag] for lag in lags]) for _, y in signals]
-    return np.concatenate(past), np.concatenate([y[first:] for _, y in signals])
+    """The output at the lags 1 to 30 or `longest`, shape (n, n_lags), and the output, shape (n,)."""
+    lags = range(1, min(_OUTPUT_LAGS, longest) + 1)
+    past = [np.column_stack([y[longest - lag : y.size - lag] for lag in lags]) for _, y in signals]
+    return np.concatenate(past), np.concatenate([y[longest:] for _, y in signals])

@@ -13,7 +13,12 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"
+SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"
 """Keys of a model's provenance."""
+_UNTESTED = "untested"
+_ENOUGH = 5.0
+"""Training samples for each effective parameter: of fewer, by Akaike's final prediction error (n + p)/(n - p), the
+squared error on new data is expected to be more than half as large again as on the training data."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,35 +27,50 @@ class Reliance:
 
     Parameters
     ----------
-    status : ValidationStatus
-        Joint result of the residual tests.
+    status : ValidationStatus or None
+        Joint result of the residual tests; None if the held-out data were too short for them.
     failed : tuple of str
         Names of the tests that failed, such as ``ue``.
     gain_error : float or None
         Relative error of the free run's gain, positive if the recorded output swings more; None if unknown.
     gain_error_half_width : float or None
         Half width of the 95 % interval of the gain error; None if unknown.
+    samples_per_parameter : float or None
+        Training samples for each effective parameter of the model; None if unknown. Terms chosen among many candidates
+        count for more than one parameter each.
+    fit : float or None
+        Fit of the free run to the held-out data in percent: 100 is perfect, their mean gives 0; None if unknown.
     """
 
-    status: ValidationStatus
+    status: ValidationStatus | None
     failed: tuple[str, ...] = ()
     gain_error: float | None = None
     gain_error_half_width: float | None = None
+    samples_per_parameter: float | None = None
+    fit: float | None = None
 
     @classmethod
-    def of(cls, validation: Validation) -> Self:
-        """Return the assessment that a validation contains.
+    def of(cls, model: NarxModel, validation: Validation | None) -> Self:
+        """Return the assessment that a model and its validation contain.
 
         Parameters
         ----------
-        validation : Validation
-            Validation of the model on held-out recordings.
+        model : NarxModel
+            Model with one output.
+        validation : Validation or None
+            Validation of the model on held-out recordings; None if they were too short for it.
         """
+        share = samples_per_parameter(model)
+        if validation is None:
+            return cls(status=None, samples_per_parameter=share)
+        fit = float(validation.free_run.percent[0])
         return cls(
             status=validation.status,
             failed=tuple(dict.fromkeys(test.name for test in validation.failed)),
             gain_error=validation.gain_error,
             gain_error_half_width=validation.gain_error_half_width,
+            samples_per_parameter=share,
+            fit=fit if math.isfinite(fit) and validation.unstable is None else None,
         )
 
     @property
@@ -64,7 +84,12 @@ class Reliance:
     def caveats(self) -> tuple[str, ...]:
         """Reasons not to rely on the model, one sentence each without a full stop."""
         found = []
-        if self.status is ValidationStatus.DIVERGED:
+        if self.status is None:
+            found.append(
+                "the held-out data were too short for the residual tests, so that nothing but its training data speaks "
+                "for the model"
+            )
+        elif self.status is ValidationStatus.DIVERGED:
             found.append("the model's free run diverged on held-out data")
         elif self.status is ValidationStatus.UNSTABLE:
             found.append("the model is unstable, so that its free run on held-out data says nothing")
@@ -80,16 +105,41 @@ class Reliance:
                 f"the model is biased: on held-out data the output swings {100 * abs(self.gain_error):.2g} ± "
                 f"{100 * self.gain_error_half_width:.2g} % {way} than the model's free run"
             )
-        return tuple(found)
+        return (*found, *self.remarks)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Caveats that the residual tests do not tell: too few training samples, and a free run that is worth nothing."""
+        useless = (
+            "the model explains nothing: its free run follows the held-out data no better than their mean does"
+            if self.fit is not None and self.fit <= 0.0
+            else ""
+        )
+        return tuple(said for said in (useless, self.scarcity) if said)
+
+    @property
+    def scarcity(self) -> str:
+        """Sentence without a full stop on too few training samples; empty if there were enough, or if unknown."""
+        if self.samples_per_parameter is None or self.samples_per_parameter >= _ENOUGH:
+            return ""
+        return (
+            f"the model was learned from only {self.samples_per_parameter:.2g} samples for each effective parameter, "
+            f"the choice among its candidates counted in, where {_ENOUGH:g} would do: terms may be there by chance, "
+            "and its intervals are too narrow; record longer, or take a lower degree"
+        )
 
     @property
     def provenance(self) -> dict[str, str]:
         """Entries for the provenance of a `NarxModel`."""
-        kept = {STATUS_KEY: self.status.name.lower()}
+        kept = {STATUS_KEY: _UNTESTED if self.status is None else self.status.name.lower()}
         if self.failed:
             kept[FAILED_KEY] = "; ".join(self.failed)
         if self.gain_error is not None and self.gain_error_half_width is not None:
             kept[BIAS_KEY] = f"{self.gain_error:.6g} +- {self.gain_error_half_width:.6g}"
+        if self.samples_per_parameter is not None:
+            kept[SCARCITY_KEY] = f"{self.samples_per_parameter:.6g}"
+        if self.fit is not None:
+            kept[FIT_KEY] = f"{self.fit:.6g}"
         return kept
 
     @classmethod
@@ -113,15 +163,22 @@ class Reliance:
         if (written := provenance.get(STATUS_KEY)) is None:
             return None
         try:
-            status = ValidationStatus[written.upper()]
+            status = None if written == _UNTESTED else ValidationStatus[written.upper()]
         except KeyError:
-            known = ", ".join(status.name.lower() for status in ValidationStatus)
+            known = ", ".join([*(status.name.lower() for status in ValidationStatus), _UNTESTED])
             raise ModelError(
                 f"the model's provenance has {STATUS_KEY} = {written!r}: it must be one of {known}"
             ) from None
         failed = tuple(name for name in provenance.get(FAILED_KEY, "").split("; ") if name)
         error, width = _numbers(provenance.get(BIAS_KEY))
-        return cls(status=status, failed=failed, gain_error=error, gain_error_half_width=width)
+        return cls(
+            status=status,
+            failed=failed,
+            gain_error=error,
+            gain_error_half_width=width,
+            samples_per_parameter=_number(provenance, SCARCITY_KEY),
+            fit=_number(provenance, FIT_KEY),
+        )
 
 
 _MEANING = {
@@ -130,7 +187,7 @@ _MEANING = {
 }
 
 
-def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Reliance | None:
+def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Reliance:
     """Assess a model on held-out recordings.
 
     Parameters
@@ -142,14 +199,41 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
 
     Returns
     -------
-    Reliance or None
-        Assessment; None if the recordings are too short for the tests.
-
+    Reliance
+        Assessment; its status is None if the recordings are too short for the tests.
     """
     try:
-        return Reliance.of(validate(model, recordings))
+        return Reliance.of(model, validate(model, recordings))
     except ModelError:
+        return Reliance.of(model, None)
+
+
+def samples_per_parameter(model: NarxModel) -> float | None:
+    """Return the training samples for each effective parameter; None if the provenance of the model does not tell them.
+
+    Of M candidates without any effect, the best k of n samples each take about 2 ln(M/k) noise variances from the
+    residual instead of one (Foster, George, "The risk inflation criterion for multiple regression", Ann. Statist. 22
+    (1994) 1947-1975, doi:10.1214/aos/1176325766), so that many parameters is what a chosen term may count for.
+    """
+    samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
+    if samples is None or not model.terms:
         return None
+    terms = len(model.terms)
+    candidates = max(candidates or 0.0, terms)
+    return samples / (terms * max(1.0, 2.0 * math.log(candidates / terms)))
+
+
+def _number(provenance: Mapping[str, str], key: str) -> float | None:
+    """Read a number; None if it is absent."""
+    if (written := provenance.get(key)) is None:
+        return None
+    try:
+        value = float(written)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ModelError(f"the model's provenance has {key} = {written!r}: it must be a number")
+    return value
 
 
 def _numbers(written: str | None) -> tuple[float | None, float | None]:

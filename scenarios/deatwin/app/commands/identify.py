@@ -49,6 +49,14 @@ MethodOption = Annotated[
 InputLag = Annotated[
     int | None, typer.Option(min=0, help="Last lag of the input; when not given, 2, or 2 after its dead time.")
 ]
+OutputLags = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Lags 1 to this of the output; when not given, 2, or fewer if the model would be unstable as no sampled "
+        "plant is.",
+    ),
+]
 FirstInputLag = Annotated[
     int | None,
     typer.Option(
@@ -87,7 +95,7 @@ def identify(
     recordings: Recordings,
     out: ModelFile,
     method: MethodOption = Method.SVB,
-    output_lags: Annotated[int, typer.Option(min=1, help="Lags 1 to this of the output.")] = 2,
+    output_lags: OutputLags = None,
     input_lags: InputLag = None,
     first_input_lag: FirstInputLag = None,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
@@ -112,9 +120,12 @@ def identify(
     from contextlib import nullcontext
 
     from deatwin.app.given import clock_notes
-    from deatwin.app.identify_lags import FIRST, LAST, choose_input_lags
+    from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
+    from deatwin.app.identify_noise import biased_by_noise
     from deatwin.app.thinning import thinned
+    from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
+    from deatwin.ident.narx.excited import BAND_KEY
     from deatwin.ident.narx.levels import remarks_on_levels
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
@@ -140,26 +151,32 @@ def identify(
         records, notes = fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
-        lags = {"output_lags": output_lags, "input_lags": chosen.lags, "degree": degree}
+        lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
         identifier = _identifier(method, lags, max_terms)
         _fit(identifier, training, records, voice)
+        identifier, diverged = bounded(
+            identifier, training, lambda one: _fit(one, training, records, voice), may_choose=output_lags is None
+        )
         for sentence in (*notes, *chosen.sentences):
             voice.say(sentence)
-        _, unexcited = band_excited(records)
         tested = _tested(identifier.model_, unseen)
-        model = assessed(identifier.model_, records, unseen, validation=tested.validation)
+        reliance = Reliance.of(identifier.model_, tested.validation)
+        model = assessed(identifier.model_, records, unseen, reliance=reliance)
+        unexcited = () if BAND_KEY in model.provenance else band_excited(records)[1]
         model.save(out)
         alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
-        found = [*identifier.notes_, *unexcited]
+        apart = disagreements(model, chosen.dead_times)
+        apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
+        found = [*diverged, *apart, *reliance.remarks, *identifier.notes_, *unexcited]
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, unseen, tested, identifier, notes)
+            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -205,7 +222,8 @@ def _write_report(
     method: Method,
     unseen: Sequence[Recording],
     tested: Tested,
-    identifier: NarxIdentifier,
+    complete: bool,
+    notes: Sequence[str],
     clocks: list[str],
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
@@ -215,8 +233,8 @@ def _write_report(
         method=method.value,
         unseen=unseen,
         tested=tested,
-        complete=identifier.status_.ok,
-        notes=identifier.notes_,
+        complete=complete,
+        notes=notes,
         clocks=clocks,
     )
     write_identified(found, folder, record)

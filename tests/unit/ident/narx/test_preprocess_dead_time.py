@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from deatwin.ident.narx import Frols
-from deatwin.ident.narx.preprocess import DeadTimeStatus, choose_orders, estimate_dead_time, lags_after
+from deatwin.ident.narx.preprocess import DeadTimeStatus, choose_orders, decimate, estimate_dead_time, lags_after
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -114,6 +114,45 @@ def test_one_step_and_a_record_without_noise():
     assert exact.samples == 25 and 24 <= exact.interval[0] <= exact.interval[1] == 25
 
 
+@pytest.mark.parametrize(
+    "lag", [1, 3, pytest.param(7, marks=pytest.mark.study), pytest.param(25, marks=pytest.mark.study)]
+)
+def test_two_poles_with_a_single_numerator_coefficient(lag):
+    """At least 9 of 10 estimates are exact and all intervals hold the truth, under 1 to 10 % noise."""
+    exact = held = 0
+    for seed in range(10):
+        rng = np.random.default_rng([seed, lag, 13])
+        u = signal("held" if seed % 2 else "white", rng, 900)
+        poles = (0.85, 0.6) if seed % 4 < 2 else 0.8 * np.exp([0.4j, -0.4j])
+        y = lfilter(np.r_[np.zeros(lag), 0.5], np.real(np.poly(poles)), u)
+        (found,) = estimate_dead_time(recorded(u, y, rng.uniform(20.0, 40.0), seed=seed), max_dead_time=40)
+        exact += found.samples == lag
+        held += found.interval[0] <= lag <= found.interval[1]
+    assert exact >= 9 and held == 10
+
+
+@pytest.mark.parametrize("n", [100, 280])
+def test_short_recordings_tell_a_short_dead_time(n):
+    """Of 10 recordings, at least 9 intervals hold the truth; what was not searched is said."""
+    held = 0
+    for seed in range(10):
+        u = signal("white" if seed % 2 else "held", np.random.default_rng([seed, 15]), n + START)
+        (found,) = estimate_dead_time(recorded(u, first_order(u, 3), seed=seed))
+        held += found.interval is not None and found.interval[0] <= 3 <= found.interval[1]
+    assert held >= 9 and found.searched_to < n // 20
+    late = estimate_dead_time(recorded(u, first_order(u, found.searched_to + 3), seed=1))[0]
+    assert late.samples is None and f"{late.searched_to} samples were the longest tested" in str(late)
+
+
+def test_decimated_recordings_are_not_suspected_of_a_loop():
+    """A filter without delay puts something of later inputs into each output, which is no feedback."""
+    rng = np.random.default_rng(2)
+    u = np.repeat(rng.uniform(-1, 1, 400), 25)
+    record = decimate(recorded(u, first_order(u, 1, 0.99), 60.0), 8)
+    (found,) = estimate_dead_time(record)
+    assert found.status is not DeadTimeStatus.LOOP and np.isnan(found.feedback_p_value)
+
+
 @pytest.mark.parametrize("kind", ["white", "held", "slow"])
 def test_an_even_plant_has_no_linear_effect_to_tell_it_by(kind):
     """The chance that one of the 100 lags seems to act is at most 1 % for each record; none of these eight does."""
@@ -156,7 +195,7 @@ def test_a_loop_is_suspected_and_the_dead_time_is_still_that_of_the_plant(lag):
 def test_too_few_samples_and_wrong_arguments():
     u = signal("white", np.random.default_rng(4))
     record = recorded(u, first_order(u, 3))
-    assert estimate_dead_time(record.section(0, 100))[0].status is DeadTimeStatus.SHORT
+    assert estimate_dead_time(record.section(0, 25))[0].status is DeadTimeStatus.SHORT
     with pytest.raises(ModelError, match="max_dead_time = 0"):
         estimate_dead_time(record, max_dead_time=0)
     with pytest.raises(ModelError, match="to one of the outputs"):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import NarxModel, Recording, Reliance, ValidationStatus, assess_reliance
+from deatwin.ident.narx import NarxModel, Recording, Reliance, SvbNarx, ValidationStatus, assess_reliance
 from deatwin.plant.errors import ModelError
 
 MODEL = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.2}, sample_time=0.01)
@@ -78,8 +78,42 @@ def test_it_travels_with_the_model_and_comes_back_as_it_was() -> None:
     assert Reliance.of_provenance({}) is None
 
 
-def test_nothing_is_said_where_there_is_nothing_to_test() -> None:
-    assert assess_reliance(MODEL, [recorded(1).section(0, 20)]) is None
+def test_a_model_that_nothing_tested_says_so_and_so_does_its_file() -> None:
+    found = assess_reliance(MODEL, [recorded(1).section(0, 20)])
+    assert found.status is None and "too short for the residual tests" in found.caveats[0]
+    again = Reliance.of_provenance(found.provenance)
+    assert again is not None and again.caveats == found.caveats
+
+
+@pytest.mark.parametrize(("samples", "scarce"), [(20, True), (30, True), (100, True), (400, False)])
+def test_the_choice_among_candidates_counts_as_parameters(samples: int, scarce: bool) -> None:
+    """Degree 3 of five variables: 56 candidates, of which 4 chosen count for 4 * 2 ln(56/4) = 21 parameters."""
+    kept = {"samples": str(samples), "candidates": "56"}
+    terms = {"y(k-1)": 0.8, "u(k-1)": 0.2, "u(k-1)^3": 0.1, "y(k-1)u(k-1)^2": 0.1}
+    model = NarxModel.from_terms(terms, sample_time=0.01, provenance=kept)
+    found = assess_reliance(model, [recorded(1)])
+    assert found.samples_per_parameter == pytest.approx(samples / (8.0 * np.log(14.0)))
+    assert bool(found.scarcity) is scarce and (found.scarcity in found.caveats) is scarce
+    again = Reliance.of_provenance(found.provenance)
+    assert again is not None and bool(again.scarcity) is scarce
+
+
+def test_a_model_that_explains_nothing_says_so() -> None:
+    """An input and an output that have nothing to do with each other leave a white residual, which passes all tests."""
+    u, y = np.random.default_rng(6).normal(size=(2, 600))
+    record = Recording.from_arrays(u, y, 0.01)
+    found = assess_reliance(NarxModel.from_terms({"u(k-1)": 0.08}, sample_time=0.01), [record])
+    assert found.status is ValidationStatus.PASSED and found.fit is not None and found.fit <= 0.0
+    assert "explains nothing" in found.caveats[0]
+    again = Reliance.of_provenance(found.provenance)
+    assert again is not None and again.remarks == found.remarks
+
+
+def test_a_fit_counts_its_candidates() -> None:
+    u, noise = np.random.default_rng(4).normal(size=(2, 30))
+    record = Recording.from_arrays(u, np.convolve(u, [0.0, 0.5, 0.3])[:30] + 0.1 * noise, 0.01)
+    model = SvbNarx(degree=3, input_lags=2).fit(record).model_
+    assert model.provenance["candidates"] == "35" and Reliance.of(model, None).scarcity  # (4 + 3)! / (4! 3!)
 
 
 @pytest.mark.parametrize(
@@ -88,6 +122,7 @@ def test_nothing_is_said_where_there_is_nothing_to_test() -> None:
         {"residual_tests": "fine"},
         {"residual_tests": "passed", "free_run_gain_error": "0.1"},
         {"residual_tests": "passed", "free_run_gain_error": "nan +- 0.1"},
+        {"residual_tests": "passed", "samples_per_parameter": "few"},
     ],
 )
 def test_what_cannot_be_read_is_named(provenance: dict[str, str]) -> None:

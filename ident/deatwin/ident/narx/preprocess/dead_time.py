@@ -17,7 +17,7 @@ from deatwin.ident.narx.preprocess.delay_profile import delay_probabilities
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import Recording, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,8 @@ _SEEN = 1e-4
 _LOOP = 1e-3
 """The same for an input that answers to the output: one test for each input."""
 _AFTER = 20
-"""Lags after the largest dead time in which the answer to the input is looked for."""
+"""Lags after the largest dead time in which the answer to the input is looked for; half of all lags if there are fewer
+than twice as many."""
 _MOST_SAMPLES = 20_000
 """More make nothing surer: a dead time is told to a sample long before, and the regression takes a second."""
 
@@ -130,7 +131,8 @@ class DeadTime:
 
     def __str__(self) -> str:
         if self.samples is None or self.interval is None:
-            return f"{self.input_name}: {self.status.value}"
+            tested = f" ({self.searched_to} samples were the longest tested)" if self.searched_to else ""
+            return f"{self.input_name}: {self.status.value}{tested}"
         low, high = self.interval
         word = "sample" if self.samples == 1 else "samples"
         found = (
@@ -180,7 +182,8 @@ def estimate_dead_time(
     to 40 dB, with dead times of 0 to 60 samples, 479 intervals at 95 % contained the true value. For a plant of higher
     order the estimate is the dead time of its low-order approximation, within the bound of the tests.
 
-    At most 20 000 samples are used, from the beginning of each recording.
+    At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
+    feedback: behind a filter without delay each sample holds something of later ones.
 
     Parameters
     ----------
@@ -210,9 +213,10 @@ def estimate_dead_time(
     signals = _scaled(chosen, moving, output)
     longest = enough_lags(signals, moving.size, max_dead_time + _AFTER)
     found: dict[int, DeadTime] = {}
-    if longest > _AFTER:
+    if longest > 1:
         signals = [(u, y) for u, y in signals if n_residuals([(u, y)], longest) > 0]
-        answers = [answer_chance(signals, row, longest) for row in range(moving.size)]
+        decimated = any("decimated" in record.provenance for record in chosen)
+        answers = [math.nan if decimated else answer_chance(signals, row, longest) for row in range(moving.size)]
         # A controller that answers within the sample acts at lag 0, whatever the plant does.
         arx = LongArx.of(signals, longest, shortest=int(min(answers) < _LOOP))
         for row, which in enumerate(moving.tolist()):
@@ -261,7 +265,11 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
             "probability between 0 and 1"
         )
     if np.ptp(np.concatenate([record.outputs[output] for record in chosen])) == 0.0:
-        raise ModelError(f'the output "{chosen[0].output_names[output]}" is constant: no input acts on it')
+        files = ", ".join(dict.fromkeys(label(record) for record in chosen))
+        raise ModelError(
+            f'{files}: the output "{chosen[0].output_names[output]}" is constant: no input acts on it; give another '
+            "column as output, or record with a stronger input"
+        )
 
 
 def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) -> Signals:
@@ -279,7 +287,7 @@ def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) 
 def _of_input(
     arx: LongArx, row: int, which: int, record: Recording, output: int, probability: float, feedback: float
 ) -> DeadTime:
-    searched_to = arx.longest - _AFTER
+    searched_to = arx.longest - min(_AFTER, arx.longest // 2)
     acting = np.flatnonzero(arx.chances(row) < _SEEN)
     status = DeadTimeStatus.LOOP if feedback < _LOOP else DeadTimeStatus.FOUND
     probabilities: Array = np.empty(0)

@@ -37,7 +37,7 @@ class SamplingStatus(Enum):
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"
     TOO_SLOW = "sampled slowly: the first minimum lies before 10 samples; below 5, dynamics are lost: sample faster"
     NO_MINIMUM = (
-        "a correlation function falls without a minimum over the lags that the record can tell: "
+        "the correlation functions reach neither a minimum nor zero over the lags that the record can tell: "
         "give more lags or a longer record, or choose the factor by hand"
     )
 
@@ -57,7 +57,8 @@ class SamplingChoice(Described):
     sample_time : float
         Sample time of the recordings in s.
     linear_minimum, nonlinear_minimum : int or None
-        Lag of the first minimum of each function in samples; None if there is none.
+        Lag of the first minimum of each function in samples; None if there is none. If neither has one, the first is
+        the lag at which the linear function enters its band.
     factor : int
         Decimation factor: keep every ``factor``-th sample; 1 keeps all.
     status : SamplingStatus
@@ -117,7 +118,9 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 
     The factor brings the smaller of the two first minima to 15 samples, or as near to that as possible within 10 to 20.
-    A minimum counts if the function rises significantly after it.
+    A minimum counts if the function rises significantly after it. If neither function has such a minimum, as behind a
+    plant of first order or in a record of few time constants, the lag at which the linear one enters its 95 % band about
+    zero stands for it.
 
     Parameters
     ----------
@@ -150,6 +153,8 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
     n = sum(y.size for y in outputs)
     bands = [1.96 * float(np.sqrt((1.0 + 2.0 * (values[1:] @ values[1:])) / n)) for values in (linear, nonlinear)]
     minima = _first_minimum(linear, bands[0]), _first_minimum(nonlinear, bands[1])
+    if minima == (None, None):
+        minima = _first_zero(linear, bands[0]), None
     factor, status = _factor(min((m for m in minima if m is not None), default=None))
     return SamplingChoice(
         linear=read_only(linear),
@@ -196,3 +201,8 @@ def _first_minimum(values: Array, band: float) -> int | None:
         elif value > values[lowest] + band:
             return lowest
     return None
+
+
+def _first_zero(values: Array, band: float) -> int | None:
+    """First lag at which the function cannot be distinguished from zero, None if there is none."""
+    return next((lag for lag, value in enumerate(values) if value <= band), None)

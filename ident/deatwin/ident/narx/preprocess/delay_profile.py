@@ -12,8 +12,9 @@ from deatwin.ident.narx.long_arx import LongArx
 
 Array = NDArray[np.float64]
 
-_STRUCTURES = ((1, 1), (2, 1), (2, 2), (3, 2))
-"""Numbers of B and F: plants of first and second order under a held input, with a whole and a broken dead time."""
+_STRUCTURES = ((1, 1), (2, 1), (1, 2), (2, 2), (3, 2))
+"""Numbers of B and F: plants of first and second order under a held input, with a whole and a broken dead time, and two
+poles with a single coefficient. Without the last, B = (0, b) one sample early would be as probable as B = (b, 0)."""
 _FAR = 60.0
 """Fall of 2 log likelihood beyond which a dead time is out of the question: 1e-13 of the best one's probability."""
 _PATIENCE = 5
