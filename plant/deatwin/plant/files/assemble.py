@@ -201,11 +201,12 @@ class _Source:
                 signals[role] = [replace(signal, name=signal.header) for signal in signals[role]]
         return signals
 
-    def origin(self, first: int, last: int) -> dict[str, str]:
-        """Return the origin of the rows from one up to another."""
+    def origin(self, first: int, last: int, remark: str = "") -> dict[str, str]:
+        """Return the origin of the rows from one up to another. `remark` on their clock."""
         table = self.table
         rows = f"{table.row(first)}-{table.row(last - 1)}"
-        clock = {"clock": self.remark} if self.remark else {}
+        remarks = [text for text in (self.remark, remark) if text]
+        clock = {"clock": "; ".join(remarks)} if remarks else {}
         for scale in table.scales.values():
             clock |= scale.provenance
         return {"file": table.path, "sha256": table.sha256, "rows": rows, **clock}
@@ -237,7 +238,7 @@ def _recordings(
             piece.clock,
             step,
             dict.fromkeys(source.roles, piece.take),
-            source.origin(piece.first, piece.last)
+            source.origin(piece.first, piece.last, piece.remark)
             | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {}),
         )
         for piece in pieces
