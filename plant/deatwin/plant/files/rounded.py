@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _FEW, _SHARE = 3, 0.1  # steps that differ from the usual one, at least, where times are rounded; of all where coarsely
-_FINE = 0.5  # of a step
+_FINE = 0.7  # of a step: a row that is lost or stands twice is off by a whole one
 _SAME = 1e-6  # of the usual step
 _SLACK = 0.1  # of a digit: for the fit of the clock, which rounding moves a little
 _LOOKS = 500  # times that are tried for their digits
