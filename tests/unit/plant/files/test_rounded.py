@@ -26,8 +26,8 @@ def printed(times: np.ndarray) -> np.ndarray:
 
 STORED = {
     "single precision, two hours in": (0.001, 7200.0, single),
-    "its shortest text": (0.001, 7200.0, printed),
-    "in ms": (0.001, 7200.0, lambda times: single(1e3 * times) / 1e3),
+    "its shortest text": (0.0013, 7200.0, printed),
+    "in ms": (0.0013, 7200.0, lambda times: single(1e3 * times) / 1e3),
     "three decimals, a sample of 1.4 digits": (1 / 700, 0.0, lambda times: np.round(times, 3)),
     "three decimals, a third of a digit": (0.0003125, 0.1, lambda times: np.round(times, 3)),
     "cut off": (0.0013, 0.0, lambda times: np.floor(1e3 * times) / 1e3),
