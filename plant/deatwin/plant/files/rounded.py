@@ -19,6 +19,7 @@ _SAME = 1e-6  # of the usual step
 _SLACK = 0.1  # of a digit: for the fit of the clock, which rounding moves a little
 _LOOKS = 500  # times that are tried for their digits
 _DECIMALS = range(13)
+_EXACT = 1e-8  # s: no text of a number in single precision has so many decimals from a second on
 _UNITS = (1.0, 1e3, 1e6, 1e9)  # times in s may have been stored in s, ms, us or ns
 
 
@@ -83,8 +84,9 @@ def _digits(timepts: Floats) -> Floats | None:
         decimals = next((d for d in _DECIMALS if _on_grid(timepts[rows], d)), None)
         if decimals is not None:
             finest = min(finest, 10.0**-decimals)
-            # The text of a number in single precision is rounded once more.
-            digits[rows] = np.where(digits[rows] > finest, digits[rows] + finest, finest)
+            # The shortest text of a number in single precision lies up to half its digit off once more.
+            coarse = digits[rows] * (1.0 if finest < _EXACT else 2.0)
+            digits[rows] = np.where(digits[rows] > finest, coarse, finest)
         elif single is None:
             return None
     return digits
