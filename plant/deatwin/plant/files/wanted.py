@@ -107,16 +107,16 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
             f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
         )
     likes = units_like(wanted)
-    taken = f"{place}, but the plant takes it in {wanted}"
+    fault = f"{place}, but the plant takes it in {wanted}"
     if len(likes) == 1:
-        return DataError(f'{taken}; where it is in that, call the column "{better}"')
+        return DataError(f'{fault}; where it is in that, call the column "{better}"')
     hint = "" if unit in UNITS else nearest(unit, likes)  # a known unit of another kind is no misspelling
     if hint:
-        return DataError(f'{taken}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
+        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]
     example = f', such as "{table.unmistakable(fitting[0])}"' if fitting else ""
     wrong = "" if unit in UNITS else f'; or state the unit that is meant: "{table.unmistakable(column)}=UNIT"'
-    return DataError(f"{taken}; name a column in one of {', '.join(likes)}{example}{wrong}")
+    return DataError(f"{fault}; name a column in one of {', '.join(likes)}{example}{wrong}")
 
 
 def header_like(name: str, wanted: str) -> str:
