@@ -20,6 +20,7 @@ BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _HEAD = 1000  # lines at most before the samples
 _LIKE_SAMPLES = 3  # lines that hold numbers follow a header, where there are so many
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
+_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # no blank before or in brackets
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
@@ -101,6 +102,20 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
     return cells
+
+
+def formula(cell: str) -> str:
+    """Return the fault of a cell that holds a formula."""
+    return (
+        f'"{clipped(cell)}" is a formula whose value the file does not hold; open it in a spreadsheet program, and save '
+        "it there"
+    )
+
+
+def grouped(line: str, delimiter: str) -> str:
+    """Return the end of an error text for a line in which a comma stands between thousands and as delimiter."""
+    found = _GROUPED.search(line) if delimiter == "," else None
+    return f"; is {found[0]} one number? Then write it without the comma" if found else ""
 
 
 def is_number(cell: str) -> bool:
@@ -251,6 +266,9 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     if not any(numeric):
         blanks = next((k for k, line in enumerate(lines[:_HEAD]) if _is_sample(line, line.split())), None)
         if blanks is None:
+            place = next(((k, cell) for k, row in enumerate(cells) for cell in row if cell.startswith("=")), None)
+            if place:
+                return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             return DataError(f"{path}: a header but no samples")
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
@@ -263,7 +281,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
     header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
-    advice = (
+    advice = grouped(lines[k], delimiter) or (
         "; a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
         if delimiter == "," and len(cells[k]) > len(header)
         else "; each column needs a name of one word"
