@@ -123,11 +123,14 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         row = int(np.argmax(back)) + 1
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
+        advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
     elif rounded := rounded_clock(timepts):
         advice = (
             "they are printed too coarsely; where the rows are evenly sampled, state their sample time: "
             f"--dt {rounded.sample_time:.9g}"
         )
+    elif (steps == 0.0).mean() > 0.5:
+        advice = "they are stored too coarsely to tell the sample time; where the rows are evenly sampled, state it: --dt SECONDS"
     return DataError(
         f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}"
     )

@@ -35,6 +35,7 @@ from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
 _GZIP = b"\x1f\x8b"  # begins its files
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
+_FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # the exponent of a number in double precision
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -152,7 +153,8 @@ class CsvTable(Table):
             for column in columns:
                 place = f'{self.where(sample)}, column "{self.shown(column)}"'
                 if column >= len(row) and column >= line.count(self.delimiter) + 1:
-                    return DataError(f"{place}: the row has {len(row)} cells, the header {len(self.headers)}")
+                    ends = "; the file breaks off there: take the row out" if sample == len(self.lines) - 1 else ""
+                    return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
@@ -178,7 +180,8 @@ def read_table(path: str | Path) -> CsvTable:
     content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    return table_of(enumerate(decode(content, name).splitlines(), 1), name, hashlib.sha256(content).hexdigest())
+    text = decode(content, name).replace("\u2212", "-")  # a minus sign of typography
+    return table_of(enumerate(text.splitlines(), 1), name, hashlib.sha256(content).hexdigest())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -195,7 +198,9 @@ def _unzipped(content: bytes, path: str) -> bytes:
 
 def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
     """Return the table that lines of text hold."""
-    filled = [(row, line) for row, line in numbered if line.strip()]
+    filled = [(row, _FORTRAN.sub(r"\1E", line)) for row, line in numbered if line.strip()]
+    while filled and not filled[-1][1].strip(",;|\t "):  # a spreadsheet's empty rows
+        filled.pop()
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)

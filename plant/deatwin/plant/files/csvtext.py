@@ -35,7 +35,9 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1."""
+    """Return the text of a file in UTF-8, UTF-16 or UTF-32 with its mark at the start, GBK, or Latin-1."""
+    if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
+        return content.decode("utf-32", errors="replace")
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return content.decode("utf-16")
@@ -130,7 +132,7 @@ def is_number(cell: str) -> bool:
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and what the line of units says."""
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
-    headers = head[-2] if only_units else head[-1]
+    headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
@@ -145,6 +147,13 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
         units = [find_unit(header) for header in headers]
     return headers, units, said
+
+
+def _header(head: list[list[str]]) -> list[str]:
+    """Return the last line of a header; the one above where that names all columns, and the last only some."""
+    last, above = head[-1], head[-2] if len(head) > 1 else []
+    named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
+    return above if named and not all(last) and not any(split_unit(cell)[1] for cell in last) else last
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -187,7 +196,7 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
     # Above a line of units names may be numbers, as those of an oscilloscope's channels are.
-    above = lines[max(first - 2, 0) : first]
+    above = lines[max(first - 3, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
 
@@ -264,12 +273,20 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if not any(numeric):
-        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if _is_sample(line, line.split())), None)
+        apart = max(map(len, cells)) < 2  # else there is a delimiter, and blanks are none
+        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if apart and _is_sample(line, line.split())), None)
         if blanks is None:
             place = next(((k, cell) for k, row in enumerate(cells) for cell in row if cell.startswith("=")), None)
             if place:
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
-            return DataError(f"{path}: a header but no samples")
+            row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
+            first = next((cell for cell in cells[row] if cell), "")
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is no number' if row else ""
+            return DataError(
+                f"{path}: a header but no samples: no row holds numbers{found}"
+                if row
+                else f"{path}: a header but no samples"
+            )
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:

@@ -360,7 +360,9 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
-        raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
+        kind = f'files "{ending}"' if ending else "files without an ending"
+        hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""
+        raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]
 
 

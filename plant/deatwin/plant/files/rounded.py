@@ -39,10 +39,10 @@ def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | Non
     steps = np.diff(timepts)
     usual = float(np.median(steps))
     odd = np.abs(steps - usual) > _SAME * abs(usual)
-    if (steps < 0.0).any() or odd.sum() < _FEW or (digits := _digits(timepts)) is None:
+    if (steps < 0.0).any() or odd.sum() < (1 if stated else _FEW) or (digits := _digits(timepts)) is None:
         return None
     # A row that is lost, or stands twice, shifts the clock by a step: only if that is a digit could it be rounding.
-    if float(np.median(digits)) > _FINE * usual and odd.mean() < _SHARE:
+    if float(np.median(digits)) > _FINE * usual > 0.0 and odd.mean() < _SHARE:
         return None
     ranks = np.arange(len(timepts)) - 0.5 * (len(timepts) - 1)
     fitted = float(ranks @ timepts / (ranks @ ranks))
