@@ -97,10 +97,8 @@ def even_pieces(
 
 
 def _read_as_even(timepts: Floats, stated: float | None) -> Rounded | None:
-    """Return the even clock of times that are rounded by more than may pass as jitter; None where nothing tells."""
-    rounded = rounded_clock(timepts, stated)
-    unsure = rounded is None or (not stated and each_as_often(timepts))
-    return None if unsure or 0.5 * rounded.digit <= _JITTER * rounded.sample_time else rounded
+    """Return the even clock that rounded times keep; None where nothing tells it."""
+    return None if not stated and each_as_often(timepts) else rounded_clock(timepts, stated)
 
 
 def _evenly(rounded: Rounded, timepts: Floats) -> Piece:
