@@ -53,6 +53,7 @@ def minimise(
             evaluations=cost.evaluations,
         )
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
+    ftol = settled_at(tolerance, first[0].size)
     try:
         solution = least_squares(
             cost.residuals,
@@ -61,8 +62,8 @@ def minimise(
             bounds=(lower, upper),
             x_scale="jac",
             method="trf",
-            ftol=settled_at(tolerance, first[0].size),
-            xtol=1e-9,
+            ftol=ftol,
+            xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # the error rises with the square of the step
             gtol=1e-12,
             max_nfev=evaluations,
         )
