@@ -13,6 +13,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import find_unit
+from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
@@ -153,7 +154,8 @@ def _header(head: list[list[str]]) -> list[str]:
     """Return the last line of a header; the one above where that names all columns, and the last only some."""
     last, above = head[-1], head[-2] if len(head) > 1 else []
     named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
-    return above if named and not all(last) and not any(split_unit(cell)[1] for cell in last) else last
+    known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # then the line above is a title
+    return above if named and not all(last) and not known else last
 
 
 def _are_units(cells: list[str]) -> bool:

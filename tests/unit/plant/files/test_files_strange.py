@@ -27,6 +27,12 @@ READ = {
     ),
     "empty rows of a spreadsheet": ("\n".join([HEAD, *ROWS, ",,", ",,"]), "utf-8"),
     "channels below the names": ("\n".join(["time,command,displacement", ",AI0,AI1", "s,V,mm", *ROWS]), "utf-8"),
+    "a title of as many words": (
+        "\n".join(
+            ["Rig,B,Operator,Smith", ",time_s,command_V,displacement_mm", *(f"{k},{row}" for k, row in enumerate(ROWS))]
+        ),
+        "utf-8",
+    ),
     "days": ("\n".join(["time (days)" + HEAD[6:], *with_times([f"{t / 86400:.15f}" for t in T])]), "utf-8"),
     "UTC behind the time": (
         "\n".join(["time" + HEAD[6:], *with_times([f"2024-05-01 12:00:{t:06.3f} UTC" for t in T])]),
