@@ -198,7 +198,8 @@ def _unzipped(content: bytes, path: str) -> bytes:
 
 def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
     """Return the table that lines of text hold."""
-    filled = [(row, _FORTRAN.sub(r"\1E", line)) for row, line in numbered if line.strip()]
+    filled = [(row, line) for row, line in numbered if line.strip()]
+    filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
     while filled and not filled[-1][1].strip(",;|\t "):  # a spreadsheet's empty rows
         filled.pop()
     declared = Declared()
