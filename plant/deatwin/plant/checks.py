@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from deatwin.plant.errors import DataError, ModelError
-from deatwin.plant.recording import Recording, label
+from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.recording import UNSTATED, Recording, label
+from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec, FilmSpec
 
 # Without a command range in the rig file: no amplifier for these actuators gives more than this, V.
@@ -32,6 +34,24 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
     if found < needed:
         names = ", ".join(dict.fromkeys(label(recording) for recording in recordings))
         raise ModelError(f"{names}: {found} samples, but {what} needs at least {needed}")
+
+
+def check_units(recording: Recording, rig: Rig) -> None:
+    """Refuse a recording whose input or output is stated in another unit than the rig's."""
+    rows = [("input", recording.input_names, recording.input_units, rig.input_unit)]
+    rows += [("output", recording.output_names, recording.output_units, rig.output_unit)]
+    for kind, names, units, wanted in rows:
+        for name, unit in list(zip(names, units, strict=True))[:1]:
+            stated = unit and wanted and (name, unit) != UNSTATED[kind]
+            here, there = UNITS[find_unit(unit)], UNITS[find_unit(wanted)]
+            if not stated or unit == wanted or (here.si and here == there):
+                continue
+            factor = here.onto(there, wanted) if here.si and here.si == there.si else None
+            times = f", {factor.numerator / factor.denominator:g} times these" if factor and not factor.shift else ""
+            raise DataError(
+                f'{label(recording)}: the {kind} "{name}" is in {unit}, but the plant takes it in {wanted}; give a '
+                f"recording with the values in {wanted}{times}"
+            )
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:

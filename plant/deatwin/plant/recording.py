@@ -12,6 +12,8 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
 
+UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
+"""Name and unit of a single signal about which nothing is said."""
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
 
@@ -141,8 +143,8 @@ class Recording:
         (1, 3)
         """
         rows_in, rows_out = (np.atleast_2d(np.asarray(rows, dtype=np.float64)) for rows in (inputs, outputs))
-        names_in, units_in = _labels("input", len(rows_in), input_names, input_units, ("command", "V"))
-        names_out, units_out = _labels("output", len(rows_out), output_names, output_units, ("displacement", "m"))
+        names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
+        names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
         return cls(
             inputs=rows_in,
             outputs=rows_out,

@@ -6,33 +6,45 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from deatwin.ident.greybox.minimum import EVALUATIONS, TOLERANCE
+from deatwin.ident.greybox.covariance import RANK, covariance
+from deatwin.ident.greybox.minimum import EVALUATIONS, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least
+from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
+from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
+from deatwin.plant.calibrated import TWO_SIDED_95
+from deatwin.plant.checks import check_units
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
-NOTHING = 1e-100
-"""Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
-which must be a number."""
-RANK = 1e-12
-"""Squares of singular values below this share of the largest one count as zero."""
 REMAINING = 10.0
 """Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
 A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
 WHOLE = 1e-9
 """Share of a range that an interval may lack at its ends and still be all of it."""
+SURVEYS = 3
+"""Minima, each better than the one before, about which is looked."""
 INVOLVED = 1e-8
 """Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
+
+
+ALIKE = 0.95
+"""Correlation above which an interval is more than three times as long as it were if the other parameter was known."""
+
+
+def _range(parameter: Parameter, low: float, high: float) -> str:
+    """An interval in words; an end of the allowed range is none that the readings gave."""
+    if low <= parameter.lower:
+        return f"{high:.4g} or less"
+    return f"{low:.4g} to {high:.4g}" if high < parameter.upper else f"{low:.4g} or more"
 
 
 def _fitted(fit: Calibration) -> list[Parameter]:
@@ -67,6 +79,9 @@ class Calibration(Described):
         Number of starts that ended with the same, least error.
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
+    reach : tuple of tuple of float
+        Least and greatest values, SI, of the fitted parameters at which the error is hardly larger, where it does not
+        rise as the covariance predicts; empty if it does.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -85,6 +100,9 @@ class Calibration(Described):
     agreed: int = field(default=1, metadata=attribute())
     equals: tuple[tuple[float, ...], ...] = field(
         default=(), metadata=attribute(of=lambda fit: [value for values in fit.equals for value in values])
+    )
+    reach: tuple[tuple[float, float], ...] = field(
+        default=(), metadata=attribute(of=lambda fit: [value for ends in fit.reach for value in ends])
     )
     fault: str = ""
 
@@ -112,11 +130,21 @@ class Calibration(Described):
         for name in self.names:
             parameter, (low, high) = self.plant.parameters[name], self.interval(name)
             unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-            known = f"{low:.4g} to {high:.4g}" if self.is_determined(name) else "undetermined"
+            known = _range(parameter, low, high) if self.is_determined(name) else "undetermined"
             bound = ", on a bound of its range" if name in self.at_bound else ""
             other = "".join(f", or {values[self.names.index(name)]:.6g}" for values in self.equals)
             rows.append(f"  {name} = {parameter.value:.6g}{unit} ({known}{bound}){other}")
+        if together := self._together():
+            rows.append(f"  known together better than alone: {', '.join(together)}")
         return "\n".join(rows)
+
+    def _together(self) -> list[str]:
+        """Pairs of parameters of which the one is known much better where the other is known."""
+        deviations = np.sqrt(np.diag(self.covariance))
+        sizes = np.outer(deviations, deviations)
+        alike = np.divide(self.covariance, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
+        pairs = [(j, k) for j, k in zip(*np.triu_indices(len(self.names), 1), strict=True) if abs(alike[j, k]) > ALIKE]
+        return [f"{self.names[j]} and {self.names[k]} (correlation {alike[j, k]:.4f})" for j, k in pairs]
 
     @property
     def rms(self) -> float:
@@ -150,7 +178,7 @@ class Calibration(Described):
         """True if the fit stopped short of its minimum because it could not compete with a better fit."""
         return self.status is FitStatus.GIVEN_UP
 
-    def interval(self, name: str, deviations: float = 1.959964) -> tuple[float, float]:
+    def interval(self, name: str, deviations: float = TWO_SIDED_95) -> tuple[float, float]:
         """Confidence interval of a parameter, inside its physical range.
 
         Parameters
@@ -172,9 +200,11 @@ class Calibration(Described):
         half = deviations * float(np.sqrt(self.covariance[k, k]))
         scale = parameter.scale
         centre = scale.to_coordinate(parameter.value)
-        least, most = parameter.ends
-        low, high = sorted(scale.to_value(min(max(centre + side * half, least), most)) for side in (-1, 1))
-        return low, high
+        ends = (
+            scale.to_value(min(max(centre + side * half, parameter.ends[0]), parameter.ends[1])) for side in (-1, 1)
+        )
+        low, high = sorted(min(max(end, parameter.lower), parameter.upper) for end in ends)  # against rounding
+        return (min(low, self.reach[k][0]), max(high, self.reach[k][1])) if self.reach else (low, high)
 
     def is_determined(self, name: str) -> bool:
         """Return True if the readings narrow a parameter down: its interval is not the whole allowed range.
@@ -196,7 +226,7 @@ def calibrate(
     names: Sequence[str] | None = None,
     starts: int = STARTS,
     evaluations: int = EVALUATIONS,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     hopeless: float = np.inf,
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
@@ -206,11 +236,10 @@ def calibrate(
     their values, because only a sample or two depend on them; they still count as fitted parameters, with their
     variance.
 
-    A descent ends in the nearest minimum. So, unless the first residual is within the rig's noise, further fits follow
-    on growing initial parts of the record: first from the same values, then from a low-discrepancy sequence of points
-    in the parameters' ranges, which is the same in every run. The search ends when two starts agree on the least error,
-    at about three times the cost of one fit. If they agree in the error but not in the parameters, the result holds
-    both.
+    A descent ends in the nearest minimum. So further fits follow on growing initial parts of the record: first from the
+    same values, then from a low-discrepancy sequence of points in the parameters' ranges, which is the same in every
+    run. The search ends when two starts agree on the least error, at about three times the cost of one fit. Errors
+    agree if a 95 % interval could hold both; if the parameters then do not agree, the result holds both.
 
     Parameters
     ----------
@@ -224,8 +253,9 @@ def calibrate(
         Largest number of starting points; 1 for a single descent from the plant's values.
     evaluations : int
         Largest number of simulations of the whole record in each fit.
-    tolerance : float
-        Relative change of the squared residual at which the fit has settled.
+    tolerance : float, optional
+        Relative change of the squared residual at which the fit has settled. By default the fit goes on until it is
+        within a tenth of a standard error of its minimum, which in a long record takes smaller changes.
     hopeless : float
         Rms residual, SI; a fit is given up if its linearised minimum stays above it.
 
@@ -237,7 +267,7 @@ def calibrate(
     Raises
     ------
     DataError
-        If there is no recording, or the number of starts is less than 1.
+        If there is no recording, one is in another unit than the plant, or the number of starts is less than 1.
 
     References
     ----------
@@ -250,18 +280,29 @@ def calibrate(
         if name not in plant.parameters.free:
             why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
             raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
-    problem = Problem(plant=plant, parts=parts_of(records), names=tuple(names or plant.parameters.free))
-    search = least(problem, plant.rig.noise, starts, evaluations, tolerance, hopeless)
+    parts = parts_of(records)
+    for recording in (recording for part in parts for recording in part.experiment.recordings):
+        check_units(recording, plant.rig)
+    problem = Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free))
+    search = least(problem, starts, evaluations, tolerance, hopeless)
     if search is None:
         return _impossible(problem)
+    fit = _calibration(problem, search)
+    if starts > 1 and fit.status is FitStatus.SETTLED and not _is_exact(fit, problem):
+        search, fit = _surveyed(problem, search, fit, {"evaluations": evaluations, "tolerance": tolerance})
+    return replace(fit, status=_ended(fit, problem, search, tolerance))
+
+
+def _calibration(problem: Problem, search: Search) -> Calibration:
+    """The best fit of a search."""
     found = search.best
     lower, upper = problem.bounds()
     span = 1e-4 * (upper - lower)
     near = (found.coordinates - lower < span) | (upper - found.coordinates < span)
-    calibration = Calibration(
-        plant=plant.with_values(problem.values(found.coordinates)),
+    return Calibration(
+        plant=problem.plant.with_values(problem.values(found.coordinates)),
         names=problem.names,
-        covariance=_covariance(found.residuals, found.jacobian),
+        covariance=covariance(found.residuals, found.jacobian),
         residuals=found.residuals,
         jacobian=found.jacobian,
         status=found.status,
@@ -271,22 +312,43 @@ def calibrate(
         agreed=search.agreed,
         equals=tuple(tuple(problem.values(one)[name] for name in problem.names) for one in search.equals),
     )
-    return replace(calibration, status=_ended(calibration, problem, search, tolerance))
 
 
-def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float) -> FitStatus:
+def _surveyed(
+    problem: Problem, search: Search, fit: Calibration, options: Mapping[str, Any]
+) -> tuple[Search, Calibration]:
+    """A fit with the ranges that a survey found for its parameters; of a better minimum if there is one."""
+    for _ in range(SURVEYS):
+        known = np.array([n not in fit.undetermined and n not in fit.plant.event_times for n in fit.names])
+        found, spent = survey(problem, search.best, known, TWO_SIDED_95)
+        start = None if found is None or found.better is None else problem.values(found.better)
+        another = start and minimise(replace(problem, plant=problem.plant.with_values(start)), **options)
+        search = with_better(search, another or None, spent)
+        fit = _calibration(problem, search)
+        if found is not None:
+            ends = [problem.values(x) for x in (found.lower, found.upper)]
+            fit = replace(fit, reach=tuple((ends[0][name], ends[1][name]) for name in fit.names))
+        if not start:
+            break
+    return search, fit
+
+
+def _is_exact(fit: Calibration, problem: Problem) -> bool:
+    """True if what is left is rounding, whose gradient means nothing."""
+    return fit.rms <= EXACT * float(np.std(np.concatenate([part.measured for part in problem.parts])))
+
+
+def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float | None) -> FitStatus:
     """Outcome of a fit: settled only if its gradient is small and no other start contradicts it."""
     if fit.status is not FitStatus.SETTLED:
         return fit.status
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
-    measured = np.concatenate([part.measured for part in problem.parts])
-    exact = fit.rms <= EXACT * float(np.std(measured))  # what is left is rounding, whose gradient means nothing
     gain = 0.0
-    if any(moves) and not exact:
+    if any(moves) and not _is_exact(fit, problem):
         # If a parameter hardly matters, its bound does not hide a better fit.
         slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
         gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
-    if gain > REMAINING * tolerance * fit.rms**2:
+    if gain > REMAINING * settled_at(tolerance, fit.residuals.size) * fit.rms**2:
         return FitStatus.UNSETTLED
     if search.tried > 1 and search.agreed < 2:
         return FitStatus.OTHER_MINIMA
@@ -295,39 +357,10 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float)
     return fit.status
 
 
-def _covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Covariance of least squares under residuals that are correlated in time."""
-    # Newey-West at zero frequency, over lags up to the root of the record: model errors are slow, and white-noise
-    # formulas too narrow. As the estimate is noisy and low, no variance is taken below that of white noise.
-    scaled, scale = _scaled(jacobian)
-    bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
-    scores = scaled * residuals[:, None]
-    # Weights that fall linearly with the lag are those of overlapping windows: the sum over all lags is one product.
-    window = int(np.sqrt(residuals.size)) + 1
-    total = np.vstack([np.zeros(scale.size), np.cumsum(scores, axis=0)])
-    ends = np.arange(1, residuals.size + window)
-    sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
-    freedom = max(residuals.size - scale.size, 1)
-    # A product of a matrix with itself: no rounding error makes an eigenvalue negative, however alike the parameters.
-    half = sums @ bread * np.sqrt(residuals.size / freedom / window)
-    robust = half.T @ half
-    white = float(residuals @ residuals) / freedom * np.diag(bread)
-    own = np.diag(robust)
-    widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
-    return robust * np.outer(widen, widen) / np.outer(scale, scale)
-
-
 def _width(parameter: Parameter) -> float:
     """Width of a parameter's range in its coordinate; 1 for an unbounded range."""
     least, most = parameter.ends
     return most - least if np.isfinite([least, most]).all() else 1.0
-
-
-def _scaled(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The Jacobian with columns of length 1, and their lengths; 1 of one that is none."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale < NOTHING] = 1.0
-    return jacobian / scale, scale
 
 
 def _impossible(problem: Problem) -> Calibration:

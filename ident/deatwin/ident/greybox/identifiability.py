@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
-from deatwin.ident.greybox.parts import Part, free_run_residuals
+from deatwin.ident.greybox.covariance import white_variances
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.minimum import EVALUATIONS
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.greybox.survey import held
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
@@ -21,8 +24,6 @@ from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    from deatwin.plant.model import Plant
 
 
 Array = NDArray[np.float64]
@@ -192,10 +193,7 @@ def _next_step(step: float, deviance: float, inner: float, outer: float) -> floa
 def _deviations(calibration: Calibration, name: str) -> tuple[float, float]:
     """Standard deviations of a coordinate by the calibration's covariance, and under white residuals."""
     k = calibration.names.index(name)
-    lengths = np.linalg.norm(calibration.jacobian, axis=0)
-    lengths[lengths == 0] = 1.0
-    scaled = calibration.jacobian / lengths
-    white = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12)[k, k] / lengths[k] ** 2 * _variance(calibration)
+    white = white_variances(calibration.residuals, calibration.jacobian)[k]
     return float(np.sqrt(calibration.covariance[k, k])), float(np.sqrt(white))
 
 
@@ -206,23 +204,10 @@ def _variance(calibration: Calibration) -> float:
 
 def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float) -> float:
     """Twice the loss of log likelihood with one parameter held, the others fitted; infinite without a fit."""
-    plant, others = _moved(best, parts, name, value), [n for n in best.names if n != name]
-    if others:
-        refit = calibrate(plant, parts, names=others, starts=1, tolerance=1e-6)
-        residuals = refit.residuals if refit.status.ok else None
-    else:
-        residuals = free_run_residuals(plant, parts)
-    if residuals is None:
-        return float(np.inf)
-    return max(float(residuals @ residuals) - float(best.residuals @ best.residuals), 0.0) / _variance(best)
-
-
-def _moved(best: Calibration, parts: Sequence[Part], name: str, value: float) -> Plant:
-    """The plant with one parameter moved and the others where the covariance expects them then."""
-    # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
-    # that can be simulated.
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
-    along = np.nan_to_num(best.covariance[:, k] / best.covariance[k, k], posinf=0.0, neginf=0.0)
-    start = problem.start()
-    moved = best.plant.parameters[name].scale.to_coordinate(value) - start[k]
-    return best.plant.with_values({**problem.values(start + problem.smooth() * along * moved), name: value})
+    at = best.plant.parameters[name].scale.to_coordinate(value)
+    refit = held(problem, problem.start(), best.covariance, k, at, evaluations=EVALUATIONS, tolerance=1e-6)
+    if refit is None:
+        return float(np.inf)
+    left = float(refit.residuals @ refit.residuals)
+    return max(left - float(best.residuals @ best.residuals), 0.0) / _variance(best)

@@ -12,9 +12,9 @@ from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.tangent import linearised_rms
 
 EVALUATIONS = 30
-TOLERANCE = 1e-4
-"""Relative change of the squared residual at which a fit has settled: with 10,000 samples of white noise it
-changes the log-likelihood by a half."""
+NEAR, MOST = 0.01, 1e-4
+"""Squared standard errors that a fit has settled within, of its minimum: a tenth of one makes no interval miss, as the
+mean square of its error grows by 1 %. In a record of some samples, the largest relative change of the squared residual."""
 LOOKS = 2
 """Points, each better than all before, from which the linearised minimum is looked at before a fit is given up: from
 far away the first may err, and a trial point that is taken back may be farther still."""
@@ -34,7 +34,7 @@ class Minimum:
 
 
 def minimise(
-    problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float = TOLERANCE, hopeless: float = np.inf
+    problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float | None = None, hopeless: float = np.inf
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
     # Only smooth coordinates move: a step of an event past a sample breaks the promise of its derivative, and the trust
@@ -53,6 +53,7 @@ def minimise(
             evaluations=cost.evaluations,
         )
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
+    ftol = settled_at(tolerance, first[0].size)
     try:
         solution = least_squares(
             cost.residuals,
@@ -61,8 +62,8 @@ def minimise(
             bounds=(lower, upper),
             x_scale="jac",
             method="trf",
-            ftol=tolerance,
-            xtol=1e-6,
+            ftol=ftol,
+            xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # the error rises with the square of the step
             gtol=1e-12,
             max_nfev=evaluations,
         )
@@ -86,6 +87,12 @@ def minimise(
         status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED,
         evaluations=cost.evaluations,
     )
+
+
+def settled_at(tolerance: float | None, samples: int) -> float:
+    """Relative change of the squared residual at which a fit has settled: the one that is asked for, or by `NEAR`."""
+    # At a distance of d standard errors the squared residual is d**2 variances of one sample above its least.
+    return min(NEAR / samples, MOST) if tolerance is None else tolerance
 
 
 class _NowhereToGo(Exception):

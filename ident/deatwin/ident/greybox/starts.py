@@ -7,19 +7,23 @@ only then the whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.minimum import Minimum, minimise
+from deatwin.ident.greybox.covariance import covariance, white_variances
+from deatwin.ident.greybox.minimum import MOST, Minimum, minimise
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
+from deatwin.plant.calibrated import TWO_SIDED_95
 
 STARTS = 8
 """Most points: where only one in three leads to the least minimum, all but one search in 25 find it."""
-_AGREE = 0.01
-"""Relative difference of two errors, rms, that is none: far above what a settled fit leaves, 5e-5."""
+_LIMIT = TWO_SIDED_95**2
+"""Quantile at 95 % of the chi-squared law with one degree of freedom: two errors that differ by less, in the variance
+of a sample, could both be those of the truth."""
 EXACT = 1e-6
 """Share of the readings' own spread below which an error is rounding and integration."""
 _FIRST, _SMALLEST = 1 / 32, 4
@@ -40,32 +44,43 @@ class Search:
     equals: tuple[np.ndarray, ...] = ()
 
 
-def least(
-    problem: Problem, noise: float, starts: int, evaluations: int, tolerance: float, hopeless: float
-) -> Search | None:
+def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
     """Fit from the given values, then through growing openings from there and from other points, as far as needed."""
-    options = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
-    first = minimise(problem, **options)  # type: ignore[arg-type]
+    options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
+    first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:
         return None if first is None else Search(best=first, tried=1, agreed=1)
     # The two fits from the given values are one point: that they agree says nothing of other minima.
-    found, spent = [first], first.evaluations
+    best, agreed, found, spent, limit = first, [first], [first], first.evaluations, np.inf
     spread = float(np.std(np.concatenate([part.measured for part in problem.parts])))
-    # The rms of n samples of white noise has a relative standard deviation of 1/sqrt(2 n).
-    enough = noise * (1.0 + 3.0 / np.sqrt(2.0 * first.residuals.size))
-    for start in _starts(problem, starts) if starts > 1 and _rms(first) > enough else ():
+    for start in _starts(problem, starts) if starts > 1 else ():
         one, cost = _through_openings(start, options)
         spent += cost
         if one is not None:
             found = [min(first, one, key=_rms)] if start is problem else [*found, one]
-        if len(_agreeing(found, spread)) > 1:
+        best = min(found, key=_rms)
+        agreed = _agreeing(found, limit := _same(best, spread))
+        if len(agreed) > 1:
             break
-    best, agreed = min(found, key=_rms), _agreeing(found, spread)
     return Search(
         best=replace(best, evaluations=spent),
         tried=len(found),
         agreed=len(agreed),
-        equals=_equals(best, agreed, spread),
+        equals=_equals(best, agreed, limit),
+    )
+
+
+def with_better(search: Search, found: Minimum | None, spent: int) -> Search:
+    """A search that goes on from its end: the best of both, which nothing confirms if it is clearly better."""
+    spent += search.best.evaluations + (0 if found is None else found.evaluations)
+    if found is None or _rms(found) >= _rms(search.best):
+        return replace(search, best=replace(search.best, evaluations=spent))
+    same = _rms(search.best) <= _same(found, 0.0)
+    return replace(
+        search,
+        best=replace(found, evaluations=spent),
+        agreed=search.agreed if same else 1,
+        equals=search.equals if same else (),
     )
 
 
@@ -73,28 +88,29 @@ def _rms(found: Minimum) -> float:
     return float(np.sqrt(np.mean(found.residuals**2)))
 
 
-def _same(error: float, spread: float) -> float:
-    """The largest error that is no other than a given one."""
-    return max((1.0 + _AGREE) * error, EXACT * spread)
+def _same(best: Minimum, spread: float) -> float:
+    """The largest error that is no other than that of the best fit."""
+    # Residuals that are correlated in time count as fewer samples: the variances tell how many.
+    white, robust = white_variances(best.residuals, best.jacobian), np.diag(covariance(best.residuals, best.jacobian))
+    fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))
+    return max(np.sqrt(1.0 + _LIMIT * fewer / best.residuals.size) * _rms(best), EXACT * spread)
 
 
-def _agreeing(found: list[Minimum], spread: float) -> list[Minimum]:
-    limit = _same(min(map(_rms, found)), spread)
+def _agreeing(found: list[Minimum], limit: float) -> list[Minimum]:
     return [one for one in found if _rms(one) <= limit]
 
 
-def _equals(best: Minimum, agreed: list[Minimum], spread: float) -> tuple[np.ndarray, ...]:
+def _equals(best: Minimum, agreed: list[Minimum], limit: float) -> tuple[np.ndarray, ...]:
     """Ends of fits with the error of the best one, at values where its linear model predicts another error."""
     apart: list[Minimum] = [best]
     for one in agreed:
-        if all(_far(one.coordinates - other.coordinates, other, spread) for other in apart):
+        if all(_far(one.coordinates - other.coordinates, other, limit) for other in apart):
             apart.append(one)
     return tuple(one.coordinates for one in apart[1:])
 
 
-def _far(step: np.ndarray, found: Minimum, spread: float) -> bool:
-    error = _rms(found)
-    return float(np.hypot(error, np.sqrt(np.mean((found.jacobian @ step) ** 2)))) > _same(error, spread)
+def _far(step: np.ndarray, found: Minimum, limit: float) -> bool:
+    return float(np.hypot(_rms(found), np.sqrt(np.mean((found.jacobian @ step) ** 2)))) > limit
 
 
 def _starts(problem: Problem, count: int) -> Iterator[Problem]:
@@ -111,17 +127,22 @@ def _starts(problem: Problem, count: int) -> Iterator[Problem]:
         yield replace(problem, plant=problem.plant.with_values(values))
 
 
-def _through_openings(problem: Problem, options: dict[str, float]) -> tuple[Minimum | None, int]:
+def _through_openings(problem: Problem, options: Mapping[str, Any]) -> tuple[Minimum | None, int]:
     """A fit of openings of the record, each twice as long as the one before and begun where that ended."""
     needed = _SMALLEST * len(problem.names)
-    share, spent, rough = _FIRST, 0.0, {**options, "evaluations": min(_ROUGH, options["evaluations"])}
+    share, spent = _FIRST, 0.0
+    rough = {
+        **options,
+        "evaluations": min(_ROUGH, options["evaluations"]),
+        "tolerance": max(MOST, options["tolerance"] or MOST),
+    }
     while share < 1.0:
         parts = tuple(part.opening(max(int(share * part.size), needed)) for part in problem.parts)
-        found = minimise(replace(problem, parts=parts), **rough)  # type: ignore[arg-type]
+        found = minimise(replace(problem, parts=parts), **rough)
         if found is None:
             return None, int(np.ceil(spent)) + 1
         spent += share * found.evaluations
         problem = replace(problem, plant=problem.plant.with_values(problem.values(found.coordinates)))
         share *= 2.0
-    whole = minimise(problem, **options)  # type: ignore[arg-type]
+    whole = minimise(problem, **options)
     return whole, int(np.ceil(spent)) + (1 if whole is None else whole.evaluations)

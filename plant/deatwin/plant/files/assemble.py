@@ -18,7 +18,14 @@ from deatwin.plant.files.dates import ORDERS, moment
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
 from deatwin.plant.files.formats.tdms import STARTED
-from deatwin.plant.files.timecolumns import no_times, time_column, times_options, unit_of_steps, with_times
+from deatwin.plant.files.timecolumns import (
+    no_times,
+    require_unit,
+    time_column,
+    times_options,
+    unit_of_steps,
+    with_times,
+)
 from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import USUAL_TIMES
@@ -50,6 +57,7 @@ def recordings_of(
     declared = [column for role in ("input", "output", "extra") for column in table.columns_of(role)]
     needed = dt is None and table.timing(taken or declared) is None
     times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
+    bare = table
     if times is not None:
         table = with_times(table, times, unit)
         _tell_times(table, times, unit, named_times)
@@ -66,6 +74,8 @@ def recordings_of(
         told is not None and dt is not None and not unit and named_times is None and bool((np.diff(told) == 1).all())
     )
     told = None if counted else told
+    if told is not None and times is not None and not unit and times not in table.scales:
+        require_unit(bare, times, told)
     ticks = times is not None and not unit and told is not None and _may_be_ticks(table, times, told)
     remark = ""
     if times is not None and told is not None:
@@ -201,11 +211,12 @@ class _Source:
                 signals[role] = [replace(signal, name=signal.header) for signal in signals[role]]
         return signals
 
-    def origin(self, first: int, last: int) -> dict[str, str]:
-        """Return the origin of the rows from one up to another."""
+    def origin(self, first: int, last: int, remark: str = "") -> dict[str, str]:
+        """Return the origin of the rows from one up to another. `remark` on their clock."""
         table = self.table
         rows = f"{table.row(first)}-{table.row(last - 1)}"
-        clock = {"clock": self.remark} if self.remark else {}
+        remarks = [text for text in (self.remark, remark) if text]
+        clock = {"clock": "; ".join(remarks)} if remarks else {}
         for scale in table.scales.values():
             clock |= scale.provenance
         return {"file": table.path, "sha256": table.sha256, "rows": rows, **clock}
@@ -237,7 +248,7 @@ def _recordings(
             piece.clock,
             step,
             dict.fromkeys(source.roles, piece.take),
-            source.origin(piece.first, piece.last)
+            source.origin(piece.first, piece.last, piece.remark)
             | ({"resampled": "linear, from times off the even clock"} if piece.interpolated else {}),
         )
         for piece in pieces

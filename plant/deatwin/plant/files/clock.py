@@ -4,8 +4,9 @@ What counts as even, and why:
 
 - A time may lie 2.5 % of a sample off the even clock. At 50 Hz that is 0.5 ms, which moves a 1 Hz signal by
   0.3 % of its amplitude: below the noise of the sensors that deatwin is made for.
-- Times that are printed with few digits may lie half a digit off, up to a quarter of a sample: the sampling
-  was even, only its print is rounded. Then many steps are a digit off; a few odd ones are not from rounding.
+- Times that are stored with few digits may lie half a digit off: the sampling was even, only its print is
+  rounded. Then many steps are a digit off; a few odd ones are not from rounding. Between gaps half a digit may be a
+  quarter of a sample.
 - Test machines log an extra sample where a segment of the test ends, so that a step is short and the clock
   after it shifted. While such steps are at most 0.5 % of all, the record is interpolated on the even clock:
   the steps in between are no longer than a sample, so nothing is invented. Its provenance says so.
@@ -15,13 +16,14 @@ no record with gaps but an uneven one.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.rounded import Rounded, each_as_often, rounded_clock
 from deatwin.plant.resampling import resampling_options
 
 Floats = NDArray[np.float64]
@@ -47,6 +49,7 @@ class Piece:
     timepts: Floats  # Times of these rows as the file has them, s
     clock: Floats  # The even clock, s
     interpolated: bool  # True if the rows are off the even clock and have to be interpolated
+    remark: str = ""  # What was done to the times, in words
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
@@ -72,8 +75,8 @@ def even_pieces(
     if len(timepts) < 2:
         raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
     steps = np.diff(timepts)
-    if stated and _coarse(timepts, stated):
-        return stated, [Piece.even(len(timepts), stated, _start(timepts, stated))]
+    if rounded := _read_as_even(timepts, stated):
+        return rounded.sample_time, [_evenly(rounded, timepts)]
     if (steps <= 0.0).any():
         raise _not_increasing(timepts, where)
     usual = float(np.median(steps))
@@ -93,15 +96,18 @@ def even_pieces(
     return sample_time, list(_pieces(timepts, edges, short, sample_time, tolerance))
 
 
-def _coarse(timepts: Floats, sample_time: float) -> bool:
-    """Return whether times repeat only because they are printed with few digits, and otherwise keep a clock."""
-    steps = np.diff(timepts)
-    if (steps < 0.0).any() or (steps == 0.0).mean() < _ROUNDED_STEPS or not steps.any():
-        return False
-    digit = float(steps[steps > 0.0].min())
-    # A rounded time lies half a digit off, one that is cut off a whole one: off the middle of all, half.
-    off = float(_off_clock(timepts, sample_time).max())
-    return digit > sample_time * (1.0 + _JITTER) and off <= _SLACK * 0.5 * digit
+def _read_as_even(timepts: Floats, stated: float | None) -> Rounded | None:
+    """Return the even clock that rounded times keep; None where nothing tells it."""
+    return None if not stated and each_as_often(timepts) else rounded_clock(timepts, stated)
+
+
+def _evenly(rounded: Rounded, timepts: Floats) -> Piece:
+    """Return all rows on the even clock of rounded times; the report says so where the old one cannot be seen."""
+    first, step = float(timepts[0]), rounded.sample_time
+    start = first if abs(rounded.start - first) <= _AGREE * step else rounded.start
+    said = f"the times are stored to {rounded.digit:.2g} s only: read as even, {step:.9g} s a sample"
+    piece = Piece.even(len(timepts), step, start)
+    return replace(piece, remark=said if rounded.digit > 2.0 * _ROUNDING * step else "")
 
 
 def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
@@ -110,17 +116,19 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
     at = np.flatnonzero(steps <= 0.0) + 1
     row = int(at[0])
     more = f" ({len(at)} such rows in all)" if len(at) > 1 else ""
-    ranks = np.arange(len(timepts)) - 0.5 * (len(timepts) - 1)
-    fitted = abs(float(ranks @ timepts / (ranks @ ranks)))
-    # A sample time has few digits.
-    rounded = [step for digits in (1, 2, 3, 4) if _coarse(timepts, step := float(f"{fitted:.{digits}g}"))]
     advice = "take the rows out that stand twice, or correct their times"
     if (back := steps < 0.0).any():
         row = int(np.argmax(back)) + 1
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
-    elif rounded:
-        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: --dt {rounded[0]:g}"
+        advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
+    elif rounded := rounded_clock(timepts):
+        advice = (
+            "they are printed too coarsely; where the rows are evenly sampled, state their sample time: "
+            f"--dt {rounded.sample_time:.9g}"
+        )
+    elif (steps == 0.0).mean() > 0.5:
+        advice = "they are stored too coarsely to tell the sample time; where the rows are evenly sampled, state it: --dt SECONDS"
     return DataError(
         f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}"
     )

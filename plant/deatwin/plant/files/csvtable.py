@@ -1,8 +1,11 @@
 """Conversion of CSV text to named columns of numbers, with any encoding, delimiter and header lines."""
 
 import csv
+import gzip
 import hashlib
+import io
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
@@ -12,15 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError, nearest
-from deatwin.plant.files.csvtext import BLANKS, decode, find_layout, is_comment, is_number, names_and_units, split_cells
+from deatwin.plant.files.csvtext import (
+    BLANKS,
+    decode,
+    find_layout,
+    formula,
+    grouped,
+    is_comment,
+    is_number,
+    names_and_units,
+    split_cells,
+)
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import Unit
-from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, read_regular
+from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
 DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
+_GZIP = b"\x1f\x8b"  # begins its files
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
+_FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # the exponent of a number in double precision
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -95,28 +110,38 @@ class CsvTable(Table):
         count = len(self.headers)
         for sample, row in enumerate(rows):
             if len(row) > count and any(cell.strip() for cell in row[count:]):
-                raise DataError(f"{self.where(sample)}: {len(row)} cells, but the header has {count}")
+                hint = grouped(self.lines[sample], self.delimiter)
+                raise DataError(f"{self.where(sample)}: {len(row)} cells, but the header has {count}{hint}")
         return rows
 
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:
         """Return the cells with decimal points, if it is certain that their commas are decimal commas."""
         if not any("," in cell for cells in texts for cell in cells):
             return texts
-        number, sure = None, False
+        comma = point = ""  # The first cell with either sign
+        sure = False
         for column, cells in zip(columns, texts, strict=True):
-            for sample, cell in enumerate(cells):
-                place = f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cell.strip())}"'
-                if "." in cell and is_number(cell.replace(",", "")):
-                    raise DataError(
-                        f"{place} has a decimal point, other numbers of the file have a comma; "
-                        "use one decimal sign and no marks between thousands"
-                    )
-                if "," in cell and number is None:
-                    number = place
-                sure = sure or ("," in cell and not _THOUSANDS.fullmatch(cell.strip()))
+            for sample, cell in enumerate(map(str.strip, cells)):
+                if not ("," in cell or (not point and "." in cell and is_number(cell))):
+                    continue
+                place = f'{self.where(sample)}, column "{self.shown(column)}": "{clipped(cell)}"'
+                if "," not in cell:
+                    point = place
+                    continue
+                mark = "," if cell.rfind(".") > cell.rfind(",") or cell.count(",") > 1 else "."
+                bare = cell.replace(mark, "")
+                if mark in cell and is_number(bare.replace(",", ".")):
+                    raise DataError(f"{place} has a mark between thousands; write it as {bare}")
+                comma = comma or place
+                sure = sure or not _THOUSANDS.fullmatch(cell)
+        if comma and point:
+            raise DataError(
+                f"{comma} has a comma, where {point.removeprefix(f'{self.path}, ')} has a decimal point; use one "
+                "decimal sign and no marks between thousands"
+            )
         if not sure:
             raise DataError(
-                f"{number} may mean thousands or a decimal comma, and no number of the file tells; "
+                f"{comma} may mean thousands or a decimal comma, and no number of the file tells; "
                 "write it with a decimal point"
             )
         return [[cell.replace(",", ".") for cell in cells] for cells in texts]
@@ -128,7 +153,8 @@ class CsvTable(Table):
             for column in columns:
                 place = f'{self.where(sample)}, column "{self.shown(column)}"'
                 if column >= len(row) and column >= line.count(self.delimiter) + 1:
-                    return DataError(f"{place}: the row has {len(row)} cells, the header {len(self.headers)}")
+                    ends = "; the file breaks off there: take the row out" if sample == len(self.lines) - 1 else ""
+                    return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
@@ -136,6 +162,8 @@ class CsvTable(Table):
                     return DataError(f"{place}: {fault}")
                 if self._dated(column):
                     continue
+                if cell.startswith("="):
+                    return DataError(f"{place}: {formula(cell)}")
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
@@ -149,14 +177,31 @@ def read_table(path: str | Path) -> CsvTable:
     Encodings: UTF-8, UTF-16 with its mark, GBK, Latin-1; delimiters: comma, semicolon, tab, bar, blanks.
     """
     content, name = read_bytes(path, TEXT_BYTES), str(path)
+    content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    return table_of(enumerate(decode(content, name).splitlines(), 1), name, hashlib.sha256(content).hexdigest())
+    text = decode(content, name).replace("\u2212", "-")  # a minus sign of typography
+    return table_of(enumerate(text.splitlines(), 1), name, hashlib.sha256(content).hexdigest())
+
+
+def _unzipped(content: bytes, path: str) -> bytes:
+    """Return the text in a file of gzip."""
+    try:
+        with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
+            text = packed.read(TEXT_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged, or not all there") from None
+    if len(text) > TEXT_BYTES:
+        raise DataError(f"{path}: it unpacks to more than {in_words(TEXT_BYTES)}, which is the most that can be read")
+    return text
 
 
 def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
     """Return the table that lines of text hold."""
     filled = [(row, line) for row, line in numbered if line.strip()]
+    filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
+    while filled and not filled[-1][1].strip(",;|\t "):  # a spreadsheet's empty rows
+        filled.pop()
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)

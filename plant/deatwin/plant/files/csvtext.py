@@ -13,6 +13,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import find_unit
+from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
@@ -20,6 +21,7 @@ BLANKS = " "  # as a delimiter: any run of blanks and tabs
 _HEAD = 1000  # lines at most before the samples
 _LIKE_SAMPLES = 3  # lines that hold numbers follow a header, where there are so many
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
+_GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # no blank before or in brackets
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
@@ -34,7 +36,9 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 with its mark at the start, GBK, or Latin-1."""
+    """Return the text of a file in UTF-8, UTF-16 or UTF-32 with its mark at the start, GBK, or Latin-1."""
+    if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
+        return content.decode("utf-32", errors="replace")
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return content.decode("utf-16")
@@ -103,6 +107,20 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     return cells
 
 
+def formula(cell: str) -> str:
+    """Return the fault of a cell that holds a formula."""
+    return (
+        f'"{clipped(cell)}" is a formula whose value the file does not hold; open it in a spreadsheet program, and save '
+        "it there"
+    )
+
+
+def grouped(line: str, delimiter: str) -> str:
+    """Return the end of an error text for a line in which a comma stands between thousands and as delimiter."""
+    found = _GROUPED.search(line) if delimiter == "," else None
+    return f"; is {found[0]} one number? Then write it without the comma" if found else ""
+
+
 def is_number(cell: str) -> bool:
     """Return whether a cell is a number, with decimal point."""
     try:
@@ -115,7 +133,7 @@ def is_number(cell: str) -> bool:
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and what the line of units says."""
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
-    headers = head[-2] if only_units else head[-1]
+    headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
@@ -130,6 +148,14 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
         units = [find_unit(header) for header in headers]
     return headers, units, said
+
+
+def _header(head: list[list[str]]) -> list[str]:
+    """Return the last line of a header; the one above where that names all columns, and the last only some."""
+    last, above = head[-1], head[-2] if len(head) > 1 else []
+    named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
+    known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # then the line above is a title
+    return above if named and not all(last) and not known else last
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -172,7 +198,7 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
     # Above a line of units names may be numbers, as those of an oscilloscope's channels are.
-    above = lines[max(first - 2, 0) : first]
+    above = lines[max(first - 3, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
 
@@ -249,9 +275,20 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if not any(numeric):
-        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if _is_sample(line, line.split())), None)
+        apart = max(map(len, cells)) < 2  # else there is a delimiter, and blanks are none
+        blanks = next((k for k, line in enumerate(lines[:_HEAD]) if apart and _is_sample(line, line.split())), None)
         if blanks is None:
-            return DataError(f"{path}: a header but no samples")
+            place = next(((k, cell) for k, row in enumerate(cells) for cell in row if cell.startswith("=")), None)
+            if place:
+                return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
+            row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
+            first = next((cell for cell in cells[row] if cell), "")
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is no number' if row else ""
+            return DataError(
+                f"{path}: a header but no samples: no row holds numbers{found}"
+                if row
+                else f"{path}: a header but no samples"
+            )
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
@@ -263,7 +300,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
     header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
-    advice = (
+    advice = grouped(lines[k], delimiter) or (
         "; a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
         if delimiter == "," and len(cells[k]) > len(header)
         else "; each column needs a name of one word"

@@ -15,7 +15,8 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
 _CLOCK = re.compile(
-    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|[+-]\d\d(?::?\d\d)?)?", re.IGNORECASE
+    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
+    re.IGNORECASE,
 )
 _DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
@@ -91,7 +92,7 @@ def _moment(cell: str, order: str) -> datetime:
     if not time[6]:
         return date
     hours, minutes = (
-        (0, 0) if time[6] in "Zz" else (int(time[6][:3]), int(time[6][0] + (time[6][3:].strip(":") or "0")))
+        (0, 0) if time[6][0].isalpha() else (int(time[6][:3]), int(time[6][0] + (time[6][3:].strip(":") or "0")))
     )
     return date.replace(tzinfo=timezone(timedelta(hours=hours, minutes=minutes)))
 

@@ -39,6 +39,7 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".tdms": read_tdms,
     ".nc": read_netcdf,
 }
+_PACKED = (".gz", ".zip", ".7z", ".bz2", ".xz", ".zst", ".rar", ".tar", ".tgz")
 _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     ".csv": lambda path, recording: _write_text(path, csv_text(recording)),
     ".mat": write_mat,
@@ -350,11 +351,18 @@ def _write_text(path: Path, text: str) -> None:
 
 def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     """Return the reader or writer of a file's format."""
-    ending = Path(split_sheet(path)[0] if verb == "read" else path).suffix.lower()
+    name = Path(split_sheet(path)[0] if verb == "read" else path)
+    ending = name.suffix.lower()
+    if ending == ".gz" and verb == "read" and ways.get(name.with_suffix("").suffix.lower()) is ways[".csv"]:
+        return ways[".csv"]
+    if ending in _PACKED and verb == "read":
+        raise DataError(f"{path}: it is packed; unpack it, and give the file that is in it")
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
-        raise DataError(f'{path}: files "{ending}" cannot be {verb}; known are {", ".join(ways)}')
+        kind = f'files "{ending}"' if ending else "files without an ending"
+        hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""
+        raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]
 
 

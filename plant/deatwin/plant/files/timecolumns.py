@@ -4,6 +4,9 @@ import math
 import re
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.dates import ORDERS
@@ -15,11 +18,14 @@ from deatwin.plant.files.wanted import split_stated
 from deatwin.plant.resampling import resampling_options
 from deatwin.plant.safe_read import clipped
 
+Floats = NDArray[np.float64]
 _TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
+_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # days from 1990 to 2100, counted from 1900 and from 0
+_SHORT = 1e-4  # s: of days, less than nine seconds
 _LISTED = 5  # columns that an error text names
 
 
@@ -144,6 +150,25 @@ def with_times(table: Table, column: int, unit: str) -> Table:
             f"none of them tells; state it: {either}"
         )
     return replace(table, units=units, scales={column: scale} if scale else {})
+
+
+def require_unit(table: Table, column: int, times: Floats) -> None:
+    """Refuse numbers as times whose header names an unknown unit, or none where they may be the dates of a spreadsheet
+    or of MATLAB: as many days as since 1900 or since the year 0, in steps that as seconds would be very short.
+    """
+    place = f'{table.path}: the times in the column "{table.shown(column)}"'
+    option = f'--time-column "{table.unmistakable(column)}'
+    if said := "" if table.units[column] else table.own_unit(column):
+        raise DataError(
+            f'{place} are said to be in "{clipped(said)}", which is no known unit of time; state one, such as '
+            f'{option}=s" (known are {", ".join(TIME_UNITS)})'
+        )
+    steps = np.diff(times)
+    if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):
+        raise DataError(
+            f'{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: {option}=day" or '
+            f'{option}=s"'
+        )
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:

@@ -65,6 +65,7 @@ UNITS = {
     **_scaled("s", "mun"),
     "min": Unit("s", 60),
     "h": Unit("s", 3600),
+    "day": Unit("s", 86400),  # its symbol, d, ends too many names
     **_scaled("V", "munk"),
     **_scaled("A", "munpk"),
     **_scaled("ohm", "mkM"),
@@ -150,6 +151,7 @@ _SPELLED_OUT = {
     "micron": "um",
     "minute": "min",
     "hour": "h",
+    "day": "day",
     "celsius": "C",
     "degree": "deg",
     "revolution": "rev",

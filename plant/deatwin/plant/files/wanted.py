@@ -1,6 +1,6 @@
 """Units requested for columns instead of SI, such as those of a plant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from deatwin.plant.errors import DataError, nearest
@@ -59,14 +59,14 @@ def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
 
     A column without a unit is left unchanged.
     """
-    ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1"))}
+    ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1", wanted))}
     names = list(table.names)
     for column in ways:
         names[column] = without_unit(table.headers[column], wanted[column]) or names[column]
     return replace(table, names=tuple(names), wanted={**table.wanted, **ways})
 
 
-def _way(table: Table, column: int, wanted: str) -> Unit | None:
+def _way(table: Table, column: int, wanted: str, taken: Collection[int]) -> Unit | None:
     """Return the unit that leads from a column to the wanted one; None where the column gives no unit."""
     header, known = table.headers[column], table.units[column]
     said = table.said[column].strip("()[] ") if table.said else ""
@@ -81,7 +81,7 @@ def _way(table: Table, column: int, wanted: str) -> Unit | None:
         return replace(unit, si=wanted)
     if not (said := known or said or table.own_unit(column)):
         return None
-    raise _another_unit(table, column, said, wanted)
+    raise _another_unit(table, column, said, wanted, taken)
 
 
 def units_like(wanted: str) -> list[str]:
@@ -96,7 +96,7 @@ def units_like(wanted: str) -> list[str]:
     return [wanted, *(name for name, unit in UNITS.items() if kind and name != wanted and same_kind(unit.si, kind))]
 
 
-def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataError:
+def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Collection[int]) -> DataError:
     """Return the error of a column in a unit of another kind than the wanted one."""
     place = f'{table.path}: the column "{table.shown(column)}" is in {clipped(unit)}'
     name = table.names[column]
@@ -107,15 +107,16 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str) -> DataErro
             f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
         )
     likes = units_like(wanted)
-    stated = (
-        "" if unit in UNITS or is_misspelt(unit) else f'; or state another one: "{table.unmistakable(column)}={wanted}"'
-    )
-    return DataError(
-        f"{place}, but the plant takes it in {wanted}{nearest(unit, likes)} (one of {', '.join(likes)} must stand "
-        f'behind its name, as in "{better}"){stated}'
-        if len(likes) > 1
-        else f'{place}, but the plant takes it in {wanted}; where it is in that, call the column "{better}"{stated}'
-    )
+    fault = f"{place}, but the plant takes it in {wanted}"
+    if len(likes) == 1:
+        return DataError(f'{fault}; where it is in that, call the column "{better}"')
+    hint = "" if unit in UNITS else nearest(unit, likes)  # a known unit of another kind is no misspelling
+    if hint:
+        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
+    fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]
+    example = f', such as "{table.unmistakable(fitting[0])}"' if fitting else ""
+    wrong = "" if unit in UNITS else f'; or state the unit that is meant: "{table.unmistakable(column)}=UNIT"'
+    return DataError(f"{fault}; name a column in one of {', '.join(likes)}{example}{wrong}")
 
 
 def header_like(name: str, wanted: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
-from deatwin.ident.greybox.fit import _covariance
+from deatwin.ident.greybox.covariance import covariance
 from deatwin.ident.greybox.parts import reading_times, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.plant import DataError, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
@@ -79,7 +79,7 @@ def test_95_percent_intervals_cover_the_truth(plant):
     command = noise_command(2)
     hits = []
     for seed in range(40):
-        found = calibrate(plant, [Part.whole(recorded(truth, command, seed))])
+        found = calibrate(plant, [Part.whole(recorded(truth, command, seed))], starts=1)
         for name, value in TRUTH.items():
             low, high = found.interval(name)
             hits.append(low <= value <= high)
@@ -167,13 +167,13 @@ def test_the_covariance_is_that_of_newey_and_west():
     expected = 400 / 397 * bread @ meat @ bread
     white = residuals @ residuals / 397 * np.diag(bread)
     assert np.all(np.diag(expected) > white)
-    np.testing.assert_allclose(_covariance(residuals, jacobian), expected, rtol=1e-9)
+    np.testing.assert_allclose(covariance(residuals, jacobian), expected, rtol=1e-9)
 
 
 def test_a_parameter_that_all_but_does_nothing_is_like_one_that_does_nothing():
     rng = np.random.default_rng(3)
     jacobian, residuals = rng.standard_normal((500, 3)), rng.standard_normal(500)
-    none, hardly = (_covariance(residuals, np.hstack([jacobian, np.full((500, 1), size)])) for size in (0.0, 1e-156))
+    none, hardly = (covariance(residuals, np.hstack([jacobian, np.full((500, 1), size)])) for size in (0.0, 1e-156))
     assert np.isfinite(hardly).all()
     np.testing.assert_allclose(hardly, none, rtol=1e-12, atol=1e-100)
     assert (np.diag(hardly)[:3] > 0.0).all()
@@ -184,7 +184,7 @@ def test_a_covariance_of_parameters_that_are_all_but_one_has_no_negative_eigenva
     rng = np.random.default_rng(5)
     one = np.cumsum(rng.standard_normal(3000))
     jacobian = (one[:, None] + 1e-4 * rng.standard_normal((3000, 6))) * 10.0 ** np.arange(-3, 3)
-    found = _covariance(np.cumsum(rng.standard_normal(3000)), jacobian)
+    found = covariance(np.cumsum(rng.standard_normal(3000)), jacobian)
     scaled = found / np.sqrt(np.outer(np.diag(found), np.diag(found)))
     rounding = 3000 * np.finfo(float).eps
     np.testing.assert_allclose(scaled, scaled.T, rtol=0, atol=rounding)
@@ -200,7 +200,7 @@ def fit_with(*columns: np.ndarray) -> Calibration:
     return Calibration(
         plant=SimpleNamespace(parameters=parameters),
         names=names,
-        covariance=_covariance(residuals, jacobian),
+        covariance=covariance(residuals, jacobian),
         residuals=residuals,
         jacobian=jacobian,
         status=FitStatus.SETTLED,

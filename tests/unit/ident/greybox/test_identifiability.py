@@ -6,8 +6,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox import FitStatus, Part, calibrate, identifiability
+from deatwin.ident.greybox import Part, calibrate, survey
 from deatwin.ident.greybox.identifiability import profile
+from deatwin.ident.greybox.minimum import minimise
 from deatwin.plant import Experiment, Parameter, Plant, Recording, Rig, StartProcedure
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
@@ -100,11 +101,11 @@ def test_a_parameter_that_others_can_stand_in_for_is_followed_along_their_valley
     calibration = calibrate(Plant(rig=Scales()), parts, tolerance=1e-10)
     begun = []
 
-    def noted(plant, parts, **options):
-        begun.append(calibrate(plant, parts, evaluations=1, names=options["names"]).rms)
-        return calibrate(plant, parts, **options)
+    def noted(problem, **options):
+        begun.append(np.sqrt(np.mean(problem.evaluate(problem.start())[0] ** 2)))
+        return minimise(problem, **options)
 
-    monkeypatch.setattr(identifiability, "calibrate", noted)
+    monkeypatch.setattr(survey, "minimise", noted)
     found = profile(calibration, parts, "gain")
     low, high = calibration.interval("gain")
     assert (found.low, found.high) == pytest.approx((low, high), abs=0.01 * (high - low))
@@ -119,11 +120,10 @@ def test_where_the_plant_has_no_fit_the_interval_ends_at_the_last_value_that_has
     low, high = calibration.interval("gain")
     wall = gain + nearest * (high - gain)
 
-    def stopped(plant, parts, **options):
-        fit = calibrate(plant, parts, **options)
-        return fit if plant.parameters["gain"].value < wall else replace(fit, status=FitStatus.IMPOSSIBLE)
+    def stopped(problem, **options):
+        return minimise(problem, **options) if problem.plant.parameters["gain"].value < wall else None
 
-    monkeypatch.setattr(identifiability, "calibrate", stopped)
+    monkeypatch.setattr(survey, "minimise", stopped)
     found = profile(calibration, parts, "gain")
     assert np.all(np.isfinite(found.deviances))
     assert found.deviances[found.values == gain] == 0.0

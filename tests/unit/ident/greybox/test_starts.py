@@ -101,11 +101,6 @@ def test_recordings_and_experiments_are_taken_as_they_are(turned):
         calibrate(plant, turned, starts=0)
 
 
-def test_a_fit_that_leaves_only_the_rigs_noise_needs_no_other_start(turned):
-    found = calibrate(Plant(rig=Rotor(noise=NOISE), values=TRUE), turned)
-    assert (found.starts, found.status) == (1, FitStatus.SETTLED)
-
-
 def test_a_descent_that_stops_on_a_slope_does_not_say_that_it_settled(turned, monkeypatch):
     def stuck(problem, **options):
         residuals, jacobian = problem.evaluate(problem.start())

@@ -132,8 +132,10 @@ def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path
     found = read_recording(path, dt=STEP)
     assert the_clock(found) == (STEP, STEP * 39)
     assert "counts the rows" in found.provenance["clock"]
-    with pytest.raises(DataError, match="keep the stated sample time"):
+    with pytest.raises(DataError, match='said to be in "samples", which is no known unit of time'):
         read_recording(path, dt=STEP, time_column="#1")
+    with pytest.raises(DataError, match="keep the stated sample time"):
+        read_recording(path, dt=STEP, time_column="#1=s")
 
 
 @pytest.mark.parametrize(

@@ -248,7 +248,7 @@ class TestFaults:
             ("0.180,1.0,nan", r'row 11, column "displacement_mm": nan is not a finite number'),
             ("0.180,1.0,-inf", r'row 11, column "displacement_mm": -inf is not a finite number'),
             ("0.180,,0.1", r'row 11, column "command_V": the cell is empty'),
-            ("0.180,1.0", r'row 11, column "displacement_mm": the row has 2 cells, the header 3'),
+            ("0.180,1.0", r'row 11, column "displacement_mm": the row has 2 of 3 cells'),
         ],
     )
     def test_cell(self, write, bad: str, message: str) -> None:

@@ -100,11 +100,11 @@ class TestRefused:
             ),
             (
                 [HEADER.replace(",", ";"), "0,02;1.234,5;1", "0,04;1.240,5;2"],
-                r'row 2, column "command_V": "1.234,5" has a decimal point, other numbers .* a comma',
+                r'row 2, column "command_V": "1.234,5" has a mark between thousands; write it as 1234,5',
             ),
             (
                 [HEADER.replace(",", ";"), "0,02;1,5;1.5", "0,04;1,5;2"],
-                r'row 2, column "displacement_mm": "1.5" has a decimal point, other numbers .* a comma',
+                r'row 2, column "command_V": "1,5" has a comma, where row 2, .* has a decimal point',
             ),
             ([HEADER, "0.00,1_0,0.1", *LINES[1:]], r'row 2, column "command_V": "1_0" is not a number'),
             ([HEADER, "0.00,1,1e", *LINES[1:]], r'row 2, column "displacement_mm": "1e" is not a number'),

@@ -61,12 +61,28 @@ def test_the_unit_below_the_name_counts_too(tmp_path: Path) -> None:
     assert found.output_units == ("widgets/h",)
 
 
-@pytest.mark.parametrize(("header", "wanted"), [("speed (mm)", "1"), ("speed (mm)", "rad/s"), ("speed (Hz)", "rad/s")])
-def test_another_kind_is_refused_with_a_header_that_works(tmp_path: Path, header: str, wanted: str) -> None:
+def test_a_unit_where_none_is_taken_is_refused_with_a_header_that_works(tmp_path: Path) -> None:
     with pytest.raises(DataError) as error:
-        read(written(tmp_path, header), header, wanted)
+        read(written(tmp_path, "speed (mm)"), "speed (mm)", "1")
     better = re.findall('"([^"]*)"', str(error.value))[-1]
-    assert read(written(tmp_path, better), better, wanted) == ("speed", wanted, [1.0, 2.0, -3.0])
+    assert read(written(tmp_path, better), better, "1") == ("speed", "1", [1.0, 2.0, -3.0])
+
+
+@pytest.mark.parametrize(
+    ("header", "wanted", "fits"),
+    [("temp_C", "m", "pos_mm"), ("speed (Hz)", "rad/s", "turns (rpm)"), ("light [lux]", "m", "pos (um)")],
+)
+def test_another_quantity_is_refused_with_a_column_that_works(
+    tmp_path: Path, header: str, wanted: str, fits: str
+) -> None:
+    """Nothing makes degrees of a metre: neither a unit like C, as cm is, nor the name of a unit behind the column."""
+    path = written(tmp_path, header)
+    rows = path.read_text(encoding="utf-8").splitlines()
+    path.write_text("\n".join([f"{rows[0]},{fits}", *(f"{row},1" for row in rows[1:])]), encoding="utf-8")
+    with pytest.raises(DataError) as error:
+        read(path, header, wanted)
+    assert "did you mean" not in str(error.value) and f"={wanted}" not in str(error.value)
+    assert f'such as "{fits}"' in str(error.value) and read(path, fits, wanted)[1] == wanted
 
 
 @settings(deadline=None, max_examples=200, derandomize=True)
@@ -82,7 +98,7 @@ def test_what_is_offered_works(tmp_path_factory: pytest.TempPathFactory, said: s
     except DataError as error:
         offered = [f"x ({text})" for text in re.findall('did you mean "([^"]*)"', str(error))]
         offered += re.findall('as in "([^"]*)"', str(error))
-        listed = re.findall(r"(?:one of|known are) (.*?)(?: must stand|\)$)", str(error))
+        listed = re.findall(r"(?:one of|known are) (.*?)(?: must stand|\)$|, such as|; or state|$)", str(error))
         offered += [f"x ({unit})" for text in listed for unit in text.split(", ")]
         assert offered
         for better in offered:

@@ -118,6 +118,11 @@ class Table(ABC):
         found = [k for k, header in enumerate(self.headers) if header == wanted]
         found = found or [k for k, name in enumerate(self.names) if name == wanted]
         if not found:
+            parts = [part.strip() for part in wanted.split(",")]
+            if len(parts) > 1 and (listed := [p for p in parts if p in (*self.headers, *self.names)]):
+                fits = [part for part in listed if works(self.column(part))]
+                one = f': "{clipped(fits[0])}"' if fits else ""
+                raise DataError(f'{self.path}: "{clipped(wanted)}" names several columns; name one{one}')
             raise DataError(
                 f'{self.path}: no column "{clipped(wanted)}"; the file has {self.listing()}{self.near(wanted, works)}'
             )

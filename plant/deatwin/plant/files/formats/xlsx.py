@@ -34,8 +34,10 @@ def read_xlsx(path: str | Path) -> CsvTable:
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
             if (size := sum(entry.file_size for entry in packed.infolist())) > TEXT_BYTES:
                 raise DataError(f"{name}: it unpacks to {in_words(size)}; at most {in_words(TEXT_BYTES)} can be read")
-        book = openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True)
-        sheets = {sheet.title: _lines(sheet) for sheet in book.worksheets}
+        # Values, and formulas where they hold none: a program that only writes workbooks does not compute.
+        books = [openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=only) for only in (True, False)]
+        pairs = zip(*(book.worksheets for book in books), strict=True)
+        sheets = {values.title: _lines(values, formulas) for values, formulas in pairs}
     filled = {title: lines for title, lines in sheets.items() if lines}
     titles = ", ".join(f'"{clipped(title)}"' for title in list(filled)[:_LISTED])
     if wanted and wanted not in filled:
@@ -57,12 +59,14 @@ def read_xlsx(path: str | Path) -> CsvTable:
     )
 
 
-def _lines(sheet: Any) -> list[tuple[int, str]]:
+def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
     """Return the rows of a sheet that hold anything, as text between tabs, each with its number."""
     lines = []
-    sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
-    for row, cells in enumerate(sheet.iter_rows(values_only=True), 1):
-        texts = [_text(cell) for cell in cells]
+    for sheet in (values, formulas):
+        sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
+    rows = zip(*(sheet.iter_rows(values_only=True) for sheet in (values, formulas)), strict=True)
+    for row, (cells, written) in enumerate(rows, 1):
+        texts = [_text(source if cell is None else cell) for cell, source in zip(cells, written, strict=True)]
         if any(texts):
             lines.append((row, "\t".join(texts)))
     return lines

@@ -1,0 +1,50 @@
+"""Covariance of least squares under residuals that are correlated in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+NOTHING = 1e-100
+"""Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
+which must be a number."""
+RANK = 1e-12
+"""Squares of singular values below this share of the largest one count as zero."""
+
+
+def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Covariance of least squares under residuals that are correlated in time."""
+    # Newey-West at zero frequency, over lags up to the root of the record: model errors are slow, and white-noise
+    # formulas too narrow. As the estimate is noisy and low, no variance is taken below that of white noise.
+    scaled, scale = _unit_columns(jacobian)
+    bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
+    scores = scaled * residuals[:, None]
+    # Weights that fall linearly with the lag are those of overlapping windows: the sum over all lags is one product.
+    window = int(np.sqrt(residuals.size)) + 1
+    total = np.vstack([np.zeros(scale.size), np.cumsum(scores, axis=0)])
+    ends = np.arange(1, residuals.size + window)
+    sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
+    freedom = max(residuals.size - scale.size, 1)
+    # A product of a matrix with itself: no rounding error makes an eigenvalue negative, however alike the parameters.
+    half = sums @ bread * np.sqrt(residuals.size / freedom / window)
+    robust = half.T @ half
+    white = float(residuals @ residuals) / freedom * np.diag(bread)
+    own = np.diag(robust)
+    widen = np.sqrt(np.divide(np.maximum(own, white), own, out=np.ones_like(own), where=own > 0))
+    return robust * np.outer(widen, widen) / np.outer(scale, scale)
+
+
+def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Variances of the coordinates if the residuals were white noise. Shapes: `residuals` (m,); `jacobian` (m, n);
+    returns (n,).
+    """
+    scaled, scale = _unit_columns(jacobian)
+    freedom = max(residuals.size - scale.size, 1)
+    bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
+    return np.asarray(float(residuals @ residuals) / freedom * np.diag(bread) / scale**2)
+
+
+def _unit_columns(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The Jacobian with columns of length 1, and their lengths; 1 of one that is none."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scale[scale < NOTHING] = 1.0
+    return jacobian / scale, scale

@@ -1,0 +1,109 @@
+"""Times that were stored with too few digits: in single precision, or to some decimals.
+
+A time is then a multiple of a digit, and lies half of one off the clock, or a whole one where digits were cut off. The
+numbers themselves show how coarse they are, each its own digit. Where all rows lie so near to one even clock, they
+were sampled evenly: an uneven clock drifts away from it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+_FEW, _SHARE = 3, 0.1  # steps that differ from the usual one, at least, where times are rounded; of all where coarsely
+_FINE = 0.7  # of a step: a row that is lost or stands twice is off by a whole one
+_SAME = 1e-6  # of the usual step
+_SLACK = 0.1  # of a digit: for the fit of the clock, which rounding moves a little
+_LOOKS = 500  # times that are tried for their digits
+_DECIMALS = range(13)
+_EXACT = 1e-8  # s: no text of a number in single precision has so many decimals from a second on
+_UNITS = (1.0, 1e3, 1e6, 1e9)  # times in s may have been stored in s, ms, us or ns
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rounded:
+    """Even clock that rounded times keep."""
+
+    sample_time: float  # s
+    start: float  # s
+    digit: float  # Distance of two numbers that the file tells apart, s; of most rows
+
+
+def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | None:
+    """Return the even clock that times keep within their own rounding; None where there is none, or where nothing is
+    rounded. `stated` the only sample time that is tried, s. Shapes: `timepts` (n,).
+    """
+    steps = np.diff(timepts)
+    usual = float(np.median(steps))
+    odd = np.abs(steps - usual) > _SAME * abs(usual)
+    if (steps < 0.0).any() or odd.sum() < (1 if stated else _FEW) or (digits := _digits(timepts)) is None:
+        return None
+    # A row that is lost, or stands twice, shifts the clock by a step: only if that is a digit could it be rounding.
+    if float(np.median(digits)) > _FINE * usual > 0.0 and odd.mean() < _SHARE:
+        return None
+    ranks = np.arange(len(timepts)) - 0.5 * (len(timepts) - 1)
+    fitted = float(ranks @ timepts / (ranks @ ranks))
+    for sample_time in [stated] if stated else _simple(fitted):
+        late = timepts - sample_time * np.arange(len(timepts))
+        # Each row's time says within half its digit when the clock began: one beginning must fit all of them.
+        latest, earliest = float((late + 0.5 * digits).min()), float((late - 0.5 * digits).max())
+        if earliest - latest <= _SLACK * float(np.median(digits)):
+            start = 0.5 * (latest + earliest)
+            return Rounded(sample_time=sample_time, start=start, digit=float(np.median(digits)))
+    return None
+
+
+def each_as_often(timepts: Floats) -> bool:
+    """Return whether every time but the first and the last stands in as many rows, and in several: that may also be
+    one row for each of several channels.
+    """
+    often = np.diff(np.flatnonzero(np.diff(timepts) > 0.0))
+    return bool(often.size and often[0] > 1 and (often == often[0]).all())
+
+
+def _simple(fitted: float) -> Iterator[float]:
+    """Sample times near a fitted one, those of few digits first, as time or as rate; the fitted one last."""
+    for digits in range(1, 6):
+        yield float(f"{fitted:.{digits}g}")
+        yield 1.0 / float(f"{1.0 / fitted:.{digits}g}")
+    yield fitted
+
+
+def _digits(timepts: Floats) -> Floats | None:
+    """Return the last digit that was stored of each time, (n,) s; None where times have all digits of a double."""
+    sizes = np.abs(timepts)
+    single = _single(timepts)
+    digits = np.zeros_like(sizes) if single is None else single
+    powers = np.floor(np.log10(np.maximum(sizes, 1e-12)))
+    finest = np.inf
+    for power in np.unique(powers)[::-1]:  # to so many digits, a larger number has no more decimals than a smaller one
+        rows = powers == power
+        decimals = next((d for d in _DECIMALS if _on_grid(timepts[rows], d)), None)
+        if decimals is not None:
+            finest = min(finest, 10.0**-decimals)
+            # The shortest text of a number in single precision lies up to half its digit off once more.
+            coarse = digits[rows] * (1.0 if finest < _EXACT else 2.0)
+            digits[rows] = np.where(digits[rows] > finest, coarse, finest)
+        elif single is None:
+            return None
+    return digits
+
+
+def _single(timepts: Floats) -> Floats | None:
+    """Return the distance of neighbouring numbers of single precision, (n,) s, if the times are such, as numbers or as
+    their shortest text; else None.
+    """
+    looks = timepts[np.linspace(0, len(timepts) - 1, min(_LOOKS, len(timepts))).astype(int)]
+    for unit in _UNITS:
+        for known in (np.float64, str):
+            back = np.array([float(known(np.float32(value))) for value in unit * looks]) / unit
+            if np.allclose(back, looks, rtol=1e-14, atol=0.0):
+                return np.spacing(np.abs(unit * timepts).astype(np.float32)).astype(np.float64) / unit
+    return None
+
+
+def _on_grid(values: Floats, decimals: int) -> bool:
+    return bool(np.allclose(values, np.round(values, decimals), rtol=1e-14, atol=1e-15))

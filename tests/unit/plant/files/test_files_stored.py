@@ -1,0 +1,78 @@
+"""Files as they lie on disks: packed, with formulas, with marks between thousands."""
+
+import gzip
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant import safe_read
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import csvtable, read_recording
+
+HEAD = "time_s,command_V,displacement_mm"
+ROWS = [f"{0.02 * k:.2f},{k % 3},{k}" for k in range(20)]
+TEXT = "\n".join([HEAD, *ROWS])
+
+
+def test_a_text_packed_by_gzip_is_read_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "plain.csv").write_text(TEXT, encoding="utf-8")
+    (tmp_path / "packed.csv.gz").write_bytes(gzip.compress(TEXT.encode()))
+    plain, packed = (read_recording(tmp_path / name) for name in ("plain.csv", "packed.csv.gz"))
+    np.testing.assert_array_equal(plain.outputs, packed.outputs)
+
+
+def test_a_packed_text_that_is_damaged_or_too_large_is_refused(tmp_path: Path, monkeypatch) -> None:
+    path, content = tmp_path / "r.csv.gz", gzip.compress(TEXT.encode())
+    path.write_bytes(content[:-20])
+    with pytest.raises(DataError, match="gzip cannot unpack it"):
+        read_recording(path)
+    monkeypatch.setattr(csvtable, "TEXT_BYTES", 100_000)
+    path.write_bytes(gzip.compress(TEXT.encode() + b"\n" * 1_000_000))
+    with pytest.raises(DataError, match="it unpacks to more than 100 kB"):
+        read_recording(path)
+    assert safe_read.TEXT_BYTES > 100_000
+
+
+@pytest.mark.parametrize("name", ["r.zip", "r.mat.gz", "r.7z"])
+def test_what_is_packed_otherwise_has_to_be_unpacked(tmp_path: Path, name: str) -> None:
+    with zipfile.ZipFile(tmp_path / name, "w") as packed:
+        packed.writestr("r.csv", TEXT)
+    with pytest.raises(DataError, match="it is packed; unpack it"):
+        read_recording(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (['0.02,1,"1,234.5"'], r'row 3, column "displacement_mm": "1,234.5" has a mark .*; write it as 1234.5'),
+        (['0.02,1,"1,234,567"'], r'row 3, column "displacement_mm": "1,234,567" has a mark between thousands'),
+        (['0.02,1,"1.234,5"'], r'row 3, column "displacement_mm": "1.234,5" has a mark .*; write it as 1234,5'),
+        (['0.02,1,"1,5"'], r'row 3, column "displacement_mm": "1,5" has a comma, where row 2, column "time_s": "0.00"'),
+        (["0.02,1,1,234.5"], "row 3: 4 cells, but the header has 3; is 1,234.5 one number"),
+    ],
+)
+def test_a_mark_between_thousands_is_told_where_it_stands(tmp_path: Path, rows: list[str], said: str) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join([HEAD, "0.00,1,2", *rows, *ROWS[2:]]), encoding="utf-8")
+    with pytest.raises(DataError, match=said):
+        read_recording(path)
+
+
+def test_several_columns_in_one_name_are_refused_with_one_that_works(tmp_path: Path) -> None:
+    path = tmp_path / "r.csv"
+    path.write_text(TEXT.replace("command_V", "drive_V"), encoding="utf-8")
+    with pytest.raises(DataError, match='names several columns; name one: "drive_V"'):
+        read_recording(path, input_column="displacement_mm,drive_V")
+
+
+def test_a_formula_without_a_value_is_named(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(HEAD.split(","))
+    for k in range(20):
+        book.active.append([0.02 * k, k % 3, f"=B{k + 2}*2"])
+    book.save(tmp_path / "r.xlsx")
+    with pytest.raises(DataError, match=r'row 2, column "displacement_mm": "=B2\*2" is a formula whose value'):
+        read_recording(tmp_path / "r.xlsx")

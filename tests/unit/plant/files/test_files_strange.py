@@ -1,0 +1,82 @@
+"""Tables as strangers publish them: each is read rightly, or refused with a line that can be followed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_recording
+
+HEAD = "time_s,command_V,displacement_mm"
+T = 0.02 * np.arange(40)
+U, Y = np.round(np.sin(3 * T), 4), np.round(5 * np.cos(2 * T), 4)
+ROWS = [f"{t:.2f},{u:.4f},{y:.4f}" for t, u, y in zip(T, U, Y, strict=True)]
+
+
+def with_times(texts: list[str]) -> list[str]:
+    return [",".join([text, *row.split(",")[1:]]) for text, row in zip(texts, ROWS, strict=True)]
+
+
+READ = {
+    "UTF-32": ("\n".join([HEAD, *ROWS]), "utf-32"),
+    "minus signs of typography": ("\n".join([HEAD, *ROWS]).replace("-", "\u2212"), "utf-8"),
+    "exponents of double precision": (
+        "\n".join([HEAD, *(",".join(f"{v:.6E}".replace("E", "D") for v in row) for row in zip(T, U, Y, strict=True))]),
+        "utf-8",
+    ),
+    "empty rows of a spreadsheet": ("\n".join([HEAD, *ROWS, ",,", ",,"]), "utf-8"),
+    "channels below the names": ("\n".join(["time,command,displacement", ",AI0,AI1", "s,V,mm", *ROWS]), "utf-8"),
+    "a title of as many words": (
+        "\n".join(
+            ["Rig,B,Operator,Smith", ",time_s,command_V,displacement_mm", *(f"{k},{row}" for k, row in enumerate(ROWS))]
+        ),
+        "utf-8",
+    ),
+    "days": ("\n".join(["time (days)" + HEAD[6:], *with_times([f"{t / 86400:.15f}" for t in T])]), "utf-8"),
+    "UTC behind the time": (
+        "\n".join(["time" + HEAD[6:], *with_times([f"2024-05-01 12:00:{t:06.3f} UTC" for t in T])]),
+        "utf-8",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_it_is_read_rightly(tmp_path: Path, kind: str) -> None:
+    text, encoding = READ[kind]
+    (tmp_path / "r.csv").write_text(text, encoding=encoding)
+    found = read_recording(tmp_path / "r.csv")
+    np.testing.assert_allclose(found.inputs[0], U, atol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, atol=1e-12)
+    assert found.sample_time == pytest.approx(0.02, rel=1e-6) and found.n_samples == 40
+
+
+REFUSED = {
+    "cells with units": (["0.00 s,0.1 V,3 mm", "0.02 s,0.2 V,4 mm"], 'in row 2 "0.00 s" is no number'),
+    "a row that breaks off": ([*ROWS, "0.80,0.1"], "row 42, .* 2 of 3 cells; the file breaks off there"),
+    "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
+    "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
+    "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
+    rows, said = REFUSED[kind]
+    time = {"an Excel file of dates": "Time", "ticks": "Time (ticks)"}.get(kind, "time_s")
+    (tmp_path / "r.csv").write_text("\n".join([HEAD.replace("time_s", time), *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=said):
+        read_recording(tmp_path / "r.csv")
+    if kind in ("an Excel file of dates", "ticks"):
+        unit = "day" if time == "Time" else "ms"
+        step = {"day": 0.02, "ms": 0.003}[unit]
+        found = read_recording(tmp_path / "r.csv", time_column=f"{time}={unit}")
+        assert found.sample_time == pytest.approx(step, rel=1e-3)
+
+
+def test_times_too_coarse_to_tell_the_sample_time_are_read_with_it(tmp_path: Path) -> None:
+    rows = with_times([f"12:00:0{int(3.7 + t)}" for t in T])  # the second changes once
+    (tmp_path / "r.csv").write_text("\n".join(["time" + HEAD[6:], *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=r"stored too coarsely .* --dt SECONDS"):
+        read_recording(tmp_path / "r.csv")
+    assert read_recording(tmp_path / "r.csv", dt=0.02).sample_time == 0.02
