@@ -337,7 +337,7 @@ def small_then_large() -> np.ndarray:
 def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():
     """The truth has the same equations: what stiffens the film where it moves far is hardly seen where it does not."""
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
     assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
@@ -357,7 +357,7 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
 )
 def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
     bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
     module = importlib.import_module("deatwin.ident.mismatch.detect.detect")
     monkeypatch.setattr(module, "refit", refitted)
     found = detect(base, bench, np.random.default_rng(2))
@@ -368,7 +368,7 @@ def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, ref
 @pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
 def test_what_the_plant_cannot_take_up_is_missing(at):
     bench = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1), PLANT.rig.noise)
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
     found = detect(base, bench, np.random.default_rng(2))
     assert found.mismatch
     assert found.summary.taken_up is False
