@@ -24,11 +24,14 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
 
 SAMPLES = 3000
 """Of an input that is advised, unless its length is given: long enough for a tenth of the slow error's time."""
 LARGE = 1e20
 """More than is missing of any readings, SI: effects are looked at as strong as they typically are."""
+ACCURACY = 1e-6
+"""Of a simulation, as a share of the motion."""
 TINY = 1e-300
 """Of a change that the parameters take up whole, SI."""
 Progress = Callable[[float, str], None]
@@ -76,12 +79,15 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If no input is given and the rig states no range of its command, or both an input and a length are given.
+        If no input is given and the rig states no range of its command, both an input and a length are given, the rig
+        takes none of the effects, or neither noise nor motion is there to judge them by.
     SimulationError
         If the nominal plant cannot follow the input.
     """
     tell = progress or (lambda share, text: None)
     known = [e for e in (plant.rig.effects() if effects is None else effects) if plant.accepts(e)]
+    if not known:
+        raise DataError("there is nothing to plan for: this rig takes none of the effects")
     if commands is not None:
         if seconds is not None:
             raise DataError("a length in seconds is of an input that is advised: give either the input or its length")
@@ -159,7 +165,7 @@ def _seen(
         times=part.timepts,
         records=np.zeros(part.size),
         sample_time=rig.sample_time,
-        noise=rig.noise,
+        noise=_noise(rig, record),
         stated=rig.model_error,
     )
     found = run_jobs(_changes, [(plant, effect, (part,)) for effect in effects], workers=jobs, finished=finished)
@@ -173,6 +179,14 @@ def _seen(
         among=products(error, run[1][:, moves] * spreads[moves], changes),
         impossible=tuple(effect.name for effect in effects if effect.name not in shown),
     )
+
+
+def _noise(rig: Rig, record: Recording) -> float:
+    """Noise of the sensor, SI; of one that states none the accuracy of the simulation."""
+    noise = max(rig.noise, ACCURACY * float(np.std(record.outputs[0])))
+    if noise == 0.0:
+        raise DataError("the rig states no noise, and this input does not move it: no effect could be judged")
+    return noise
 
 
 def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Change]:

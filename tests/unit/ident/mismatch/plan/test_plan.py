@@ -121,6 +121,10 @@ def test_what_cannot_be_planned_is_said() -> None:
         plan_experiment(plant)
     with pytest.raises(DataError, match="either the input or its length"):
         plan_experiment(plant, steps(), seconds=3.0)
+    with pytest.raises(DataError, match="takes none of the effects"):
+        plan_experiment(plant, steps(), effects=())
+    with pytest.raises(DataError, match="no noise"):
+        plan_experiment(Plant(rig=Amplifier(noise=0.0)), commands(np.zeros(200)), effects=EFFECTS)
     with pytest.raises(DataError, match="fewer than 100 samples"):
         plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=1.0)
 
