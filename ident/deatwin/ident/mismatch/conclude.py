@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
+from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
@@ -64,6 +65,9 @@ def conclude(findings: Findings) -> Diagnosis:
         model_error=rig.model_error / size,
         detection=findings.detection.summary,
         location=_location(findings),
+        unexplained=None
+        if findings.left is None
+        else unexplained(answer, base.chosen, findings.left, _seconds(findings)),
         free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
@@ -112,6 +116,11 @@ def _held_back(findings: Findings) -> Iterator[str]:
         )
 
 
+def _seconds(findings: Findings) -> float:
+    """How long the recordings are together, s."""
+    return sum(r.n_samples * r.sample_time for e in findings.checked.experiments for r in e.recordings)
+
+
 def _left(findings: Findings) -> float:
     """Rms of what the final plant gets wrong on unseen data, SI."""
     if findings.discovery is not None:
@@ -141,7 +150,7 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
 
 def _left_over(findings: Findings) -> list[str]:
     """Where an explanation is good, but leaves more than the plant's own error."""
-    if not findings.named or findings.answer.adequate:
+    if not findings.named or findings.answer.adequate or findings.left is not None:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size

@@ -345,7 +345,7 @@ def test_each_step_has_a_dataset_of_its_own(creeping, kept):
 def test_a_foreign_file_is_refused(tmp_path):
     path = tmp_path / "diagnosis.json"
     path.write_text('{"schema": "deatwin/plant/1"}')
-    with pytest.raises(ModelError, match="deatwin/diagnosis/1"):
+    with pytest.raises(ModelError, match="deatwin/diagnosis/2"):
         Diagnosis.load(path)
 
 
