@@ -26,6 +26,7 @@ from deatwin.ident.mismatch.steps import forms_tried
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.model import Plant
 
 MARGIN = 0.05
 """Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
@@ -86,6 +87,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_forms_of_rivals(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
+            *_widened(findings.final.plant),
             *_held_back(findings),
         ),
         verification=findings.verification.summary if findings.verification.ablations else None,
@@ -155,6 +157,14 @@ def _left_over(findings: Findings) -> list[str]:
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
     return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
+
+
+def _widened(plant: Plant) -> Iterator[str]:
+    """Parameters of effects that were fitted beyond their usual ranges."""
+    for usual in (p for effect in plant.effects for p in effect.parameters):
+        value = plant.parameters[usual.name].value
+        if not usual.lower <= value <= usual.upper:
+            yield f"{usual.name} lies beyond its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:

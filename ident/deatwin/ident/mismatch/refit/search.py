@@ -192,6 +192,32 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
+def in_a_wider_range(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+    """Carry on, roughly, a fit that ended where only what is usual ends and not physics, as long as it gains by it.
+
+    Parameters
+    ----------
+    fit : Calibration
+        Of a plant on `parts`.
+    parts : sequence of Part
+        Samples that count.
+    hopeless : float
+        As for `calibrate`.
+
+    Returns
+    -------
+    Calibration
+        The same one where no parameter ended so, or a wider range gains nothing.
+    """
+    ended = {name: fit.plant.parameters[name].beyond for name in fit.at_bound}
+    further = {name: value for name, value in ended.items() if value is not None}
+    if not further:
+        return fit
+    again = roughly(fit.plant.with_values(further), parts, hopeless)
+    gains = again.status.ok and again.rms**2 < (1.0 - ROUGH) * fit.rms**2
+    return in_a_wider_range(again, parts, hopeless) if gains else fit
+
+
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
     """Move events that lie between fitted stretches to where they explain most of all samples.
 
