@@ -10,7 +10,6 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
-
 WIDER = 4.0
 """Ratio by which a range that ends where no physics does becomes wider at once,"""
 BEYOND = 1.01

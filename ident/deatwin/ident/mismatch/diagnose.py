@@ -127,7 +127,7 @@ def diagnose(
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
-    verdict = _verdict(bench, checked, base, detection, naming, stands, partly=part is not None)
+    verdict = _verdict(bench, checked, base, detection, naming, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
 
@@ -211,7 +211,7 @@ def _in_a_form_that_lacks_nothing(
 
 
 def _verdict(
-    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool, *, partly: bool
+    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool, partly: bool
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
