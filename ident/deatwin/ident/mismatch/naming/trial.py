@@ -241,7 +241,7 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         found = search(start, bench.fitted, hopeless)
     if not found.status.ok:
         return found
-    return in_a_wider_range(at_its_time(found, bench.fitted, hopeless), bench.fitted, hopeless)
+    return in_a_wider_range(at_its_time(found, bench.fitted, hopeless), trial.start, bench.fitted, hopeless)
 
 
 def _from_there(bench: Bench, plant: Plant) -> Calibration:
