@@ -67,12 +67,13 @@ def led_by_what_acts(naming: Naming) -> Naming | None:
     for size in sorted({len(c.effects) for c in tried} - {0}):
         stage = [c for c in tried if len(c.effects) == size]
         led = decide(tried, stage, naming.noise, lambda c: _leads(c, base, known), lambda c: takes_most(c, base))
-        if led.best is None:
+        first = led.best
+        if first is None:
             continue
         led = with_limits(led, lambda c: takes_most(c, base))
         larger = [c for c in tried if len(c.effects) > size and _takes_nearly_all(c, base)]
-        beyond = [c for c in larger if advantage(c, led.best) > STRONG]
-        common = set(led.best.effects).intersection(*(c.effects for c in (*led.rivals, *beyond)))
+        beyond = [c for c in larger if advantage(c, first) > STRONG]
+        common = set(first.effects).intersection(*(c.effects for c in (*led.rivals, *beyond)))
         best = known.get(tuple(sorted(common)))
         if not common or best is None or not _stands_alone(best, base):
             return None
