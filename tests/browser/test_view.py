@@ -65,7 +65,7 @@ def write_lab(folder: Path) -> str:
     recording = (folder / "new.csv").read_text(encoding="utf-8")
     (folder / "new.csv").unlink()
     former = {
-        "schema": "deatwin/diagnosis/1",
+        "schema": "deatwin/diagnosis/2",
         "output": {"name": "force", "unit": "N"},
         "verdict": "named",
         "noise": 0.002,

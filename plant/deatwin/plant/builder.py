@@ -71,6 +71,21 @@ class Builder:
         self._parameters[name]
         return self._symbols[name]
 
+    def reach(self, name: str) -> float:
+        """Return the upper end of a parameter's range.
+
+        Parameters
+        ----------
+        name : str
+            Name in the plant's parameter set.
+
+        Returns
+        -------
+        float
+            SI; the equations hold up to it, and are written anew where a value beyond it widens the range.
+        """
+        return self._parameters[name].upper
+
     def parameter(self, name: str) -> Symbol:
         """Return a parameter after the effects at the place *parameter* have rewritten it.
 

@@ -340,7 +340,9 @@ class _Structure:
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
         # The classes themselves: two that share a name may write different equations.
         classes = (type(plant.rig), *(type(e) for e in plant.effects))
-        self._key = (classes, repr((sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()))))
+        reach = {p.name: p.upper for p in plant.parameters.values() if p.widest is not None}
+        named = sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()), sorted(reach.items())
+        self._key = (classes, repr(named))
 
     def __hash__(self) -> int:
         return hash(self._key)

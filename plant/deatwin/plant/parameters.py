@@ -10,6 +10,11 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
+WIDER = 4.0
+"""Ratio by which a range that ends where no physics does becomes wider at once,"""
+BEYOND = 1.01
+"""and that of the value from which on it is to the end that was reached."""
+
 
 class Scale(Enum):
     """Coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
@@ -88,6 +93,9 @@ class Parameter:
         Coordinate in which a fit moves the value; all but the linear one need ``lower > 0``.
     known : bool
         True if the experimenter measured the value, so that a calibration keeps it.
+    widest : float, optional
+        Largest size that physics allows, if the range states only what is usual: a value beyond `upper`, or beyond a
+        negative `lower`, widens the range fourfold, as often as it takes.
 
     Raises
     ------
@@ -103,8 +111,13 @@ class Parameter:
     source: str = ""
     scale: Scale = Scale.LINEAR
     known: bool = False
+    widest: float | None = None
 
     def __post_init__(self) -> None:
+        if self.widest is not None:
+            object.__setattr__(self, "upper", _grown(self.upper, self.value, self.widest))
+            if self.lower < 0.0:
+                object.__setattr__(self, "lower", -_grown(-self.lower, -self.value, self.widest))
         if not self.lower <= self.value <= self.upper:
             raise RigError(
                 f"parameter {self.name} = {self.value:g} {self.unit} is out of range: "
@@ -120,10 +133,24 @@ class Parameter:
         return min(one, other), max(one, other)
 
     @property
+    def beyond(self) -> float | None:
+        """The value just beyond the end of the range near which this one is, SI; None where physics ends there."""
+        end = self.lower if self.is_low else self.upper
+        open_end = self.widest is not None and 0.0 < abs(end) < self.widest and (end < 0.0 or not self.is_low)
+        return BEYOND * end if open_end else None
+
+    @property
     def is_low(self) -> bool:
         """True if the value is nearer to the lower than to the upper end of its range, in the coordinate of `scale`."""
         value, lower, upper = map(self.scale.to_coordinate, (self.value, self.lower, self.upper))
         return abs(value - lower) < abs(upper - value)
+
+
+def _grown(end: float, value: float, widest: float) -> float:
+    """The end of a range that holds the value, if the widest one does."""
+    while value > end and end < widest:
+        end = min(WIDER * end, widest)
+    return end
 
 
 class ParameterSet(Mapping[str, Parameter]):

@@ -77,7 +77,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory, bench: Path) -> Path:
     write(folder / "other.csv", pulled(2, strip()))
     rival = CalibratedPlant.nominal(strip().with_effects(Creep(modulus=2e3, time=25.0)))
     (folder / "found" / "rivals").mkdir(parents=True)
-    (folder / "found" / "diagnosis.json").write_text('{"schema": "deatwin/diagnosis/1", "causes": []}')
+    (folder / "found" / "diagnosis.json").write_text('{"schema": "deatwin/diagnosis/2", "causes": []}')
     rival.save(folder / "found" / "rivals" / "creep.json")
     (folder / "spoilt").mkdir()
     (folder / "spoilt" / "diagnosis.json").write_text("{}")

@@ -16,7 +16,7 @@ from deatwin.plant.errors import DataError, DeatwinError
 ROWS = [f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3\n" for k in range(40)]
 TABLE = "time_s,command_V,displacement_mm\n" + "".join(ROWS)
 DIAGNOSIS: dict[str, Any] = {
-    "schema": "deatwin/diagnosis/1",
+    "schema": "deatwin/diagnosis/2",
     "output": {"name": "displacement", "unit": "um"},
     "verdict": "named",
     "noise": 2.0,

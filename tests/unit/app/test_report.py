@@ -24,6 +24,7 @@ from deatwin.ident.mismatch import (
     Interval,
     LocationSummary,
     Readings,
+    Unexplained,
     Verdict,
 )
 from deatwin.ident.mismatch.gate.gate import gate
@@ -73,6 +74,16 @@ def test_every_verdict_has_a_page(tmp_path: Path, verdict: Verdict) -> None:
     assert verdict.value.replace("_", " ") in page
     assert "stretch_limit ended on a bound" in page
     assert "6.00" in page
+
+
+def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> None:
+    left = Unexplained(rms=1.23, mismatch=9.61, share=0.0164, fitted=1.1, unseen=1.4, place="ball")
+    folder = ResultFolder(tmp_path / "new")
+    whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
+    write_report(folder, whole, Origin(inputs=[], seed=3))
+    page = (folder.path / "report.html").read_text(encoding="utf-8")
+    assert "Left unexplained beyond the noise: 1.23 µm rms of 9.61, 1.6 % of its power" in page
+    assert "The signals at the ball predict it best." in page
 
 
 def test_an_interval_has_the_prefix_of_its_value() -> None:

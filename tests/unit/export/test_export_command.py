@@ -28,7 +28,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     CalibratedPlant.nominal(late).save("late.json")
     Path("check.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
     Path("failed.json").write_text(json.dumps({**DESIGNED, "controller": None}), encoding="utf-8")
-    Path("other.json").write_text('{"schema": "deatwin/diagnosis/1"}', encoding="utf-8")
+    Path("other.json").write_text('{"schema": "deatwin/diagnosis/2"}', encoding="utf-8")
 
     def run(*arguments: str) -> tuple[int, str]:
         status = main(["export", *arguments])
@@ -93,7 +93,7 @@ def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, inter
     ("arguments", "said"),
     [
         (("gone.json", "--to", "c", "--out", "a.c"), "gone.json: there is no such file"),
-        (("other.json", "--to", "c", "--out", "a.c"), "schema is 'deatwin/diagnosis/1'; deatwin/plant/1, deatwin/narx"),
+        (("other.json", "--to", "c", "--out", "a.c"), "schema is 'deatwin/diagnosis/2'; deatwin/plant/1, deatwin/narx"),
         (("failed.json", "--to", "c", "--out", "a.c"), "the check holds no controller: none could be designed"),
         (("check.json", "--to", "fmu", "--out", "a.fmu"), "a controller is exported as C source: give --to c"),
         (("late.json", "--to", "fmu", "--out", "a.fmu"), "delay: needs the commands of earlier samples"),

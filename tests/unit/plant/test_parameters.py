@@ -66,3 +66,21 @@ def test_the_slope_of_a_scale_is_its_derivative(scale):
 def test_the_ends_of_a_range_are_in_order_in_every_coordinate(scale, ends):
     found = Parameter(name="a", value=1.0, unit="1", lower=0.5, upper=4.0, scale=scale).ends
     assert found == pytest.approx(ends, rel=1e-12)
+
+
+def test_a_range_that_no_physics_ends_widens_up_to_its_widest():
+    usual = Parameter(name="time", value=0.03, unit="s", lower=0.0, upper=0.1, widest=1.0)
+    ranges = [ParameterSet([usual]).with_values({"time": value})["time"].upper for value in (0.1, 0.101, 0.4, 0.5, 1.0)]
+    assert ranges == pytest.approx([0.1, 0.4, 0.4, 1.0, 1.0])
+    with pytest.raises(RigError, match="allowed is 0 to 1 s"):
+        ParameterSet([usual]).with_values({"time": 1.1})
+    signed = Parameter(name="force", value=-3.0, unit="N", lower=-2.0, upper=2.0, widest=9.0)
+    assert (signed.lower, signed.upper) == (-8.0, 2.0)
+
+
+def test_beyond_an_end_lies_a_wider_range_unless_physics_ends_there():
+    ends = {0.0: None, 0.1: 0.101, 0.4: 0.404, 1.0: None}
+    for value, beyond in ends.items():
+        parameter = Parameter(name="time", value=value, unit="s", lower=0.0, upper=0.1, widest=1.0)
+        assert parameter.beyond == (None if beyond is None else pytest.approx(beyond))
+    assert MODULUS.beyond is None

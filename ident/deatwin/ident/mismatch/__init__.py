@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.gate import Gate, confirm, gate
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate import Location, locate
-from deatwin.ident.mismatch.located import LocationSummary
+from deatwin.ident.mismatch.located import LocationSummary, Unexplained
 from deatwin.ident.mismatch.naming import Candidate, Distance, Footprint, Naming, footprints, name_causes
 from deatwin.ident.mismatch.plan import ExperimentPlan, Foreseen, plan_experiment
 from deatwin.ident.mismatch.prepare import prepare
@@ -55,6 +55,7 @@ __all__ = [
     "Naming",
     "Readings",
     "Step",
+    "Unexplained",
     "Verdict",
     "Verification",
     "VerificationSummary",

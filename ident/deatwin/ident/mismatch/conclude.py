@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
+from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
@@ -25,6 +26,7 @@ from deatwin.ident.mismatch.steps import forms_tried
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.model import Plant
 
 MARGIN = 0.05
 """Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
@@ -64,6 +66,9 @@ def conclude(findings: Findings) -> Diagnosis:
         model_error=rig.model_error / size,
         detection=findings.detection.summary,
         location=_location(findings),
+        unexplained=None
+        if findings.left is None
+        else unexplained(answer, base.chosen, findings.left, _seconds(findings)),
         free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
@@ -82,6 +87,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_forms_of_rivals(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
+            *_widened(findings.final.plant),
             *_held_back(findings),
         ),
         verification=findings.verification.summary if findings.verification.ablations else None,
@@ -110,6 +116,11 @@ def _held_back(findings: Findings) -> Iterator[str]:
             f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
             "might leave the range that is given"
         )
+
+
+def _seconds(findings: Findings) -> float:
+    """How long the recordings are together, s."""
+    return sum(r.n_samples * r.sample_time for e in findings.checked.experiments for r in e.recordings)
 
 
 def _left(findings: Findings) -> float:
@@ -141,11 +152,19 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
 
 def _left_over(findings: Findings) -> list[str]:
     """Where an explanation is good, but leaves more than the plant's own error."""
-    if not findings.named or findings.answer.adequate:
+    if not findings.named or findings.answer.adequate or findings.left is not None:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
     return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
+
+
+def _widened(plant: Plant) -> Iterator[str]:
+    """Parameters of effects that were fitted beyond their usual ranges."""
+    for usual in (p for effect in plant.effects for p in effect.parameters):
+        value = plant.parameters[usual.name].value
+        if not usual.lower <= value <= usual.upper:
+            yield f"{usual.name} lies beyond its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:

@@ -21,6 +21,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
+from deatwin.ident.mismatch.partly import acting
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
 from deatwin.ident.mismatch.refit.search import refit
@@ -86,7 +87,7 @@ def diagnose(
     tell(0.0, "checking the recordings")
     checked = gate(plant, experiments)
     keep(gate_step(checked))
-    for_detection, for_location, for_verification, for_advice, for_discovery = spawn_generators(seed, 5)
+    for_detection, for_location, for_verification, for_advice, for_discovery, for_rest = spawn_generators(seed, 6)
 
     tell(0.02, "calibrating the base plant")
     bench, base = prepare(plant, checked, effects, jobs=jobs)
@@ -122,11 +123,13 @@ def diagnose(
     naming, verification, stands = first_that_stands(
         found, bench, for_verification, started=lambda text: tell(0.8, text)
     )
+    part = None if stands or len(naming.candidates) == 1 else acting(naming, bench, for_rest)
+    naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
-    verdict = _verdict(bench, checked, base, detection, naming, stands)
-    named = naming.best is not None and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
-    answer = naming.best if named and naming.best is not None else base.chosen
+    verdict = _verdict(bench, checked, base, detection, naming, stands, part is not None)
+    answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
+    left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
 
     tell(0.85, "looking for a better experiment")
     naming = with_all_distances(naming, bench) if verdict is Verdict.AMBIGUOUS else naming
@@ -153,6 +156,7 @@ def diagnose(
             verdict=verdict,
             answer=answer,
             final=refit(last, bench.everything) if whole is None else whole,
+            left=left,
         )
     )
     tell(1.0, "done")
@@ -208,7 +212,9 @@ def _in_a_form_that_lacks_nothing(
     return base, seen
 
 
-def _verdict(bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool) -> Verdict:
+def _verdict(
+    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool, partly: bool
+) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
     if detection.taken_up is not None:
@@ -217,6 +223,8 @@ def _verdict(bench: Bench, checked: Gate, base: Base, detection: Detection, nami
         if not detection.testable:
             return Verdict.NOT_TESTABLE
         return Verdict.PARAMETERS if _nominal_is_off(bench, base) else Verdict.NONE
+    if partly:
+        return Verdict.PARTLY
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED

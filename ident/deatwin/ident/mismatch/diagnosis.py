@@ -13,7 +13,7 @@ import numpy as np
 from deatwin.ident.mismatch.datasets import places, samples
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.layout import Readings, draw_residuals
-from deatwin.ident.mismatch.located import LocationSummary
+from deatwin.ident.mismatch.located import LocationSummary, Unexplained
 from deatwin.ident.mismatch.result import (
     AdviceSummary,
     DetectionSummary,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SCHEMA = "deatwin/diagnosis/1"
+SCHEMA = "deatwin/diagnosis/2"
 NOWHERE: Mapping[str, Sequence[object]] = {"time": (), "frequency": (), "region": (), "place": (), "response": ()}
 """How the file writes that nothing is missing anywhere."""
 
@@ -111,6 +111,8 @@ class Diagnosis(Described):
         Pairs of explanations with their distance d².
     advice : AdviceSummary or None
         The next experiment, where one is advised.
+    unexplained : Unexplained or None
+        What the causes leave, and where, if the verdict is `partly`.
     free_form : FreeFormSummary or None
         A description of what no effect explains.
     sentence : str
@@ -151,6 +153,7 @@ class Diagnosis(Described):
     rivals: tuple[tuple[str, ...], ...] = ()
     indistinguishable: tuple[IndistinguishablePair, ...] = ()
     advice: AdviceSummary | None = field(default=None, metadata=key("next_experiment"))
+    unexplained: Unexplained | None = None
     free_form: FreeFormSummary | None = None
     sentence: str = field(metadata=attribute())
     fit: FitSummary

@@ -49,6 +49,8 @@ class Findings:
         The explanation, or the base plant.
     final : Calibration
         The answer, fitted to all sound samples.
+    left : Location or None
+        Where the answer leaves what it does not explain, of a partial one.
     """
 
     bench: Bench
@@ -63,6 +65,7 @@ class Findings:
     verdict: Verdict
     answer: Candidate
     final: Calibration
+    left: Location | None = None
 
     @property
     def named(self) -> bool:

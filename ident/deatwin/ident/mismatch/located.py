@@ -94,6 +94,39 @@ class ResponseDifference:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Unexplained:
+    """What the causes leave of a mismatch, and where most of that is.
+
+    Parameters
+    ----------
+    rms, mismatch : float
+        Rms beyond the sensor's noise over all readings, with the causes and without them.
+    share : float
+        Share of the mismatch's power that is left.
+    fitted, unseen : float
+        Rms beyond the noise that the causes leave of the fitted and of the unseen part.
+    time : Window or None
+        The stretch of the clock that holds most of it; None where it is everywhere alike.
+    frequency : Band or None
+        The band of frequencies that holds most of it.
+    region : Region or None
+        The range of an operating signal in which its mean is largest.
+    place : str or None
+        The part of the plant whose signals predict it best.
+    """
+
+    rms: float
+    mismatch: float
+    share: float
+    fitted: float
+    unseen: float
+    time: Window | None = None
+    frequency: Band | None = None
+    region: Region | None = None
+    place: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class LocationSummary:
     """Where the mismatch is.
 

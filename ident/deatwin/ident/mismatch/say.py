@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
 from deatwin.plant.effects.catalogue import effect_named
@@ -23,6 +24,8 @@ SMALL_SHARE = 0.5
 MOST_FAULTS = 3
 LEAST_RISK = 1e-3
 """Of a wrong explanation: below it the bound is said, not the value."""
+HALF = 0.5
+"""Share of what is left that a stretch of time must hold for most of it to be there."""
 COUNTED = {2: "Two", 3: "Three"}
 
 
@@ -125,6 +128,32 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
     return list(dict.fromkeys(tuple(name for name in known if name not in rival) for rival in fewer))
 
 
+def _partly(diagnosis: Diagnosis) -> str:
+    left = diagnosis.unexplained
+    if left is None:
+        raise ModelError("a diagnosis of a part of the mismatch needs what is left of it")
+    parts = [
+        f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in diagnosis.causes
+    ]
+    return (
+        f"{_first_up(' and '.join(parts))}, but {_amplitude(left.rms, diagnosis)} of the "
+        f"{_amplitude(left.mismatch, diagnosis)} mismatch are left unexplained"
+        f"{_mostly(left, diagnosis)}; {_gain(diagnosis)}."
+    )
+
+
+def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
+    """Where most of what is left is, as far as one place holds more than half of it."""
+    window, band, region = left.time, left.frequency, left.region
+    if window is not None and window.score > HALF:
+        return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
+    if band is not None:
+        return f", mostly from {number(band.from_Hz, 2)} to {number(band.to_Hz, 2)} Hz"
+    if region is not None:
+        return f", mostly at a {_plain(region.signal)} from {number(region.low)} to {number(region.high)}"
+    return ""
+
+
 def _unknown(diagnosis: Diagnosis) -> str:
     refuted = "; the recordings refuted the explanation that fitted best" if _refuted(diagnosis) else ""
     form = diagnosis.free_form
@@ -172,6 +201,7 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
     Verdict.PARAMETERS: _parameters,
     Verdict.NAMED: _named,
     Verdict.AMBIGUOUS: _ambiguous,
+    Verdict.PARTLY: _partly,
     Verdict.UNKNOWN: _unknown,
     Verdict.DISTURBANCE: _disturbance,
     Verdict.DATA_FAULT: _data_fault,

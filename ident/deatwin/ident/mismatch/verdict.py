@@ -19,6 +19,7 @@ class Verdict(Enum):
     PARAMETERS = "parameters"
     NAMED = "named"
     AMBIGUOUS = "ambiguous"
+    PARTLY = "partly"
     UNKNOWN = "unknown"
     DISTURBANCE = "disturbance"
     DATA_FAULT = "data_fault"
@@ -29,12 +30,18 @@ class Verdict(Enum):
         """What the verdict means for the user."""
         return _ADVICE[self]
 
+    @property
+    def has_causes(self) -> bool:
+        """Whether effects are built into the amended plant."""
+        return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
+
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: "no physics is missing beyond the sensor's noise and the plant's own model error",
     Verdict.PARAMETERS: "only the parameters were off: use the calibrated plant",
     Verdict.NAMED: "use the amended plant",
     Verdict.AMBIGUOUS: "something is missing, but these recordings cannot tell the rivals apart",
+    Verdict.PARTLY: "use the amended plant, but do not trust it where something else is missing",
     Verdict.UNKNOWN: "something is missing that no effect of the catalogue explains: do not trust the plant there",
     Verdict.DISTURBANCE: "the mismatch does not repeat with input and state: look for a disturbance",
     Verdict.DATA_FAULT: "the recording is at fault: repeat it, or use the sound part",

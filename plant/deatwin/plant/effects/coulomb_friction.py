@@ -62,7 +62,7 @@ class CoulombFriction(Effect):
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
-            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.02),
+            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.02, widest=0.3),
             Parameter(name="slip", value=self.slip, unit="m/s", lower=5e-8, upper=5e-3, scale=Scale.LOGARITHMIC),
         )
 

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
 
-LONGEST = 0.1
-"""Upper end of the dead time, s."""
+USUAL, LONGEST = 0.1, 1.6
+"""Upper end of the dead time, s: usual, and the longest one; a command that comes later has gone through a queue."""
 ROUNDING = 1e-10
 """Tolerance in samples: a shift this close to a whole sample counts as whole."""
 
@@ -61,10 +61,10 @@ class Delay(Effect):
     wording: ClassVar[str] = "The command acts {time} late"
 
     def describe(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=LONGEST),)
+        return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=USUAL, widest=LONGEST),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        past = build.past_commands(ceil(LONGEST / build.signal("sample_time")) + 1)
+        past = build.past_commands(ceil(build.reach(f"{self.name}.time") / build.signal("sample_time") - ROUNDING) + 1)
         shift = self.own("time", build) / build.sample_time
         whole = ca.fmin(ca.fmax(ca.floor(shift + ROUNDING), 0.0), len(past) - 2.0)
         share = ca.fmin(shift - whole, 1.0)

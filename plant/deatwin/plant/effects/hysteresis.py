@@ -60,7 +60,7 @@ class Hysteresis(Effect):
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
-            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05),
+            Parameter(name="force", value=self.force, unit="N", lower=0.0, upper=0.05, widest=0.3),
             Parameter(name="distance", value=self.distance, unit="m", lower=5e-6, upper=1e-3, scale=Scale.LOGARITHMIC),
             Parameter(name="beta", value=self.beta, unit="1", lower=0.5, upper=2.0),
         )

@@ -137,7 +137,9 @@ class _Similar(Effect):
         own = []
         for p in self.original().describe():
             ratio, unit = self.sizes._ratio(p.unit, self)
-            own.append(replace(p, value=getattr(self, p.name), lower=p.lower * ratio, upper=p.upper * ratio, unit=unit))
+            widest = None if p.widest is None else p.widest * ratio
+            value, lower, upper = getattr(self, p.name), p.lower * ratio, p.upper * ratio
+            own.append(replace(p, value=value, lower=lower, upper=upper, unit=unit, widest=widest))
         return tuple(own)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
@@ -187,6 +189,9 @@ class _View:
 
     def own(self, name: str) -> Any:
         return self._build.own(name) / self._ratio(self._units[name])
+
+    def reach(self, name: str) -> float:
+        return self._build.reach(name) / self._ratio(self._units[name])
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
         return self._build.signal(name, otherwise) / self._ratio(SIGNALS.get(name, "1"))

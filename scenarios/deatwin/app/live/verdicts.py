@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 
 RUN = "run.json"
 MOST_BYTES = 20_000_000
-TONES = {"none": "good", "parameters": "good", "named": "good", "ambiguous": "doubt", "not_testable": "doubt"}
+TONES = {
+    "none": "good",
+    "parameters": "good",
+    "named": "good",
+    "ambiguous": "doubt",
+    "partly": "doubt",
+    "not_testable": "doubt",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

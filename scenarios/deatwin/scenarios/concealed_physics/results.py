@@ -39,11 +39,11 @@ class Case:
     cleared: bool  # The verdict is that no physics is missing
     detected: bool  # The verdict is that some is
     wrong_cause: bool  # Some cause is not right
-    confidently_wrong: bool  # The verdict is named, with a cause that is not right
+    confidently_wrong: bool  # The verdict is named or partly, with a cause that is not right
     first_right: bool  # The first cause is right
     family_right: bool  # The first cause is of a right family
     inside: bool  # The answer holds a right name for every mechanism
-    all_named: bool  # The causes hold a right name for every mechanism
+    all_named: bool  # The causes hold a right name for every mechanism, and the verdict claims no more to be missing
     named_right: bool  # The verdict is named, with a right name for every mechanism and no other cause
     nearest: float  # Distance d² to the nearest rival that the diagnosis states; infinite where it states none
     resolved: bool  # The advised experiment let the diagnosis name what is right, alone
@@ -117,7 +117,7 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
     right: frozenset[str] = frozenset().union(*accepted)
     failed, cleared = result["status"] != "done", verdict in CLEAN_VERDICTS
     wrong = any(cause not in right for cause in causes)
-    all_named = bool(accepted) and all(one & set(causes) for one in accepted)
+    all_named = bool(accepted) and all(one & set(causes) for one in accepted) and verdict != "partly"
     near = (float(pair["d2"]) for pair in diagnosis.get("indistinguishable", ()) if pair["d2"] is not None)
     later = {cause["effect"] for cause in again.get("causes", ())}
     baselines = result.get("baselines", {})
@@ -138,7 +138,7 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         cleared=cleared,
         detected=not failed and not cleared,
         wrong_cause=wrong,
-        confidently_wrong=verdict == "named" and wrong,
+        confidently_wrong=verdict in ("named", "partly") and wrong,
         first_right=bool(causes) and causes[0] in right,
         family_right=bool(causes) and _family(causes[0]) in set(map(_family, right)),
         inside=bool(accepted) and all(one & answer for one in accepted),

@@ -27,7 +27,18 @@ KINDS = {
     "tie": "tie under poor input",
 }
 """Kinds of cases in words, in the order of tables."""
-VERDICTS = ("none", "parameters", "named", "ambiguous", "unknown", "disturbance", "data_fault", "not_testable", "error")
+VERDICTS = (
+    "none",
+    "parameters",
+    "named",
+    "ambiguous",
+    "partly",
+    "unknown",
+    "disturbance",
+    "data_fault",
+    "not_testable",
+    "error",
+)
 MADE_BY = {
     "base": "calibrated base plant",
     "diagnosis": "diagnosis",
@@ -127,7 +138,7 @@ def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
 
 
 def _effects(study: Opened) -> Table:
-    legend = "✓ named, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
+    legend = "✓ named, ½ partly, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
     return Table.of(
         f"Effect by effect ({legend})",
         _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
@@ -147,6 +158,8 @@ def _effects(study: Opened) -> Table:
 def _mark(case: Case) -> str:
     if case.verdict == "named":
         return "✓" if case.named_right else "✗"
+    if case.verdict == "partly":
+        return "✗" if case.wrong_cause else "½"
     if case.verdict == "ambiguous":
         return "(✓)" if case.inside else "(✗)"
     return {"unknown": "?", "none": "–", "parameters": "–"}.get(case.verdict, "·")

@@ -96,10 +96,10 @@ def _judge(name: str, diagnosis: Diagnosis, truth: Mapping[str, Mapping[str, flo
 
 def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
     causes, wanted = {c.effect for c in diagnosis.causes}, set(truth) - OUTSIDE
-    if diagnosis.verdict is Verdict.NAMED:
+    if diagnosis.verdict in (Verdict.NAMED, Verdict.PARTLY):
         if not causes <= set(truth):
             return Mark.WRONG
-        return Mark.RIGHT if wanted <= causes else Mark.PARTLY
+        return Mark.RIGHT if wanted <= causes and diagnosis.verdict is Verdict.NAMED else Mark.PARTLY
     if diagnosis.verdict is Verdict.AMBIGUOUS and wanted <= set(diagnosis.names):
         return Mark.IN_THE_SET
     return Mark.OPEN

@@ -345,7 +345,7 @@ def test_each_step_has_a_dataset_of_its_own(creeping, kept):
 def test_a_foreign_file_is_refused(tmp_path):
     path = tmp_path / "diagnosis.json"
     path.write_text('{"schema": "deatwin/plant/1"}')
-    with pytest.raises(ModelError, match="deatwin/diagnosis/1"):
+    with pytest.raises(ModelError, match="deatwin/diagnosis/2"):
         Diagnosis.load(path)
 
 
@@ -368,7 +368,7 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
     """However near the nominal plant is, its calibration was off by what counts."""
     taken = SimpleNamespace(taken_up=object(), mismatch=False, testable=False)
     checked = SimpleNamespace(soundness=soundness)
-    assert _verdict(None, checked, None, taken, None, False) is verdict
+    assert _verdict(None, checked, None, taken, None, False, False) is verdict
 
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):

@@ -23,7 +23,7 @@ from deatwin.ident.mismatch import (
     VerificationSummary,
     diagnose,
 )
-from deatwin.ident.mismatch.located import Window
+from deatwin.ident.mismatch.located import Band, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
 from deatwin.ident.mismatch.say import number, risk, say
 from deatwin.ident.mismatch.verdict import Shown
@@ -179,6 +179,17 @@ REFUTED = VerificationSummary(
     shams=(),
     transfer=(),
 )
+LEFT = Unexplained(
+    rms=1.2345,
+    mismatch=9.6063,
+    share=0.016515,
+    fitted=1.0871,
+    unseen=1.4412,
+    time=Window(from_s=118.04, to_s=131.26, score=0.62),
+    frequency=Band(from_Hz=0.025, to_Hz=0.4762, excess_dB=6.1),
+    region=Region(signal="displacement_rate", low=-12.3, high=-3.21, mean_residual=1.7),
+    place="ball",
+)
 DIAGNOSES = {
     "none": made_up(Verdict.NONE),
     "parameters": made_up(Verdict.PARAMETERS),
@@ -198,6 +209,16 @@ DIAGNOSES = {
         advice=replace(ADVICE, undecided=("creep", "leakage"), measure="the current"),
     ),
     "ambiguous for good": made_up(Verdict.AMBIGUOUS, CREEP, advice=NO_INPUT),
+    "partly, when": made_up(Verdict.PARTLY, CREEP, unexplained=LEFT),
+    "partly, at which frequencies": made_up(
+        Verdict.PARTLY, RC, unexplained=replace(LEFT, time=Window(from_s=1.5, to_s=3.5, score=0.31))
+    ),
+    "partly, in which region": made_up(
+        Verdict.PARTLY, CREEP, JUMP, unexplained=replace(LEFT, time=None, frequency=None)
+    ),
+    "partly, nowhere": made_up(
+        Verdict.PARTLY, JUMP, unexplained=replace(LEFT, time=None, frequency=None, region=None, place=None)
+    ),
     "unknown": made_up(Verdict.UNKNOWN),
     "unknown, refuted": made_up(Verdict.UNKNOWN, verification=REFUTED),
     "unknown, free form": made_up(
@@ -302,6 +323,18 @@ def test_the_sentence_of_one_cause():
         "it explains 97 % of the mismatch, and the error on unseen data falls from 10.2 to 2.1 µm, "
         "with 2.0 µm of sensor noise."
     )
+
+
+def test_the_sentence_of_a_part():
+    assert DIAGNOSES["partly, when"].sentence == (
+        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which explains 97 % of the mismatch, but "
+        "1.2 µm of the 9.6 µm mismatch are left unexplained, mostly between 118.04 and 131.26 s; the error on unseen data "
+        "falls from 10.2 to 2.1 µm, with 2.0 µm of sensor noise."
+    )
+    assert "unexplained, mostly from 0.025 to 0.48 Hz; the" in DIAGNOSES["partly, at which frequencies"].sentence
+    said = DIAGNOSES["partly, in which region"].sentence
+    assert "unexplained, mostly at a displacement rate from -12.3 to -3.21; the" in said
+    assert "left unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
 
 
 def test_a_risk_below_a_thousandth_is_said_as_a_bound():

@@ -119,7 +119,7 @@ def test_a_rate_limit_is_solved_for_all_rates(chain, slowness):
         np.testing.assert_allclose(got, GAIN * steps, atol=5 * lag / 0.02 * GAIN * 6.0 + 1e-9)
 
 
-@pytest.mark.parametrize("samples", [0, 1, 2, 5])
+@pytest.mark.parametrize("samples", [0, 1, 2, 5, 15])
 @pytest.mark.parametrize("sample_time", [0.02])
 def test_a_delay_of_whole_samples_shifts_the_command(chain, samples, sample_time):
     got = chain(NOISE, Delay(time=samples * sample_time), sample_time=sample_time)["acting_command"]

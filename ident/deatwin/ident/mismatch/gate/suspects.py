@@ -26,6 +26,12 @@ NEAR_STEPS = 3
 """Steps of coarse readings by which neighbours differ that follow one another."""
 STEP_BENDS_LESS = 0.85
 """Beside the bend of a step those of its neighbours are two thirds as large; beside that of a spike, as large."""
+LETS_GO = 0.1
+"""Seconds, three samples at least, within which a plant that friction holds moves once the command has leapt: it is its
+inertia that takes so long. A sensor comes back whenever it likes."""
+HOLDS = 0.9
+"""Share of the other readings under the same commands that stand as one, where friction holds the plant there: the rest
+is for coming to rest late."""
 LOST_SAMPLES = 3
 """So many equal readings in a row are not those of a film in motion."""
 
@@ -33,22 +39,48 @@ LOST_SAMPLES = 3
 def stuck(record: Recording) -> np.ndarray:
     """Runs of one and the same reading of a `record`, longer than a second, while the command moves.
 
-    Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two.
+    Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two. And dry friction
+    holds a plant, whose reading stands still without any noise if it is a counter's, until the command is large enough.
     """
     reading, command = record.outputs[0], record.inputs[0]
-    sound = reading[~spikes(reading)]
-    ends, near = (sound.max(), sound.min()), NEAR_STEPS * resolution(sound)
+    usual = reading[~spikes(reading)]
+    ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
     mask = np.zeros(reading.size, dtype=bool)
     shortest = max(3, round(STUCK_SECONDS / record.sample_time))
     for same in runs(np.diff(reading) == 0.0):
         first, last = same[0], same[-1] + 2
+        if last - first < shortest:
+            continue
         # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
         # nothing clips under high commands and low ones alike.
         gradual = np.ptp(reading[max(first - 1, 0) : last + 1]) <= near
         moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
-        if last - first >= shortest and moved > (FROZEN if gradual or reading[first] in ends else MOVES):
+        sound = gradual or reading[first] in ends or _may_be_held(record, (first, last), shortest, near)
+        if moved > (FROZEN if sound else MOVES):
             mask[first:last] = True
     return mask
+
+
+def _may_be_held(record: Recording, run: tuple[int, int], settling: int, near: float) -> bool:
+    """Whether friction may hold the plant in a `run` of one reading, from its first sample to before its last.
+
+    It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
+    it, it holds the plant at other times as well, within `near`, once that has had `settling` samples to come to rest.
+    """
+    reading, command, (first, last) = record.outputs[0], record.inputs[0], run
+    delay = max(3, round(LETS_GO / record.sample_time))
+    step = np.abs(np.diff(command[max(last - delay - 1, 0) : last + 1]))
+    leapt = np.flatnonzero(step > MOVES * np.ptp(command))
+    if last < reading.size and leapt.size == 0:
+        return False
+    held = command[first : last - delay]
+    if held.size == 0:
+        return False
+    within = (command >= held.min()) & (command <= held.max())
+    within[first:last] = False
+    others = [reading[rows[settling:]] for rows in runs(within) if rows.size > settling]
+    stands = [np.abs(values - np.median(values)) <= near for values in others]
+    return not stands or bool(np.concatenate(stands).mean() > HOLDS)
 
 
 def lost(record: Recording) -> np.ndarray:

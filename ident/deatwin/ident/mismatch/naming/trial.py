@@ -12,7 +12,16 @@ from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
-from deatwin.ident.mismatch.refit.search import ROUGH, at_its_time, finish, in_its_gap, is_promising, roughly, search
+from deatwin.ident.mismatch.refit.search import (
+    ROUGH,
+    at_its_time,
+    finish,
+    in_a_wider_range,
+    in_its_gap,
+    is_promising,
+    roughly,
+    search,
+)
 from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
@@ -230,7 +239,9 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         if found.status.ok:
             break
         found = search(start, bench.fitted, hopeless)
-    return at_its_time(found, bench.fitted, hopeless) if found.status.ok else found
+    if not found.status.ok:
+        return found
+    return in_a_wider_range(at_its_time(found, bench.fitted, hopeless), trial.start, bench.fitted, hopeless)
 
 
 def _from_there(bench: Bench, plant: Plant) -> Calibration:

@@ -192,6 +192,34 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
+def in_a_wider_range(fit: Calibration, unbent: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+    """Fit anew, from just beyond, what ended where only the usual ends and not physics, as long as that gains.
+
+    Parameters
+    ----------
+    fit : Calibration
+        Of a plant on `parts`.
+    unbent : Plant
+        The same with starting values: at the end of the range the others were bent to do what lay beyond it.
+    parts : sequence of Part
+        Samples that count.
+    hopeless : float
+        As for `calibrate`.
+
+    Returns
+    -------
+    Calibration
+        The same one where no parameter ended so, or a wider range gains nothing.
+    """
+    ended = {name: fit.plant.parameters[name].beyond for name in fit.at_bound}
+    further = {name: value for name, value in ended.items() if value is not None}
+    if not further:
+        return fit
+    again = search(unbent.with_values(further), parts, hopeless)
+    gains = again.status.ok and again.rms**2 < (1.0 - ROUGH) * fit.rms**2
+    return in_a_wider_range(again, unbent, parts, hopeless) if gains else fit
+
+
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
     """Move events that lie between fitted stretches to where they explain most of all samples.
 

@@ -304,3 +304,38 @@ def test_what_are_no_experiments_is_said(sound, given, said):
 def test_a_rig_is_no_plant(sound):
     with pytest.raises(ModelError, match="needs a Plant, not a Diaphragm"):
         gate(PLANT.rig, sound)
+
+
+def turning(command: np.ndarray, friction: float) -> np.ndarray:
+    """Speed of a rotor with dry friction as a counter reads it, rad/s: 0.1 s of inertia, steps of a millisecond."""
+    speed, counted = 0.0, np.zeros(command.size)
+    for k, drive in enumerate(command):
+        counted[k] = 0.05 * np.round(speed / 0.05)
+        for _ in range(50):
+            if speed == 0.0 and abs(drive) <= friction:
+                continue
+            way = np.sign(speed) or np.sign(drive)
+            new = speed + 1e-3 * (drive - speed - friction * way) / 0.1
+            speed = 0.0 if speed * new < 0.0 else new
+    return counted
+
+
+STAIRS = np.repeat([0, 0.5, 1, 1.5, 0, -1, -1.5, 0, 3, 5, 8, 0, 1.2, -4, -8, 0, 1, 6, -6, 0, -1.2, 4.0], 60)
+
+
+def test_a_motor_that_friction_holds_is_not_stuck():
+    """A counter of a motor that stands has no noise: it stands still for 25 s under commands of a fifth of the range."""
+    recorded = Recording.from_arrays(STAIRS, turning(STAIRS, 1.8), 0.05)
+    checked = gate(PLANT, [Experiment(recordings=(recorded,))])
+    assert (np.diff(recorded.outputs[0][:480]) == 0.0).all()
+    assert not checked.stuck[0][0].any()
+
+
+def test_a_counter_that_stands_still_where_the_motor_turns_is_stuck():
+    """Without friction, though it comes back with the command; with friction, though at no leap of the command."""
+    free = turning(STAIRS, 0.0)
+    free[120:300] = free[119]
+    assert gate(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, free, 0.05),))]).stuck[0][0][120:300].all()
+    held = turning(STAIRS, 1.8)
+    held[500:575] = held[499]
+    assert gate(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, held, 0.05),))]).stuck[0][0][500:575].all()

@@ -11,8 +11,8 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.mismatch.refit import search
-from deatwin.ident.mismatch.refit.search import gap_around, in_its_gap
-from deatwin.plant import Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
+from deatwin.ident.mismatch.refit.search import gap_around, in_a_wider_range, in_its_gap
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
 
@@ -131,3 +131,22 @@ def test_a_lesser_residual_some_samples_on_is_found_and_gone_down_to(rough, holl
         return min((at - 41.3) ** 2, 5.0 * (at - 41.3 - hollow) ** 2 - 1.0)
 
     assert (abs(rough(loss) - 41.3 - hollow) < search.FINEST) is found
+
+
+def test_a_dead_time_beyond_the_usual_is_found_in_a_wider_range():
+    """The commands of a film come 15 samples of 20 ms late; the usual range ends at 100 ms."""
+    commands = band_limited_noise(np.random.default_rng(2), 15.0, 0.02)
+    late = np.concatenate([np.full(15, commands[0]), commands[:-15]])
+    plant = Plant(rig=Diaphragm())
+    blank = np.zeros_like(commands)
+    driven = Experiment(recordings=(Recording.from_arrays(late, blank, 0.02),))
+    read = plant.record(driven, np.random.default_rng(3)).recordings[0]
+    part = Part.whole(Experiment(recordings=(replace(read, inputs=commands[None]),)))
+    part = replace(part, masks=(part.timepts > 1.0,))
+    late_plant = plant.with_effects(Delay())
+    fit = search.search(late_plant, [part])
+    assert "delay.time" in fit.at_bound
+    wider = in_a_wider_range(fit, late_plant, [part])
+    assert wider.plant.parameters["delay.time"].value == pytest.approx(0.3, abs=0.002)
+    assert wider.rms == pytest.approx(plant.rig.noise, rel=0.1)
+    assert in_a_wider_range(wider, late_plant, [part]) is wider  # it lies inside

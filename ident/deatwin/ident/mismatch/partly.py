@@ -1,0 +1,140 @@
+"""What acts, where nothing explains a mismatch wholly: the effects that take nearly all of it, and what they leave."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.locate.location import Location
+from deatwin.ident.mismatch.located import Band, Unexplained
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
+from deatwin.ident.mismatch.naming.limits import with_limits
+from deatwin.ident.mismatch.naming.tried import each_without_one
+from deatwin.ident.mismatch.naming.versus import advantage
+from deatwin.ident.mismatch.naming.worth import acts, explained, held_back_by, takes_most
+from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verify.verify import verify
+
+NEARLY_ALL = 0.9
+"""Share of the explainable power that effects must take away which act though more is missing: the law of a mechanism
+is right to about 30 % of what it contributes at worst, which is 9 % of its power. What takes less imitates."""
+EVERYWHERE = 0.9
+"""Share of the recorded time from which on a stretch that holds what is left says nothing of where it is."""
+
+
+def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
+    """The effects that act though they are not the whole of a mismatch, and their verification, which they pass.
+
+    Parameters
+    ----------
+    naming : Naming
+        All that was tried; its best one, if there is one, has been refuted.
+    bench : Bench
+        Recordings.
+    rng : numpy.random.Generator
+        Of the verification.
+
+    Returns
+    -------
+    tuple of Naming and Verification, or None
+        None where no effect is certain to act.
+    """
+    found = led_by_what_acts(naming)
+    if found is None or found.best is None or (naming.best and set(naming.best.effects) == set(found.best.effects)):
+        return None
+    verification = verify(found.base, found.best, rng, bench, found.candidates)
+    return (found, verification) if verification.holds else None
+
+
+def led_by_what_acts(naming: Naming) -> Naming | None:
+    """The smallest set that takes nearly all of a mismatch and leads all others, or what it shares with those.
+
+    Parameters
+    ----------
+    naming : Naming
+        All that was tried.
+
+    Returns
+    -------
+    Naming or None
+        Without rivals; None where no set takes so much, or those that are as likely have no effect in common.
+    """
+    base, tried = naming.base, naming.candidates
+    known = {c.effects: c for c in tried}
+    for size in sorted({len(c.effects) for c in tried} - {0}):
+        stage = [c for c in tried if len(c.effects) == size]
+        led = decide(tried, stage, naming.noise, lambda c: _leads(c, base, known), lambda c: takes_most(c, base))
+        first = led.best
+        if first is None:
+            continue
+        led = with_limits(led, lambda c: takes_most(c, base))
+        larger = [c for c in tried if len(c.effects) > size and _takes_nearly_all(c, base)]
+        beyond = [c for c in larger if advantage(c, first) > STRONG]
+        common = set(first.effects).intersection(*(c.effects for c in (*led.rivals, *beyond)))
+        best = known.get(tuple(sorted(common)))
+        if not common or best is None or not _stands_alone(best, base):
+            return None
+        return replace(led, best=best, rivals=(), failed=naming.failed)
+    return None
+
+
+def _takes_nearly_all(candidate: Candidate, base: Candidate) -> bool:
+    return explained(candidate, base) >= NEARLY_ALL and _stands_alone(candidate, base)
+
+
+def _stands_alone(candidate: Candidate, base: Candidate) -> bool:
+    """Whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
+    return takes_most(candidate, base) and acts(candidate, base) and not held_back_by(candidate)
+
+
+def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], Candidate]) -> bool:
+    """Whether a candidate takes nearly all of the mismatch, and is far likelier than with any effect taken out."""
+    if not _takes_nearly_all(candidate, base):
+        return False
+    fewer = [known.get(rest) for rest in each_without_one(candidate.effects)]
+    return all(rest is not None and advantage(candidate, rest) > STRONG for rest in fewer)
+
+
+def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
+    """What an answer leaves of a mismatch, and where most of that is.
+
+    Parameters
+    ----------
+    answer, base : Candidate
+        With and without the causes.
+    left : Location
+        Of what the answer leaves.
+    seconds : float
+        How long the recordings are together, s.
+
+    Returns
+    -------
+    Unexplained
+        Amplitudes in the unit that is reported.
+    """
+    found, size = left.summary, left.unit[1]
+    before, after = (_beyond(float(c.losses.mean()), answer.noise) for c in (base, answer))
+    windows = [w for w in found.time if w.to_s - w.from_s < EVERYWHERE * seconds]
+    return Unexplained(
+        rms=after / size,
+        mismatch=before / size,
+        share=min((after / before) ** 2, 1.0) if before > 0.0 else 0.0,
+        fitted=answer.fitted_test.size / size,
+        unseen=answer.unseen_test.size / size,
+        time=max(windows, key=lambda w: w.score, default=None),
+        frequency=max(found.frequency, key=_power, default=None),
+        region=next(iter(found.region), None),
+        place=next((p.place for p in sorted(found.place, key=lambda p: -p.score) if p.score > 0.0), None),
+    )
+
+
+def _beyond(mean_square: float, noise: float) -> float:
+    return float(np.sqrt(max(mean_square - noise**2, 0.0)))
+
+
+def _power(band: Band) -> float:
+    """Of what a band holds, in proportion to the noise's density."""
+    return float((band.to_Hz - band.from_Hz) * 10.0 ** (band.excess_dB / 10.0))
