@@ -44,6 +44,14 @@ def as_loud_as_ever() -> Iterator[None]:
     logger.setLevel(logging.NOTSET)
 
 
+@pytest.fixture(scope="module")
+def uncompiled() -> Iterator[None]:
+    """Plants run in CasADi's own machine: small ones are done before they would be compiled."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DEATWIN_COMPILER", "")
+        yield
+
+
 @pytest.fixture
 def setting(tmp_path: Path) -> Setting:
     """Give a story a temporary folder, seed 0 and one process."""

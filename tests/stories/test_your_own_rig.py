@@ -25,10 +25,7 @@ def travel(car: Plant, road: np.ndarray) -> np.ndarray:
     return car.simulate(Experiment(recordings=(unread(road),))).require().outputs[0][0]
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def test_a_slow_wave_has_the_response_of_two_masses() -> None:
@@ -74,10 +71,8 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Drives:
 
 
 @pytest.fixture(scope="module")
-def diagnosis(driven: Drives) -> Diagnosis:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DEATWIN_COMPILER", "")
-        return diagnose(plant(), [Experiment(recordings=(driven.rough,))], jobs=1, seed=0)
+def diagnosis(driven: Drives, uncompiled: None) -> Diagnosis:
+    return diagnose(plant(), [Experiment(recordings=(driven.rough,))], jobs=1, seed=0)
 
 
 def test_the_drag_of_another_integrator_is_named(diagnosis: Diagnosis) -> None:

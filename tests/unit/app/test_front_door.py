@@ -320,6 +320,8 @@ def write_models(desk: Path) -> None:
     narx = replace(NarxModel.from_terms(terms, sample_time=0.02), operating=trained)
     narx.save(desk / "narx.json")
     replace(narx, provenance={"excited_band_Hz": "wide"}).save(desk / "banded.json")
+    two = NarxModel.from_terms({"y(k-1)": 0.5, "u1(k)": 1.0, "u2(k)": 1.0}, sample_time=0.02)
+    two.save(desk / "two.json")
     load_plant(desk / "rig.toml").save(desk / "model.json")
     (desk / "designed.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
     for name, source, key, value in (

@@ -4,11 +4,13 @@ Of one lag there is an exact model as well, and a check on it that is as short a
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import Parameter, Plant, Rig, StartProcedure
 from deatwin.plant.builder import Builder
 
+SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
 H, LAG, SLOPE = 0.02, 0.01, 2.0
 POLE = np.exp(-H / LAG)
 FAST = 0.06
@@ -99,14 +102,6 @@ class Brittle(Gap):
         wanted = build.parameter("stiffness") * (1 - (1 - build.command) ** 0.5)
         build.rate(position, wanted - position, mass=0.02)
         return position
-
-
-@pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
-    """So small a plant runs as fast as it compiles."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("deatwin.plant.simulate.compile_functions", lambda functions, **_: dict(functions))
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -202,6 +197,7 @@ def document_of() -> Callable[[Check, Path], dict[str, Any]]:
         written = json.dumps([document["reason"], document["sentence"], document["findings"]]).lower()
         assert " nan" not in written
         assert " inf " not in written
+        jsonschema.validate(document, SCHEMA)
         return document
 
     return saved

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.control import LinearController, Specification, Verdict, closed_loop, margins
+from deatwin.control.checking import cycles
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.design.pid import PidGains
 from deatwin.control.linear.model import LinearModel
@@ -181,7 +182,7 @@ def test_a_cycle_of_the_limits_is_told_where_the_plant_is_not_measured(slow, mon
     linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
     controller = integral(slow, 1.2)
     small, large = (judge_cycles(slow, controller, linear, step, Specification()) for step in (1e3, 1.0))
-    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", lambda *_, **__: None)
+    monkeypatch.setattr(cycles, "sine_response", lambda *_, **__: None)
     for measured, verdict, step in ((small, Verdict.MARGINAL, 1e3), (large, Verdict.FAIL, 1.0)):
         found = judge_cycles(slow, controller, linear, step, Specification())
         assert (found.verdict, found.value) == (verdict, measured.value)
@@ -205,7 +206,7 @@ def test_a_loop_that_hardly_acts_is_not_looked_at_for_days(slow, monkeypatch):
     def measured(plant, operating_input, amplitudes, omega, *, progress):
         asked.append(omega)
 
-    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", measured)
+    monkeypatch.setattr(cycles, "sine_response", measured)
     linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
     controller = integral(slow, 1e-4)
     judge_cycles(slow, controller, linear, 1.0, Specification())

@@ -6,7 +6,17 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control import Check, Law, Limit, LinearController, Specification, Verdict, lambda_tuning, linearise
+from deatwin.control import (
+    Check,
+    Law,
+    Limit,
+    LinearController,
+    Specification,
+    Verdict,
+    controller_to_dict,
+    lambda_tuning,
+    linearise,
+)
 from deatwin.ident.narx import ThetaTrajectory
 from deatwin.plant import CalibratedPlant
 
@@ -70,6 +80,8 @@ def test_the_file_comes_back(document_of, passed, tmp_path):
     assert loaded.sine_predicted == passed.sine_predicted
     assert loaded.steps.to_dict() == passed.steps.to_dict()
     assert loaded.sine.to_dict() == passed.sine.to_dict()
+    assert controller_to_dict(loaded.controller) == controller_to_dict(passed.controller)
+    assert document["schema"] == "deatwin/check/1"
     (tmp_path / "again").mkdir()
     again = document_of(loaded, tmp_path / "again")
     assert {**document, "predicted": None} == again
@@ -245,7 +257,8 @@ def test_plots(passed):
     import matplotlib
 
     matplotlib.use("agg")
-    assert passed.plot().get_ylabel() == "output (mm)"
+    axes = passed.plot()
+    assert axes.get_ylabel() == "output (mm)" and passed.verdict.value in axes.get_title()
     assert passed.predicted.plot().get_xlabel() == "time (s)"
     assert passed.steps.plot().get_ylabel() == "output (mm)"
 

@@ -125,8 +125,7 @@ STILL = {"permittivity_drift.relative_change": 0.0}
         pytest.param(AT_START, gap_voltage(0.1), 1e-4, 400, id="read at the start"),
     ],
 )
-def test_it_answers_as_the_simulation_does_to_small_signals(plant, command, size, settle, monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")  # some hundred samples: compilation would take longer
+def test_it_answers_as_the_simulation_does_to_small_signals(plant, command, size, settle, uncompiled):
     deviations = np.random.default_rng(3).standard_normal(200)
     expected = simulated(plant, command, size, settle, deviations)
     linear = linearise_plant(plant, command).require()
@@ -204,9 +203,8 @@ SLOW = (Creep(time=1500.0), DielectricAbsorption(), ChargeInjection())
         pytest.param(thesis_plant().with_values(STILL), 3, id="with hysteresis"),
     ],
 )
-def test_many_modes_keep_their_static_gain_and_their_poles(plant, count, monkeypatch):
+def test_many_modes_keep_their_static_gain_and_their_poles(plant, count, uncompiled):
     """The gain is the slope of the static curve, and all poles of a film at rest lie inside the unit circle."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
     linear = linearise_plant(plant, 2.4).require()
     assert linear.poles.size == count
     assert np.abs(linear.poles).max() < 1.0

@@ -57,9 +57,7 @@ class Late(Curve):
 
 
 @pytest.fixture
-def curve(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Plant]:
-    # So small a plant runs as fast as it compiles.
-    monkeypatch.setattr("deatwin.plant.simulate.compile_functions", lambda functions, **_: dict(functions))
+def curve(uncompiled: None) -> Callable[..., Plant]:
     return lambda **details: Plant(rig=Curve(**details))
 
 

@@ -69,10 +69,8 @@ class Chain(Rig):
 
 
 @pytest.fixture
-def chain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, np.ndarray]]:
+def chain(uncompiled: None) -> Callable[..., dict[str, np.ndarray]]:
     """``chain(commands, *effects, sample_time=0.02)``: signals and the reading at the end of each sample."""
-    # So small a plant runs faster than it compiles.
-    monkeypatch.setattr("deatwin.plant.simulate.compile_functions", dict)
 
     def run(commands: np.ndarray, *effects: Effect, sample_time: float = 0.02) -> dict[str, np.ndarray]:
         record = Recording.from_arrays(commands, np.zeros(len(commands)), sample_time)

@@ -52,10 +52,7 @@ class Mass(Rig):
         return build.place(Place.SENSOR, "reading", position)
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    """Many small plants: compiling them would cost more than running them."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def move(commands, *effects, **rig):

@@ -87,10 +87,7 @@ class Mass(Rig):
         return build.place(Place.SENSOR, "reading", position)
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def readings(rig: Mass, commands: np.ndarray, *effects: Effect) -> np.ndarray:

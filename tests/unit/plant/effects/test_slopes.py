@@ -34,9 +34,7 @@ CORNERED = [CoulombFriction(), CoulombFriction(slip=1e-6), EndStop(), Hysteresis
 """Their corners are rounded, but to widths that a difference must stay below: shorter steps, larger errors."""
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def outputs(plant, values):
