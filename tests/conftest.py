@@ -44,12 +44,10 @@ def as_loud_as_ever() -> Iterator[None]:
     logger.setLevel(logging.NOTSET)
 
 
-@pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plants run in CasADi's own machine: small ones are done before they would be compiled."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DEATWIN_COMPILER", "")
-        yield
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
 
 
 @pytest.fixture

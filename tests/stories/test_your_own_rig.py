@@ -71,8 +71,10 @@ def driven(tmp_path_factory: pytest.TempPathFactory) -> Drives:
 
 
 @pytest.fixture(scope="module")
-def diagnosis(driven: Drives, uncompiled: None) -> Diagnosis:
-    return diagnose(plant(), [Experiment(recordings=(driven.rough,))], jobs=1, seed=0)
+def diagnosis(driven: Drives) -> Diagnosis:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DEATWIN_COMPILER", "")
+        return diagnose(plant(), [Experiment(recordings=(driven.rough,))], jobs=1, seed=0)
 
 
 def test_the_drag_of_another_integrator_is_named(diagnosis: Diagnosis) -> None:

@@ -1,8 +1,6 @@
 """The command line: exit statuses, error lines, files."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,20 +11,6 @@ from deatwin.app.cli import main
 from deatwin.app.options import fold_experiments, unfold_experiment
 from deatwin.plant import Diaphragm
 from deatwin.plant.files import read_csv
-
-
-def test_help_loads_nothing_heavy() -> None:
-    code = (
-        "import sys; from deatwin.app.cli import main; status = main(['--help']); "
-        "print('LOADED', *sys.modules); sys.exit(status)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 0, done.stderr
-    text, _, loaded = done.stdout.partition("LOADED")
-    for command in ("demo", "simulate", "identify", "frequency", "diagnose", "check", "scenario", "doctor"):
-        assert command in text
-    heavy = {"numpy", "scipy", "casadi", "matplotlib", "jinja2", "control", "sklearn", "deatwin.plant", "deatwin.ident"}
-    assert heavy.isdisjoint(loaded.split())
 
 
 def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:

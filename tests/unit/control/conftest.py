@@ -1,23 +1,13 @@
 """An actuator, a recording of it, and the model that was identified from the recording."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
 from deatwin.ident.narx import Frols, NarxModel
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording, simulate
+from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 
 SAMPLE_TIME = 0.02
-
-
-@pytest.fixture(scope="module")
-def uncompiled() -> Iterator[None]:
-    """Small plants alone run in CasADi's own machine; models' loops over samples stay compiled."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulate, "compile_functions", lambda functions, **_: dict(functions))
-        yield
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ Of one lag there is an exact model as well, and a check on it that is as short a
 """
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -18,7 +18,7 @@ from deatwin.control import Check, LinearController, check, lambda_tuning, linea
 from deatwin.ident.narx import NarxModel, Residual
 from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant import Parameter, Plant, Rig, StartProcedure
+from deatwin.plant import Parameter, Plant, Rig, StartProcedure, simulate
 from deatwin.plant.builder import Builder
 
 SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
@@ -102,6 +102,14 @@ class Brittle(Gap):
         wanted = build.parameter("stiffness") * (1 - (1 - build.command) ** 0.5)
         build.rate(position, wanted - position, mass=0.02)
         return position
+
+
+@pytest.fixture(scope="module")
+def uncompiled() -> Iterator[None]:
+    """Small plants alone run in CasADi's own machine; models' loops over samples stay compiled."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulate, "compile_functions", lambda functions, **_: dict(functions))
+        yield
 
 
 @pytest.fixture(scope="module")

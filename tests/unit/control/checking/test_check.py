@@ -1,8 +1,6 @@
 """The check: verdicts, bad input, and its file."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from importlib.resources import files
 
@@ -103,9 +101,3 @@ def test_other_files_are_refused(text, tmp_path):
         Check.load(path)
     with pytest.raises(ModelError, match="no such file"):
         Check.load(tmp_path / "missing.json")
-
-
-def test_importing_it_does_not_load_python_control():
-    code = "import sys, deatwin.control; print('control' in sys.modules, 'matplotlib' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
-    assert done.stdout.split() == ["False", "False"]
