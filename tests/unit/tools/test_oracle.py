@@ -10,7 +10,6 @@ import pytest
 
 pytest.importorskip("fcntl", reason="the oracle's locks are those of Unix")
 
-TOOL = Path(__file__).parents[2] / "tools" / "oracle.py"
 PYPROJECT = """
 [project]
 name = "deatwin"

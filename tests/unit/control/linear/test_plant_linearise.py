@@ -1,11 +1,11 @@
 """The linearised plant against small-signal simulation, closed forms, and its own matrices."""
 
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
+from made_rigs import Gap
 from scipy.signal import lfilter
 
 import deatwin.control.linear.plant as plant_module
@@ -25,55 +25,19 @@ from deatwin.plant import (
     ElectrodeRC,
     Leakage,
     ModelError,
-    Parameter,
     Planar,
     Plant,
     ReadingTime,
     Resonance,
-    Rig,
     SensorLag,
     SensorSaturation,
-    StartProcedure,
     actuation_curve,
     thesis_plant,
 )
-from deatwin.plant.builder import Builder
 from deatwin.plant.fleet import specification
 from deatwin.plant.small_signal import small_signals
 
 FILM = Plant(rig=Diaphragm())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gap(Rig):
-    """A user's rig: a voltage pulls a plate on a spring into a gap, u² = x (1 - x)² at rest; pull-in at 1/3."""
-
-    sample_time: float = 0.02
-    noise: float = 1e-3
-    stiffness: float = 1.0
-
-    kind: ClassVar[str] = "gap"
-    input_name: ClassVar[str] = "voltage"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "position"
-    output_unit: ClassVar[str] = "mm"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="stiffness", value=self.stiffness, unit="1", lower=-10.0, upper=10.0),
-            Parameter(name="damping", value=0.1, unit="s", lower=0.0, upper=10.0),
-        )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
-
-    def write(self, build: Builder) -> Any:
-        position = build.state("position", scale=1.0)
-        pull = build.command**2 / (1 - position) ** 2 - build.parameter("stiffness") * position
-        build.rate(position, pull, mass=build.parameter("damping"))
-        return position
 
 
 def gap_voltage(position: float) -> float:
