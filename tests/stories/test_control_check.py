@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_models import finished
 
 from deatwin.app.stories import stories
 from deatwin.control.checking.specification import Verdict
@@ -188,17 +189,7 @@ def loop(error: float = 1e-6, *, status: RunStatus = RunStatus.DONE, ringing: fl
     reference = 2e-4 + 1e-4 * (np.arange(n) // max(n // 4, 1) % 2)
     swing = np.where(np.arange(n) % 2 == 0, 1.0, -1.0)
     output = reference - error * swing - ringing * swing
-    return ClosedLoop(
-        status=status,
-        timepts=H * np.arange(n),
-        reference=reference,
-        output=output,
-        measured=output,
-        command=np.full(n, 2.5),
-        command_limits=(1.0, 4.0),
-        input_unit="V",
-        output_unit="m",
-    )
+    return finished(reference, output, status=status, command=np.full(n, 2.5), command_limits=(1.0, 4.0))
 
 
 def tracked(rms: float, phase: float = 80.0) -> Tracked:

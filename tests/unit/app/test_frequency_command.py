@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 from numpy.typing import NDArray
 from strips import COLUMNS
 
@@ -18,7 +19,6 @@ from deatwin.app.frequency_responses import respond
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.output_responses.result import NofrfStatus
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.studies.folder import ResultFolder
 
 STEP = 0.1
@@ -35,14 +35,7 @@ FILES = {
 def model_of(equation: Mapping[str, float], centre: float = 0.0, **more: Any) -> NarxModel:
     """A model with a covariance of 1 % of each parameter, trained on inputs from -1 to 1 about a centre."""
     found = NarxModel.from_terms(equation, sample_time=STEP)
-    trained = OperatingRange(
-        input_min=[centre - 1],
-        input_max=[centre + 1],
-        input_centre=[centre],
-        output_min=[-9],
-        output_max=[9],
-        output_centre=[0],
-    )
+    trained = trained_on((centre - 1, centre + 1), (-9, 9), input_centre=centre)
     return replace(
         found,
         theta_cov=np.diag((0.01 * found.theta) ** 2),

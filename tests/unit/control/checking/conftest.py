@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import jsonschema
 import numpy as np
 import pytest
+from made_narx import trained_on
 from made_rigs import Bare, Gap
 
 from deatwin.control import Check, LinearController, check, lambda_tuning, linearise
@@ -100,14 +101,7 @@ def rig(lags: Callable[..., Plant]) -> Plant:
 
 @pytest.fixture(scope="session")
 def trained() -> OperatingRange:
-    return OperatingRange(
-        input_min=np.array([-1.0]),
-        input_max=np.array([1.0]),
-        input_centre=np.array([0.0]),
-        output_min=np.array([-2.0]),
-        output_max=np.array([2.0]),
-        output_centre=np.array([0.0]),
-    )
+    return trained_on((-1.0, 1.0), (-2.0, 2.0))
 
 
 @pytest.fixture(scope="session")

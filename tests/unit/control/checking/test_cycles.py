@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control import LinearController, Specification, Verdict, closed_loop, margins
 from deatwin.control.checking import cycles
@@ -26,16 +27,14 @@ def integral(plant: Plant, share: float, room: float = 1.0) -> LinearController:
     most = float(margins(*loop, H).gain[0])
     law = gains.law(H).scaled(share * most)
     # Describing functions know of no anti-windup: with next to none the loop is the one that they describe.
-    return LinearController(
+    return controller_of(
+        law,
+        np.array([1e-4]),
         name="I",
-        sample_time=H,
-        operating_input=0.0,
         operating_output=linear.operating_output,
         command_min=-room,
         command_max=room,
         closed_loop_time=0.06,
-        law=law,
-        windup=np.array([1e-4]),
     )
 
 
@@ -142,16 +141,15 @@ def about(plant: Plant, voltage: float, share: float = 0.05) -> tuple[LinearCont
     """A weak integral controller about a voltage, with limits at 0 V and as far above, and the plant there."""
     linear = linearise_plant(plant, voltage).in_loop(plant.rig.reading)
     gains = PidGains(proportional=0.0, integral=share / linear.static_gain)
-    controller = LinearController(
+    controller = controller_of(
+        gains.law(H),
+        gains.windup(H),
         name="I",
-        sample_time=H,
         operating_input=voltage,
         operating_output=linear.operating_output,
         command_min=0.0,
         command_max=2 * voltage,
         closed_loop_time=0.06,
-        law=gains.law(H),
-        windup=gains.windup(H),
     )
     return controller, linear
 

@@ -5,12 +5,13 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from made_models import controller_of
+from made_narx import trajectory_of
 
 from deatwin.control import (
     Check,
     Law,
     Limit,
-    LinearController,
     Specification,
     Verdict,
     controller_to_dict,
@@ -149,13 +150,7 @@ def varying(exact):
     def grow(factor: float) -> ThetaTrajectory:
         model, times = exact(spread=1e-4), np.linspace(0.0, 100.0, 11)
         grown = model.theta[:, None] * np.array([np.ones(11), 1 + (factor - 1) * times / 100])
-        return ThetaTrajectory(
-            model=model,
-            timepts=times,
-            theta=grown,
-            theta_cov=np.tile(model.theta_cov, (11, 1, 1)),
-            drift_variance=np.zeros(2),
-        )
+        return trajectory_of(model, times, grown, theta_cov=np.tile(model.theta_cov, (11, 1, 1)))
 
     return grow
 
@@ -231,17 +226,7 @@ def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(chec
     """As the how-to shows it; times its gain margin the loop's poles are on the unit circle."""
     pi = control.ss(control.tf([0.2, -0.1], [1.0, -1.0], H))
     law = Law.of_error(pi.A, pi.B[:, 0], pi.C[0], pi.D[0, 0])
-    mine = LinearController(
-        name="my PI",
-        law=law,
-        windup=pi.B[:, 0] / pi.D[0, 0],
-        sample_time=H,
-        closed_loop_time=FAST,
-        operating_input=0.0,
-        operating_output=0.0,
-        command_min=-1.0,
-        command_max=1.0,
-    )
+    mine = controller_of(law, pi.B[:, 0] / pi.D[0, 0], name="my PI", closed_loop_time=FAST)
     found = checked(exact(provenance={}), rig, controller=mine, samples=5)
     seen = linearise(exact()).in_loop(rig.rig.reading)
     bottom = np.convolve([1.0, -1.0], seen.denominator)

@@ -4,6 +4,7 @@ import control
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from made_models import linear_model
 
 from deatwin.control.interop.responses import linear_frd, to_frd
 from deatwin.control.linear.model import LinearModel
@@ -21,13 +22,10 @@ OMEGA = 2 * np.pi * np.geomspace(0.05, 20.0, 30)
 def uncertain() -> LinearModel:
     """G = (0.2 + 0.1 z^-1) / (1 - 0.7 z^-1) with correlated coefficients."""
     root = np.random.default_rng(3).normal(scale=1e-3, size=(3, 3))
-    return LinearModel(
-        numerator=np.array([0.2, 0.1]),
-        denominator=np.array([1.0, -0.7]),
+    return linear_model(
+        np.array([0.2, 0.1]),
+        np.array([1.0, -0.7]),
         covariance=root @ root.T,
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
         input_name="command",
         output_name="displacement",
         input_unit="V",

@@ -6,9 +6,10 @@ from itertools import permutations, product
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 
 from deatwin.ident.frequency import FrequencyStatus, equilibrium, frequency_grid, gfrf, linear_part, remove_dc
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -82,14 +83,7 @@ def test_covariance_against_monte_carlo():
     omega = OMEGA[::8]
     response = gfrf(nonlinear(cov=root @ root.T), 1, omega, operating_input=0.7)
     theta = np.array(list(NONLINEAR.values()))
-    trained = OperatingRange(
-        input_min=[0.5],
-        input_max=[0.9],
-        input_centre=[0.7],
-        output_min=[0.5],
-        output_max=[0.9],
-        output_centre=[response.point.output],
-    )
+    trained = trained_on((0.5, 0.9), (0.5, 0.9), output_centre=response.point.output)
     draws = np.array(
         [gfrf(nonlinear(theta + root @ rng.normal(size=6), operating=trained), 1, omega).values for _ in range(1000)]
     )
