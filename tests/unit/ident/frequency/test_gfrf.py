@@ -40,17 +40,6 @@ def test_linear_model_gives_b_over_a():
     np.testing.assert_array_equal(response.covariance, 0.0)
 
 
-def test_it_equals_the_transfer_function_of_python_control():
-    control = pytest.importorskip("control")
-    model = NarxModel.from_terms(
-        {"y(k-1)": 1.1, "y(k-2)": -0.3, "u(k-1)": 0.3, "u(k-2)": -0.7}, sample_time=SAMPLE_TIME
-    )
-    plant = control.tf([0.3, -0.7], [1, -1.1, 0.3], SAMPLE_TIME)
-    np.testing.assert_allclose(
-        gfrf(model, 1, OMEGA[:-1]).values, plant(np.exp(1j * OMEGA[:-1] * SAMPLE_TIME)), rtol=1e-12
-    )
-
-
 def test_at_zero_frequency_it_is_the_slope_of_the_equilibria():
     step = 1e-5
     slope = (equilibrium(nonlinear(), 0.7 + step).output - equilibrium(nonlinear(), 0.7 - step).output) / (2 * step)
