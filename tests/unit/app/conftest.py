@@ -8,6 +8,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from rig_files import RIG
 from strips import MODULE, pulled, strip, write
 
 from deatwin.plant import Creep
@@ -20,7 +21,6 @@ SCHEMAS = {
     "run": "scenarios/deatwin/studies/schemas/run.schema.json",
     "check": "control/deatwin/control/schemas/check.schema.json",
 }
-RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")

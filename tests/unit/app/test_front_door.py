@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from designed import DESIGNED
 from made_narx import trained_on
+from rig_files import RIG
 from scipy.io import savemat
 from typer.main import get_command
 
@@ -29,7 +30,6 @@ from deatwin.studies.voice import complain
 
 ROOT = Path(__file__).parents[3]
 HEADER = "time_s,command_V,displacement_mm"
-RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 PLANTS = """\
 import sys
 from deatwin.plant import Coupon, Plant

@@ -109,10 +109,6 @@ def test_sensitivities_are_the_derivatives(base):
     check_sensitivities(base.with_effects(*EFFECTS))
 
 
-def test_effects_given_in_any_order_make_the_same_plant(chain):
-    np.testing.assert_array_equal(chain(NOISE, *CHAINED)["reading"], chain(NOISE, *CHAINED[::-1])["reading"])
-
-
 def test_film_and_drive_keep_evenness_where_they_should(base, experiment):
     odd = {"amplifier_offset", "amplifier_slew"}  # these two tell up from down
     plant = base.with_effects(*(off(e) if e.name in odd else e for e in EFFECTS))
