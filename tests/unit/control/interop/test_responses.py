@@ -49,17 +49,6 @@ def test_both_ways_have_the_same_covariance(model):
     np.testing.assert_allclose(from_coefficients.gain_deviation, response.gain_deviation, rtol=1e-6)
 
 
-def test_the_covariance_is_that_of_random_coefficients(uncertain):
-    frd = linear_frd(uncertain, [1.0, 30.0])
-    drawn = np.random.default_rng(4).multivariate_normal([0.2, 0.1, -0.7], uncertain.covariance, size=40_000)
-    z = np.exp(-1j * np.array([1.0, 30.0]) * H)
-    values = (drawn[:, :1] + drawn[:, 1:2] * z) / (1.0 + drawn[:, 2:] * z)
-    for k in range(2):
-        sampled = np.cov(values[:, k].real, values[:, k].imag)
-        # 40000 draws know a variance to 0.7 %; three of these and the curvature.
-        assert np.abs(sampled - frd.covariance[k]).max() < 0.03 * np.trace(frd.covariance[k])
-
-
 def test_the_response_of_an_arx_model_comes_over(recording):
     model = Arx(na=2, nb=2, nk=1).fit(recording).model_
     response = frf(model, OMEGA)
