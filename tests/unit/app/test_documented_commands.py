@@ -176,9 +176,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The same, as the working folder; modules that lie in it are forgotten afterwards."""
-    import matplotlib
-
-    matplotlib.use("Agg")
     monkeypatch.chdir(desk)
     monkeypatch.syspath_prepend(str(desk))
     before = set(sys.modules)

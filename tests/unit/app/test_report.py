@@ -294,9 +294,6 @@ def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
 
 
 def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
     axes = with_everything().plot()
     assert axes.get_title() == "named: creep"
     assert axes.get_ylabel() == "measured − simulated (µm)"

@@ -239,9 +239,6 @@ def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(chec
 
 
 def test_plots(passed):
-    import matplotlib
-
-    matplotlib.use("agg")
     axes = passed.plot()
     assert axes.get_ylabel() == "output (mm)" and passed.verdict.value in axes.get_title()
     assert passed.predicted.plot().get_xlabel() == "time (s)"

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import matplotlib
 import numpy as np
 import pytest
 from made_narx import trajectory_of
@@ -18,7 +17,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant import CalibratedPlant, Creep, Diaphragm, ModelError, Plant
 
-matplotlib.use("Agg")
 H = 0.02
 POINTS = np.linspace(1.4, 3.2, 5)
 

@@ -1,6 +1,5 @@
 """The analytic band of a loop against draws of its coefficients and closed forms."""
 
-import matplotlib
 import numpy as np
 import pytest
 from made_models import linear_model
@@ -11,7 +10,6 @@ from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.errors import ModelError
 
-matplotlib.use("Agg")
 H = 0.02
 PI = (np.array([2.64, -2.6]), np.array([1.0, -1.0]))
 

@@ -11,8 +11,6 @@ from deatwin.ident.frequency.output_responses.powers import input_spectrum
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
 
-matplotlib.use("Agg")
-
 SAMPLE_TIME = 0.02
 
 

@@ -24,8 +24,6 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 
-matplotlib.use("Agg")
-
 SAMPLE_TIME = 0.02
 # linear in the output: of the degree of the input terms, and no higher
 FINITE = {
