@@ -6,6 +6,7 @@ Long ones are handed to workers first, so that no worker is left alone with them
 from __future__ import annotations
 
 import logging
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,6 +18,8 @@ from hypothesis import settings
 
 if TYPE_CHECKING:
     from deatwin.studies.stories import Setting
+
+os.environ.setdefault("MPLBACKEND", "Agg")  # no test opens a window
 
 # What a property test draws follows from its code alone: every run sees the same examples.
 settings.register_profile("fixed", derandomize=True, database=None)
@@ -42,6 +45,12 @@ def as_loud_as_ever() -> Iterator[None]:
     logger.setLevel(logging.NOTSET)
     yield
     logger.setLevel(logging.NOTSET)
+
+
+@pytest.fixture
+def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plants run in CasADi's own machine: small ones are done before they would be compiled."""
+    monkeypatch.setenv("DEATWIN_COMPILER", "")
 
 
 @pytest.fixture

@@ -12,9 +12,10 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from stopwatch import timed
 from threadpoolctl import threadpool_info
 
 from deatwin.ident.narx import Frols
@@ -25,17 +26,8 @@ from deatwin.plant.recording import Recording
 
 SAMPLES, LAGS, DEGREE, TERMS = 10_000, 8, 3, 15
 CANDIDATES = {"output_lags": LAGS, "input_lags": LAGS, "degree": DEGREE}
+wall = partial(timed, clock=time.perf_counter)
 OFFSETS = (0.0, 1.0)  # further from zero than their swing, signals would count from their means
-
-
-def timed(work: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest wall-clock time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def recording(offset: float, samples: int = SAMPLES) -> Recording:
@@ -77,8 +69,8 @@ def peer(record: Recording) -> list[str]:
 
 def speed(offset: float) -> None:
     record = recording(offset)
-    unit = timed(lambda: regressors_and_gram(record))
-    ours = timed(lambda: own(record))
+    unit = wall(lambda: regressors_and_gram(record))
+    ours = wall(lambda: own(record))
     print(f"\noffset {offset:g}: regressors and one Gram matrix {unit:.3f} s, Frols {ours:.3f} s")
     print(f"  Frols takes {ours / unit:.2f} times as long as the regressors and one Gram matrix")
     try:
@@ -86,7 +78,7 @@ def speed(offset: float) -> None:
     except ImportError:
         print("  SysIdentPy is not installed (extra compare): no comparison")
         return
-    theirs = timed(lambda: peer(record), 3)
+    theirs = wall(lambda: peer(record), 3)
     from deatwin.ident.narx import Term
 
     same = [str(Term.parse(text)) for text in peer(record)] == [str(term) for term in own(record).terms_]
@@ -96,7 +88,7 @@ def speed(offset: float) -> None:
 def lasso() -> None:
     system = SYSTEMS["E1"]
     record = system.draw(np.random.default_rng(0)).recording
-    taken = timed(lambda: Lasso(output_lags=4, input_lags=4, degree=4).fit(record), 3)
+    taken = wall(lambda: Lasso(output_lags=4, input_lags=4, degree=4).fit(record), 3)
     print(f"\nLasso on E1, {record.n_samples} samples and 495 candidates: {taken:.2f} s")
 
 

@@ -16,13 +16,12 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
 import tracemalloc
-from collections.abc import Callable
 from itertools import permutations
 from typing import Any
 
 import numpy as np
+from stopwatch import best
 
 from deatwin.ident.frequency import frequency_grid, gfrf
 from deatwin.ident.narx import NarxModel
@@ -42,16 +41,6 @@ CUBIC = [
     "u(k-1)^2u(k-2)",
 ]
 MODEL = NarxModel.from_terms(LINEAR | dict.fromkeys(QUADRATIC + CUBIC, 0.01), sample_time=SAMPLE_TIME)
-
-
-def timed(work: Callable[[], Any], repeats: int) -> tuple[float, Any]:
-    """Shortest processor time of a few runs in s, and the last result."""
-    times, result = [], None
-    for _ in range(repeats):
-        begin = time.process_time()
-        result = work()
-        times.append(time.process_time() - begin)
-    return min(times), result
 
 
 def lags_by_kind() -> dict[tuple[int, int], list[tuple[list[int], float]]]:
@@ -105,13 +94,13 @@ def peer(omega: np.ndarray, ours: dict[str, tuple[float, np.ndarray]]) -> None:
         print("sympy is not installed: no comparison")
         return
     print(f"\nsympy {sympy.__version__}")
-    build, (frequencies, expression) = timed(lambda: symbolic(3), 1)
+    build, (frequencies, expression) = best(lambda: symbolic(3), 1)
     for name, options in (("as it comes", {}), ("common subexpressions taken out", {"cse": True})):
-        compiled, function = timed(lambda o=options: sympy.lambdify(frequencies, expression, "numpy", **o), 1)  # type: ignore[misc]
+        compiled, function = best(lambda o=options: sympy.lambdify(frequencies, expression, "numpy", **o), 1)  # type: ignore[misc]
         print(f"{name}: expression {build:.2f} s, function {compiled:.2f} s")
         for form, orders in (("recursive", [(0, 1, 2)]), ("symmetric", list(permutations(range(3))))):
             columns = [omega[:, order].T for order in orders]
-            run, values = timed(lambda f=function, c=columns: sum(f(*w) for w in c) / len(c), 2)  # type: ignore[misc]
+            run, values = best(lambda f=function, c=columns: sum(f(*w) for w in c) / len(c), 2)  # type: ignore[misc]
             seconds, expected = ours[form]
             assert np.allclose(values, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
             print(
@@ -141,10 +130,10 @@ def main() -> None:
     print(f"H_3 of {len(MODEL.terms)} terms on {POINTS}^3 = {len(omega)} points, one core")
     ours = {}
     for form in ("symmetric", "recursive"):
-        seconds, response = timed(lambda f=form: gfrf(MODEL, 3, omega, form=f), 5)  # type: ignore[misc]
+        seconds, response = best(lambda f=form: gfrf(MODEL, 3, omega, form=f), 5)  # type: ignore[misc]
         ours[form] = seconds, response.values
         print(f"{form}: {seconds:.3f} s")
-    seconds, _ = timed(lambda: gfrf(MODEL, 3, omega).gradient, 1)
+    seconds, _ = best(lambda: gfrf(MODEL, 3, omega).gradient, 1)
     print(f"symmetric with the derivatives by {len(MODEL.terms)} parameters: {seconds:.2f} s")
     memory(omega)
     peer(omega, ours)

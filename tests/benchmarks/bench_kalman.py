@@ -12,25 +12,14 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-from collections.abc import Callable
 
 import numpy as np
+from stopwatch import timed
 
 from deatwin.ident.kalman import adjoint, kalman_filter, kalman_smoother
 from deatwin.ident.state_space import StateSpace
 
 STATES, SAMPLES, SHORT = 15, 55_000, 2_000
-
-
-def timed(work: Callable[[], object], repeats: int = 3) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def problem(samples: int) -> tuple[StateSpace, np.ndarray]:
@@ -53,7 +42,7 @@ def own(name: str) -> None:
         ("gradient", lambda: adjoint(filtered)),
         ("smoother", lambda: kalman_smoother(filtered)),
     ):
-        print(f"{name:12s}{what:24s}{timed(work):8.2f} s")
+        print(f"{name:12s}{what:24s}{timed(work, 3):8.2f} s")
 
 
 def statsmodels() -> None:
@@ -75,8 +64,8 @@ def statsmodels() -> None:
         f"states by {np.abs(ours.states - theirs.smoothed_state.T).max():.1e}"
     )
     share = SAMPLES / SHORT
-    print(f"{'statsmodels':12s}{'filter':24s}{timed(peer.ssm.filter) * share:8.2f} s (from {SHORT} samples)")
-    print(f"{'statsmodels':12s}{'filter and smoother':24s}{timed(peer.ssm.smooth) * share:8.2f} s")
+    print(f"{'statsmodels':12s}{'filter':24s}{timed(peer.ssm.filter, 3) * share:8.2f} s (from {SHORT} samples)")
+    print(f"{'statsmodels':12s}{'filter and smoother':24s}{timed(peer.ssm.smooth, 3) * share:8.2f} s")
 
 
 if __name__ == "__main__":

@@ -11,26 +11,15 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-from collections.abc import Callable
 
 import numpy as np
+from stopwatch import timed
 
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Process, Reading
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.whitening import grams
 
 SAMPLES, COLUMNS, RATIOS = 21_000, 40, 24
-
-
-def timed(work: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def main() -> None:

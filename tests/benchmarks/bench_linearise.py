@@ -13,11 +13,10 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from stopwatch import timed
 
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.control.linear.narx import linearise
@@ -28,16 +27,6 @@ from deatwin.plant.excitation import band_limited_noise
 
 SAMPLES, ALONE, PLANTS = 2000, 100, 20
 POINTS = np.linspace(1.1, 3.75, 20)
-
-
-def timed(work: Callable[[], object], repeats: int) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def identified() -> NarxModel:

@@ -17,14 +17,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
-import time
 import tracemalloc
 import warnings
-from collections.abc import Callable
-from typing import Any
 
 import control
 import numpy as np
+from stopwatch import best
 
 from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.narx import linearise
@@ -68,16 +66,6 @@ def family(points: int, draws: int) -> tuple[Array, Array]:
     )
 
 
-def timed(work: Callable[[], Any], repeats: int = 1) -> tuple[float, Any]:
-    """Shortest processor time of a few runs in s, and the last result."""
-    times, result = [], None
-    for _ in range(repeats):
-        begin = time.process_time()
-        result = work()
-        times.append(time.process_time() - begin)
-    return min(times), result
-
-
 def crossings(top: Array, bottom: Array) -> tuple[Array, ...]:
     """Gain and phase margins at all crossings, with their frequencies, by python-control."""
     loop = control.tf(top, bottom, SAMPLE_TIME)
@@ -108,9 +96,9 @@ def require(text: str, difference: float, limit: float) -> None:
 def compare(found: Margins, top: Array, bottom: Array, chosen: Array) -> tuple[float, float]:
     """Compare the chosen loops with python-control; returns its time a loop in s, of all and of `margin` alone."""
     omega = np.geomspace(1e-2, np.pi / SAMPLE_TIME, 1000)
-    seconds, theirs = timed(lambda: [crossings(top[i], bottom[i]) for i in chosen])
-    disk_seconds, disks = timed(lambda: np.array([disk(top[i], bottom[i], omega) for i in chosen]))
-    whole_seconds, _ = timed(lambda: [control.margin(control.tf(top[i], bottom[i], SAMPLE_TIME)) for i in chosen])
+    seconds, theirs = best(lambda: [crossings(top[i], bottom[i]) for i in chosen], 1)
+    disk_seconds, disks = best(lambda: np.array([disk(top[i], bottom[i], omega) for i in chosen]), 1)
+    whole_seconds, _ = best(lambda: [control.margin(control.tf(top[i], bottom[i], SAMPLE_TIME)) for i in chosen], 1)
     differences = np.zeros((len(chosen), 3))
     for row, i, (gains, phases, omegas) in zip(differences, chosen, theirs, strict=True):
         real = omegas > 1e-6 / SAMPLE_TIME  # python-control counts the integrator itself as a crossing
@@ -137,10 +125,10 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=20, help="operating inputs")
     parser.add_argument("--loops", type=int, default=100, help="loops that python-control is given")
     arguments = parser.parse_args()
-    seconds, (tops, bottoms) = timed(lambda: family(arguments.points, arguments.draws))
+    seconds, (tops, bottoms) = best(lambda: family(arguments.points, arguments.draws), 1)
     count = arguments.points * arguments.draws
     print(f"{arguments.points} operating inputs x {arguments.draws} draws = {count} loops, laid out in {seconds:.0f} s")
-    ours, found = timed(lambda: margins(tops, bottoms, SAMPLE_TIME), 3)
+    ours, found = best(lambda: margins(tops, bottoms, SAMPLE_TIME), 3)
     tracemalloc.start()
     margins(tops, bottoms, SAMPLE_TIME)
     peak = tracemalloc.get_traced_memory()[1]

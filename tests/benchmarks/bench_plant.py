@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from peers import Peer, hand_written_peer, scipy_peer, sundials_peer
+from stopwatch import timed
 
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant import CoulombFriction, Plant, SensorLag
@@ -34,16 +35,6 @@ TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 METHODS = ("LSODA", "BDF", "Radau")
 SOLVERS = ("idas", "cvodes")
 RIGS = 64
-
-
-def timed(work: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def excitation(sample_time: float, seconds: float = SECONDS) -> np.ndarray:

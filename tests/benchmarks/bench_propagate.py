@@ -22,13 +22,13 @@ import os
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from stopwatch import timed
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf, output_spectrum
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta, with_theta
@@ -60,16 +60,6 @@ TERMS = {
     "y(k-1)^2u(k-1)": -0.02,
     "y(k-2)u(k-2)": 0.02,
 }
-
-
-def timed(work: Callable[[], object], repeats: int) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def identified() -> NarxModel:

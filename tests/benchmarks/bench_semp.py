@@ -16,11 +16,11 @@ import ctypes
 import os
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from stopwatch import timed
 
 from deatwin.ident.narx.free_run import free_run
 from deatwin.ident.narx.regression import Regression
@@ -42,16 +42,6 @@ void s3(const double *u, double *y, long n) {
              - 0.7 * y[k - 2] * u[k - 2] * u[k - 2] - 0.5 * y[k - 2];
 }
 """
-
-
-def timed(work: Callable[[], object], repeats: int = 20) -> float:
-    """Shortest processor time of a few runs, s."""
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        times.append(time.process_time() - begin)
-    return min(times)
 
 
 def hand_written(level: str, folder: str) -> Callable[[np.ndarray], np.ndarray]:
@@ -78,8 +68,10 @@ def against_the_c_loop() -> None:
     model, recording = SYSTEMS["S3"].model, Recording.from_arrays(u, np.zeros(SAMPLES), 1.0)
     with tempfile.TemporaryDirectory() as folder:
         peers = [hand_written(level, folder) for level in ("-O2", "-O3")]
-        seconds, peer = min(((timed(lambda peer=peer: peer(u)), peer) for peer in peers), key=lambda found: found[0])
-    ours = timed(lambda: model.simulate(recording))
+        seconds, peer = min(
+            ((timed(lambda peer=peer: peer(u), 20), peer) for peer in peers), key=lambda found: found[0]
+        )
+    ours = timed(lambda: model.simulate(recording), 20)
     difference = np.abs(model.simulate(recording).outputs[0] - peer(u)).max()
     print(f"free run of S3, {SAMPLES} samples: {ours * 1e3:.2f} ms, {ours / seconds:.2f} times the C loop")
     print(f"  (outputs at most {difference:.0e} apart)")
@@ -155,7 +147,7 @@ def against_one_at_a_time(name: str) -> None:
     lags = {"output_lags": system.output_lags, "input_lags": system.input_lags, "degree": system.degree}
     data = Regression.of(recording, **lags)
     published, usual = Semp(**lags, **PUBLISHED), Semp(**lags)
-    ours, default = timed(lambda: published.fit(recording)), timed(lambda: usual.fit(recording))
+    ours, default = timed(lambda: published.fit(recording), 20), timed(lambda: usual.fit(recording), 20)
     print(f"Semp on {name} ({recording.n_samples} samples, {len(data.table.terms)} candidates), published search:")
     print(f"  {ours * 1e3:.1f} ms for {len(published.path_)} steps; with tests and exchanges {default * 1e3:.1f} ms")
     for compiled, what in ((False, "plain Python floats"), (True, "the compiled kernel")):

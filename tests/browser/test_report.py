@@ -15,42 +15,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from strips import COLUMNS, MODULE, pulled, strip, write
 
 from deatwin.app.stories import stories
-from deatwin.plant import Coupon, Creep, Plant
-from deatwin.plant.files import write_csv
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant import Creep
+from deatwin.plant.recording import Experiment
 
-COLUMNS = ["--input-column", "stretch", "--output-column", "force_N"]
-MODULE = """
-from deatwin.plant import Coupon, Plant
-
-def strip():
-    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
-"""
 SCREENS = ((400, "light", True), (1400, "dark", True), (400, "dark", False), (1400, "light", False))
 """Width, scheme, and whether axe-core looks too: what it looks at differs by width or by scheme, not by both."""
 LARGEST = 5_000_000
 LESSENED = ("regression-lessons", "prestretch-sweep", "svb-benchmark")
 REPORTS = ("diagnose", "identify", "check", "frequency", *LESSENED)
-
-
-def pulls(seed: int, plant: Plant) -> Recording:
-    """A strip pulled to and fro at random for a minute and a half."""
-    rng = np.random.default_rng(seed)
-    corners = 1 + rng.uniform(0.1, 1.0, 10)
-    stretch = np.interp(np.arange(900) / 100, np.arange(10), corners)
-    stretch[:100] = np.linspace(1, corners[1], 100)
-    silent = Recording.from_arrays(
-        stretch,
-        np.zeros(900),
-        0.1,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-    )
-    return plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
 
 
 def commands(folder: Path) -> None:
@@ -59,16 +34,14 @@ def commands(folder: Path) -> None:
     from deatwin.studies.diagnosing import DiagnosisTask
     from deatwin.studies.folder import ResultFolder
 
-    strip = Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
+    nominal = strip()
     (folder / "strip_of_mine.py").write_text(MODULE, encoding="utf-8")
-    made = {"noise": pulls(1, strip), "creeping": pulls(2, strip.with_effects(Creep(modulus=60e3, time=25.0)))}
+    creeps = nominal.with_effects(Creep(modulus=60e3, time=25.0))
+    made = {"noise": pulled(nominal, 1, 10), "creeping": pulled(creeps, 2, 10)}
     for name, record in made.items():
-        write_csv(
-            folder / f"{name}.csv",
-            {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]},
-        )
+        write(folder / f"{name}.csv", record)
     task = DiagnosisTask(
-        plant=strip,
+        plant=nominal,
         experiments=[Experiment(recordings=(made["creeping"],))],
         files=[folder / "creeping.csv"],
         command=["deatwin", "diagnose", "strip_of_mine:strip", "creeping.csv"],

@@ -11,12 +11,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from strips import pulled, strip, write
 
-from deatwin.plant import CalibratedPlant, Coupon, Plant
-from deatwin.plant.files import write_csv
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant import CalibratedPlant
 
 PROGRAM = "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"
 DROP = """
@@ -34,34 +32,14 @@ const wait = setInterval(() => {
 """
 
 
-def strip() -> Plant:
-    """A strip of film: its diagnosis takes a few seconds."""
-    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
-
-
 def write_lab(folder: Path) -> str:
     """Write a model, and a result of former days; return a recording that is nowhere yet."""
     from deatwin.plant import Creep
 
     CalibratedPlant.nominal(strip()).save(folder / "strip.json")
     (folder / "strip.json").rename(folder / "model.json")
-    rng = np.random.default_rng(3)
-    corners = 1 + rng.uniform(0.1, 1.0, 7)
-    stretch = np.interp(np.arange(600) / 100, np.arange(7), corners)
-    stretch[:100] = np.linspace(1, corners[1], 100)
-    silent = Recording.from_arrays(
-        stretch,
-        np.zeros(600),
-        0.1,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-    )
     for name, plant in (("new.csv", strip()), ("old.csv", strip().with_effects(Creep(modulus=60e3, time=25.0)))):
-        record = plant.record(Experiment(recordings=(silent,)), rng).recordings[0]
-        columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
-        write_csv(folder / name, columns)
+        write(folder / name, pulled(plant, 3, 7))
     recording = (folder / "new.csv").read_text(encoding="utf-8")
     (folder / "new.csv").unlink()
     former = {

@@ -33,9 +33,7 @@ def off(effect):
     return replace(effect, **{effect.strength: 0.0})
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def commands(count=40, seed=4):

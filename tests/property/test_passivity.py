@@ -36,11 +36,7 @@ NOT_PASSIVE = ("prestretch_relaxation", "permittivity_drift", "thermal_stiffness
 CLOSED = 1e-6
 
 
-@pytest.fixture(autouse=True, scope="module")
-def without_compiler():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DEATWIN_COMPILER", "")
-        yield
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def ledger(plant: Plant, commands: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

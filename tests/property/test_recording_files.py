@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from rig_files import SOUND
 
 from deatwin.plant.files import read_recording, write_csv, write_recording
 from deatwin.plant.files.csvtable import read_table
@@ -123,19 +124,13 @@ def test_plain_recordings_survive_without_a_description(
     ball=st.sampled_from(["bonded", "sliding"]),
 )
 def test_rig_survives(thickness: float, electrode: float, noise: float, ball: str) -> None:
+    film = {"thickness_mm": float(f"{thickness:.9g}"), "electrode_diameter_mm": float(f"{electrode:.9g}"), "ball": ball}
     rig = RigFile.from_dict(
         {
-            "film": {
-                "material": "VHB 4905",
-                "thickness_mm": float(f"{thickness:.9g}"),
-                "prestretch": 3.5,
-                "frame_diameter_mm": 80.0,
-                "electrode_diameter_mm": float(f"{electrode:.9g}"),
-                "ball": ball,
-            },
-            "load": {"mass_g": 3.0, "contact_diameter_mm": 0.5},
-            "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
-            "sensor": {"sample_rate_Hz": 50.0, "noise_um": float(f"{noise:.9g}"), "zero": "displacement at zero volts"},
+            **SOUND,
+            "film": {**SOUND["film"], **film},
+            "load": {**SOUND["load"], "contact_diameter_mm": 0.5},
+            "sensor": {**SOUND["sensor"], "noise_um": float(f"{noise:.9g}")},
         }
     )
     assert RigFile.from_dict(rig.to_dict(), rig.source) == rig

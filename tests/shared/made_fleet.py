@@ -6,6 +6,7 @@ from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, Fleet, identify_alik
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
 from deatwin.ident.narx.fleet.records import VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
+from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fleet as fabricated
 from deatwin.plant.recording import Recording
 
@@ -28,10 +29,34 @@ def made_up(gain: float, n: int = 3000, seed: int = 0) -> Recording:
     )
 
 
-def plan_of() -> Plan:
-    """Every sample, y(k-1), u(k) and u(k-1), second degree."""
-    errors = np.ones((3, len(LAGS), len(DEGREES)))
-    errors[:, LAGS.index((1, 1)), DEGREES.index(2)] = 0.1
+def of_second_degree(n: int, seed: int = 0, drift: float = 0.0) -> Recording:
+    """y(k) = 0.6 y(k-1) + 1e-4 u(k)^2 - 2e-5 u(k-1)^2 + 0.02 y(k-1) u(k) + e(k), read with a drift that grows."""
+    rng = np.random.default_rng(seed)
+    u = np.convolve(rng.uniform(-2.5, 2.5, n + 4), np.ones(5) / 5, "valid") + 2.4
+    e = NOISE * rng.standard_normal(n)
+    y = np.zeros(n)
+    y[0] = 3e-4
+    for k in range(1, n):
+        y[k] = 0.6 * y[k - 1] + 1e-4 * u[k] ** 2 - 2e-5 * u[k - 1] ** 2 + 0.02 * y[k - 1] * u[k] + e[k]
+    return Recording.from_arrays(u, y + drift * np.linspace(0, 1, n) ** 2, 0.02)
+
+
+def of_growing_gain(drift: float, seed: int = 0, duration: float = 1100.0) -> Recording:
+    """y(k) = 0.6 y(k-1) + g(t) u(k)^2 + e(k), g growing by a share of itself along the record."""
+    rng = np.random.default_rng(seed)
+    u = band_limited_noise(rng, duration, STEP)
+    gain = 1e-5 * (1 + drift * np.linspace(0, 1, u.size))
+    e = 2e-7 * rng.standard_normal(u.size)
+    y = np.full(u.size, 1.5e-4)
+    for k in range(1, u.size):
+        y[k] = 0.6 * y[k - 1] + gain[k] * u[k] ** 2 + e[k]
+    return Recording.from_arrays(u, y, STEP)
+
+
+def plan_of(lags: tuple[int, int] = (1, 1), degree: int = 2, count: int = 3) -> Plan:
+    """Every sample, and one of the orders that are tried; as they stand: y(k-1), u(k) and u(k-1), second degree."""
+    errors = np.ones((count, len(LAGS), len(DEGREES)))
+    errors[:, LAGS.index(lags), DEGREES.index(degree)] = 0.1
     return Plan(orders=(Orders(factor=1, errors=errors),), chosen=0)
 
 

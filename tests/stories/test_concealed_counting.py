@@ -16,7 +16,6 @@ from deatwin.scenarios.concealed_physics.results import Opened, open_key, opened
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal, Store, digest
 from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, csv_files, reported, tables
-from deatwin.studies.sweep.casefile import decode, encode
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
 
@@ -160,14 +159,6 @@ def made(tmp_path: Path) -> tuple[Store, dict[str, Any]]:
 @pytest.fixture
 def opened(made: tuple[Store, dict[str, Any]]) -> Opened:
     return open_key(*made)
-
-
-def test_a_result_is_not_written_into_a_folder_that_was_sealed_anew(made: tuple[Store, dict[str, Any]]) -> None:
-    store, key = made
-    (store.folder / "seal.json").write_text(json.dumps(sealed(key, code="other").to_dict()), encoding="utf-8")
-    with pytest.raises(DataError, match="sealed anew"):
-        store.put("clean-009", {"status": "done"})
-    assert not (store.cases / "clean-009.nc").exists()
 
 
 def goal(goals: list[Goal], *words: str) -> Goal:
@@ -324,23 +315,3 @@ def test_a_changed_key_does_not_open_the_study(made: tuple[Store, dict[str, Any]
     cases = [{**case, "truth": ["delay"]} if case["name"] == "e3" else case for case in key["cases"]]
     with pytest.raises(DataError, match="not the one that was sealed"):
         open_key(store, {**key, "cases": cases})
-
-
-def test_an_altered_seal_a_foreign_case_and_a_missing_one_are_refused(
-    made: tuple[Store, dict[str, Any]], tmp_path: Path
-) -> None:
-    store, key = made
-    case = tmp_path / "cases" / "e1.nc"
-    case.write_bytes(encode({**decode(case.read_bytes()), "seal": "0" * 64}))
-    with pytest.raises(DataError, match="another seal"):
-        open_key(store, key)
-    case.unlink()
-    with pytest.raises(DataError, match="1 cases have not been run, e1 first"):
-        open_key(store, key)
-    path = tmp_path / "seal.json"
-    path.write_text(path.read_text(encoding="utf-8").replace('"a.B": 1.0', '"a.B": 9.0'), encoding="utf-8")
-    with pytest.raises(DataError, match="the seal was altered"):
-        Store.opened(tmp_path)
-    path.unlink()
-    with pytest.raises(DataError, match="holds cases but no"):
-        Store(tmp_path, store.seal)

@@ -88,17 +88,6 @@ def test_an_interrupt_that_became_an_error_is_no_result(
         running.run_case("tiny", clean)
 
 
-@pytest.mark.parametrize(
-    ("name", "size", "words"), [("concealed-physics", "tinny", 'did you mean "tiny"'), ("vhb4910", "tiny", "one size")]
-)
-def test_a_size_that_there_is_not_is_an_error_of_one_line(
-    name: str, size: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["scenario", name, "--size", size]) == 1
-    said = capsys.readouterr().err
-    assert words in said and said.count("\n") == 1
-
-
 def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
     command = [
         "scenario",

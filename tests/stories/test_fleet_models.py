@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_fleet import NOISE, of_second_degree, plan_of
 
 from deatwin.app.stories import story
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, Plan
 from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS, Prepared
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
-from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
 from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
@@ -21,27 +20,7 @@ from deatwin.scenarios.fleet_models.svb_figures import Choice, shares
 from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 
-NOISE = 1e-6
 BOTH = Programme(methods=(SEMP, SVB), beside=(FRO, FREE))
-
-
-def made_up(n: int, seed: int = 0, drift: float = 0.0) -> Recording:
-    """y(k) = 0.6 y(k-1) + 1e-4 u(k)^2 - 2e-5 u(k-1)^2 + 0.02 y(k-1) u(k) + e(k), read with a drift that grows."""
-    rng = np.random.default_rng(seed)
-    u = np.convolve(rng.uniform(-2.5, 2.5, n + 4), np.ones(5) / 5, "valid") + 2.4
-    e = NOISE * rng.standard_normal(n)
-    y = np.zeros(n)
-    y[0] = 3e-4
-    for k in range(1, n):
-        y[k] = 0.6 * y[k - 1] + 1e-4 * u[k] ** 2 - 2e-5 * u[k - 1] ** 2 + 0.02 * y[k - 1] * u[k] + e[k]
-    return Recording.from_arrays(u, y + drift * np.linspace(0, 1, n) ** 2, 0.02)
-
-
-def plan_of(lags: int, degree: int) -> Plan:
-    """A plan that takes one of `LAGS` and one of `DEGREES`, by their positions."""
-    errors = np.ones((6, len(LAGS), len(DEGREES)))
-    errors[:, lags, degree] = 0.1
-    return Plan(orders=(Orders(factor=1, errors=errors),), chosen=0)
 
 
 def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
@@ -59,17 +38,17 @@ def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
 @pytest.fixture(scope="module")
 def sound() -> Bench:
     """A plant that does not drift, identified from candidates that hold its law."""
-    record = made_up(1500)
+    record = of_second_degree(1500)
     sections = record.section(0, 1000), record.section(1000, 1500)
-    return identify("DEA 1", RECORDED, sections, plan_of(LAGS.index((1, 1)), DEGREES.index(2)), BOTH)
+    return identify("DEA 1", RECORDED, sections, plan_of((1, 1), 2, count=6), BOTH)
 
 
 @pytest.fixture(scope="module")
 def drifting() -> Bench:
     """The same, with a drift of fifty times the noise."""
-    record = made_up(1500, drift=50 * NOISE)
+    record = of_second_degree(1500, drift=50 * NOISE)
     sections = record.section(0, 1000), record.section(1000, 1500)
-    return identify("DEA 1", RECORDED, sections, plan_of(LAGS.index((1, 1)), DEGREES.index(2)), BOTH)
+    return identify("DEA 1", RECORDED, sections, plan_of((1, 1), 2, count=6), BOTH)
 
 
 def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
@@ -94,16 +73,16 @@ def test_a_drift_makes_tests_fail(sound: Bench, drifting: Bench) -> None:
 
 
 def test_only_what_a_programme_asks_for_is_identified() -> None:
-    record = made_up(700)
+    record = of_second_degree(700)
     sections = record.section(0, 500), record.section(500, 700)
-    plan = plan_of(LAGS.index((1, 0)), DEGREES.index(2))
+    plan = plan_of((1, 0), 2, count=6)
     asked = {v: set(identify("DEA 1", v, sections, plan, semp_fleet.PROGRAMME).models) for v in (RECORDED, STEADY)}
     assert asked == {RECORDED: {LINEAR, SEMP, FRO}, STEADY: {LINEAR, SEMP}}
 
 
 @cache
 def prepared() -> tuple[Prepared, ...]:
-    record = made_up(24_000)
+    record = of_second_degree(24_000)
     one = Prepared(
         actuator=fleet(0)[0],
         recordings=dict.fromkeys(VARIANTS, record),
@@ -117,7 +96,7 @@ def prepared() -> tuple[Prepared, ...]:
 def whole(recorded: Bench, steady: Bench, methods: tuple[str, ...]) -> Study:
     of = {RECORDED: recorded, STEADY: steady, FILM: steady}
     benches = {v: tuple(replace(of[v], name=one.name) for one in fleet(0)) for v in VARIANTS}
-    plan = plan_of(LAGS.index((1, 1)), DEGREES.index(2))
+    plan = plan_of((1, 1), 2, count=6)
     return Study(prepared=prepared(), plan=plan, benches=benches, methods=methods)
 
 

@@ -27,17 +27,11 @@ def readings(plant: Plant, commands: np.ndarray, **channels: np.ndarray) -> np.n
     return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
-@pytest.fixture
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
-
-
 def rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def test_held_samples_act_like_the_band_limited_input(without_compiler: None) -> None:
+def test_held_samples_act_like_the_band_limited_input(uncompiled: None) -> None:
     # A multisine on a linear oscillator has a closed form; three periods let the start die out (damping 43 1/s).
     rig, count = silverbox.LinearOscillator(), 256
     plant = Plant(rig=rig)
@@ -63,7 +57,7 @@ def test_derivatives_of_a_sine() -> None:
     assert second == pytest.approx(-(omega**2) * np.sin(omega * timepts), abs=1e-9 * omega**2)
 
 
-def test_bouc_wen_is_the_benchmark_s_own_spring(without_compiler: None) -> None:
+def test_bouc_wen_is_the_benchmark_s_own_spring(uncompiled: None) -> None:
     # The benchmark's equations and constants (Noël & Schoukens 2016), by an integrator of others.
     alpha, beta, gamma, delta = 5e4, 1e3, 0.8, -1.1
     rig = bouc_wen.LinearOscillator()
@@ -85,7 +79,7 @@ def test_bouc_wen_is_the_benchmark_s_own_spring(without_compiler: None) -> None:
     assert rms(found - ends) < 1e-3 * rms(np.array(ends))
 
 
-def test_without_hardening_it_is_the_catalogue_s(without_compiler: None) -> None:
+def test_without_hardening_it_is_the_catalogue_s(uncompiled: None) -> None:
     from deatwin.plant import Hysteresis
 
     rig = bouc_wen.LinearOscillator()
@@ -112,7 +106,7 @@ def _unbounded(kind: type) -> type:
     return Wide
 
 
-def test_tanks_with_a_brim(without_compiler: None) -> None:
+def test_tanks_with_a_brim(uncompiled: None) -> None:
     # The documented balances with overflow, by an integrator of others, from levels that are not at rest.
     rig = cascaded_tanks.Tanks()
     effect = cascaded_tanks.Overflow(rate=0.4, brim=10.0, caught=0.6)
@@ -138,7 +132,7 @@ def test_tanks_with_a_brim(without_compiler: None) -> None:
     assert np.abs(readings(plant, commands) - ends).max() < 5e-3
 
 
-def test_the_controlled_carriage_lags_a_ramp(without_compiler: None) -> None:
+def test_the_controlled_carriage_lags_a_ramp(uncompiled: None) -> None:
     # Steady motion: motor (gain_v (gain_p e - v)) = viscosity v - offset + friction, so e has a closed form.
     rig = emps.ControlledCarriage()
     friction = next(e for e in rig.effects() if e.name == "coulomb_friction")
@@ -152,7 +146,7 @@ def test_the_controlled_carriage_lags_a_ramp(without_compiler: None) -> None:
     assert found == pytest.approx(lag, rel=1e-4)
 
 
-def test_a_pulse_acts_as_volts_at_the_motor(without_compiler: None) -> None:
+def test_a_pulse_acts_as_volts_at_the_motor(uncompiled: None) -> None:
     rig = emps.ControlledCarriage()
     pushed = readings(Plant(rig=rig), np.zeros(800), pulse_V=np.full(800, 5.0))
     assert pushed[-1] == pytest.approx(5.0 / (243.45 * 160.18), rel=1e-3)

@@ -1,16 +1,17 @@
 """The lessons' closed forms against independent ones, and the page on few experiments."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from pages import story_page
 from scipy.integrate import quad
 from scipy.stats import norm
 
 from deatwin.scenarios import regression_lessons
 from deatwin.scenarios.regression_lessons import constraint, occam, shrinkage, variance, verdicts
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 
@@ -64,26 +65,17 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shrinkage, "DRAWS", 2000)
 
 
-def test_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
     shares: list[float] = []
-    setting = Setting(
-        folder=ResultFolder(tmp_path),
-        data=None,
-        command=["test"],
-        jobs=1,
-        seed=0,
-        progress=lambda share, text: shares.append(share),
-    )
-    result = regression_lessons.run(setting)
+    result = regression_lessons.run(replace(setting, progress=lambda share, text: shares.append(share)))
     missed = [row for row in result["measures"] if not row["passed"]]
     assert len(result["measures"]) == 21 and not missed, missed
     assert shares == sorted(shares)
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.count("<figure>") == page.count("<svg ") == 7
-    for name in ("constraint", "paths", "shrinking", "overfitting", "bias_and_variance", "razor", "two_models"):
-        assert f"figures/{name}.csv" in page and (tmp_path / f"figures/{name}.csv").is_file()
-    assert (tmp_path / "regression-lessons.json").is_file() and (tmp_path / "run.json").is_file()
+    story_page(
+        tmp_path, ("constraint", "paths", "shrinking", "overfitting", "bias_and_variance", "razor", "two_models")
+    )
+    assert (tmp_path / "regression-lessons.json").is_file()
 
 
 def test_a_wrong_closed_form_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,6 @@
 """The parts of the benchmark against closed forms and brute force, and its page on few draws."""
 
 import math
-import os
-import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pages import story_page
 
 from deatwin.ident.narx import FitStatus, Frols
 from deatwin.ident.narx.standing_out import Margin
@@ -30,7 +26,6 @@ from deatwin.scenarios.svb_benchmark.draws import (
 from deatwin.scenarios.svb_benchmark.study import CASES as CASES_FOLDER
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Case, Draws, Plan, Study, carry_out
 from deatwin.scenarios.svb_benchmark.tables import judge
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
@@ -89,34 +84,21 @@ def test_methods_that_are_always_wrong_do_not_pass() -> None:
     assert not any(row.passed for row in rows)
 
 
-def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(svb_benchmark, "PLAN", SMALL)
     monkeypatch.setattr(draws, "FLIPS", 1000)
     shares: list[float] = []
-    setting = Setting(
-        folder=ResultFolder(tmp_path),
-        data=None,
-        command=["test"],
-        jobs=1,
-        seed=0,
-        progress=lambda share, text: shares.append(share),
-    )
-    result = svb_benchmark.run(setting)
+    result = svb_benchmark.run(replace(setting, progress=lambda share, text: shares.append(share)))
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
-    page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert page.count("<figure>") == page.count("<svg ") == 5
+    story_page(tmp_path, ("rates", "outcomes", "coverage", "sweep", "sampler"))
     assert set(result["methods"]) == {"fro", "svb"} and set(result["oracles"]) == {"S2", "E1"}
     lines = (tmp_path / "trials.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2 * 2
-    for name in ("rates", "outcomes", "coverage", "sweep", "sampler"):
-        header = (tmp_path / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0]
-        assert f"figures/{name}.csv" in page and "," in header
 
 
 MANY = Plan(systems=("S2",), methods=("fro", "svb"), draws=12, swept_draws=1, sampled_draws=1, levels=(0.004,))
 CASES = 12 + 7 + 1 + 1
 """Draws, systems whose intervals are looked at, a draw of one level, one beside the sampler."""
-SCRIPT = "import sys; sys.path.insert(0, sys.argv[1]); import test_svb_benchmark as t; t.noted(t.Path(sys.argv[2]))"
 
 
 def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
@@ -141,30 +123,22 @@ def begun(folder: Path) -> Counter[str]:
     return Counter((folder / "begun.log").read_text().split())
 
 
-@pytest.mark.skipif(os.name == "nt", reason="there is no such signal on Windows")
-def test_a_killed_run_is_gone_on_with_and_no_draw_is_lost_or_repeated(tmp_path: Path) -> None:
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    expected = noted(whole)
-    assert len(begun(whole)) == begun(whole).total() == CASES
-    master = subprocess.Popen([sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(killed)])
-    until = time.monotonic() + 120
-    while not (killed / "begun.log").exists() or begun(killed).total() < 4:
-        assert master.poll() is None and time.monotonic() < until
-        time.sleep(0.002)
-    master.send_signal(signal.SIGKILL)
-    master.wait()
-    files = {path.stem: path for path in (killed / CASES_FOLDER).iterdir() if path.name[0] != "."}
-    through = {name: path.stat().st_mtime_ns for name, path in files.items()}
-    assert 3 <= len(through) < CASES
-    found = noted(killed, refused=tuple(through))
-    assert set(begun(killed)) == set(begun(whole))
-    assert begun(killed).total() <= CASES + 1  # the one that was being run
-    assert {name: files[name].stat().st_mtime_ns for name in through} == through
+def test_a_study_is_gone_on_with_and_no_draw_is_lost_or_repeated(tmp_path: Path) -> None:
+    expected = noted(tmp_path)
+    names = set(begun(tmp_path))
+    assert len(names) == begun(tmp_path).total() == CASES
+    files = sorted(path for path in (tmp_path / CASES_FOLDER).iterdir() if path.name[0] != ".")
+    for path in files[::2]:
+        path.unlink()
+    kept = {path.stem: path.stat().st_mtime_ns for path in files[1::2]}
+    found = noted(tmp_path, refused=tuple(kept))
+    assert begun(tmp_path) == dict.fromkeys(kept, 1) | dict.fromkeys(names - set(kept), 2)
+    assert {path.stem: path.stat().st_mtime_ns for path in files[1::2]} == kept
     assert [replace(t, seconds=0.0) for t in found.trials] == [replace(t, seconds=0.0) for t in expected.trials]
     assert found.contrasts == expected.contrasts
     np.testing.assert_array_equal(found.comparisons[0].mass, expected.comparisons[0].mass)
     np.testing.assert_array_equal(found.covered["S1", "least squares"], expected.covered["S1", "least squares"])
-    noted(killed, refused=tuple(begun(whole)))  # nothing is left to do
+    noted(tmp_path, refused=tuple(names))  # nothing is left to do
 
 
 def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,12 +1,7 @@
 """The story of the concealed drifts: its seal, its marks, and what it calls repeatable."""
 
 import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -156,7 +151,7 @@ def test_drifts_thresholds_and_code_that_change_break_the_seal(tmp_path: Path, m
 
 
 def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def tampering(answers: Answers, *_: Any) -> Study:
         sealed_folder(answers.folder, seed=0, key="0" * 64)
@@ -164,7 +159,7 @@ def test_the_story_is_sealed_before_the_first_diagnosis_and_opened_from_the_file
 
     monkeypatch.setattr(unexplained_drift, "carry_out", tampering)
     with pytest.raises(DataError, match=r"another seal \(key: 000000000000 there, "):
-        unexplained_drift.run(setting(tmp_path))
+        unexplained_drift.run(setting)
     assert not (tmp_path / "key.json").exists()
 
 
@@ -288,12 +283,12 @@ def test_the_argument_holds_or_fails_with_the_histories() -> None:
     assert excluded[3] == "DEA 1, DEA 3, DEA 4, DEA 5, DEA 6"
 
 
-def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     key = Key.of(fleet(0))
     answers = [finding(diagnosis(Verdict.NAMED, RELAXED), name) for name in key.drifts]
     answers[3] = finding(diagnosis(Verdict.UNKNOWN, {}), "DEA 4")
     monkeypatch.setattr(unexplained_drift, "carry_out", lambda *_: made(answers))
-    result = unexplained_drift.run(setting(tmp_path))
+    result = unexplained_drift.run(setting)
     assert [a["mark"] for a in result["answers"]] == ["wrong", "right", "wrong", "left open", "partly", "wrong"]
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     assert {"seal.json", "key.json", "report.html", "unexplained-drift.json", "figures/repeats.csv"} <= written
@@ -302,7 +297,6 @@ def test_the_page_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert not re.search(r"\bnan\b", page)
 
 
-SCRIPT = "import sys; sys.path.insert(0, sys.argv[1]); import test_unexplained_drift as t; t.noted(t.Path(sys.argv[2]))"
 NAMES = {*(f"dea{n}" for n in range(1, 7)), *(f"argument-{n:02d}" for n in range(30))}
 
 
@@ -313,7 +307,6 @@ def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
         assert name not in refused, "a case that is through is run again"
         with (folder / "begun.log").open("a") as log:
             log.write(f"{name}\n")
-        time.sleep(0.02)
 
     def answered(case: Case, own: Path, command: tuple[str, ...], seed: int) -> tuple[Finding, list[str]]:
         note(own.name)
@@ -340,36 +333,21 @@ def begun(folder: Path) -> Counter[str]:
     return Counter((folder / "begun.log").read_text().split())
 
 
-@pytest.mark.skipif(os.name == "nt", reason="there is no such signal on Windows")
-@pytest.mark.parametrize("after", [3, 20])
-def test_a_killed_story_is_gone_on_with_and_no_case_is_lost_or_repeated(tmp_path: Path, after: int) -> None:
-    whole, killed = tmp_path / "whole", tmp_path / "killed"
-    expected = noted(whole)
-    assert begun(whole) == dict.fromkeys(NAMES, 1)
-    master = subprocess.Popen([sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(killed)])
-    until = time.monotonic() + 120
-    while not (killed / "begun.log").exists() or begun(killed).total() < after:
-        assert master.poll() is None and time.monotonic() < until
-        time.sleep(0.002)
-    master.send_signal(signal.SIGKILL)
-    master.wait()
-    through = {path.stem for path in (killed / "cases").iterdir() if path.name[0] != "."}
-    assert after - 1 <= len(through) < len(NAMES)
-    found = noted(killed, refused=tuple(through))
-    assert set(begun(killed)) == NAMES
-    assert begun(killed).total() <= len(NAMES) + 1  # the one that was being run
+def test_a_story_is_gone_on_with_and_no_case_is_repeated(tmp_path: Path) -> None:
+    """Of two cases nothing is kept, and of one the report is gone: they are run again, and no other one is."""
+    expected = noted(tmp_path)
+    assert begun(tmp_path) == dict.fromkeys(NAMES, 1)
+    again = {"dea2", "argument-07"}
+    for path in (tmp_path / "cases").iterdir():
+        if path.stem in again:
+            path.unlink()
+    (tmp_path / "diagnoses" / "dea4" / "report.html").unlink()
+    found = noted(tmp_path, refused=tuple(NAMES - again - {"dea4"}))
+    assert begun(tmp_path) == dict.fromkeys(NAMES, 1) | dict.fromkeys([*again, "dea4"], 2)
+    assert (tmp_path / "diagnoses" / "dea4" / "report.html").read_text() == "DEA 4"
     assert [g.to_dict() for g in found.groups] == [g.to_dict() for g in expected.groups]
     assert [f.to_dict() for f in found.findings] == [f.to_dict() for f in expected.findings]
     assert found.files == expected.files == tuple(f"diagnoses/dea{n}/report.html" for n in range(1, 7))
-
-
-def test_a_diagnosis_whose_report_is_gone_is_made_again_and_no_other_case(tmp_path: Path) -> None:
-    folder = tmp_path / "story"
-    noted(folder)
-    (folder / "diagnoses" / "dea4" / "report.html").unlink()
-    noted(folder, refused=tuple(NAMES - {"dea4"}))
-    assert begun(folder)["dea4"] == 2
-    assert (folder / "diagnoses" / "dea4" / "report.html").read_text() == "DEA 4"
 
 
 def test_a_malformed_case_is_one_clear_error(tmp_path: Path) -> None:
@@ -387,19 +365,8 @@ def test_a_figure_of_answers_without_one() -> None:
 
 
 @pytest.mark.study
-def test_the_story(tmp_path: Path) -> None:
-    result = unexplained_drift.run(setting(tmp_path, jobs=2))
+def test_the_story(setting: Setting, tmp_path: Path) -> None:
+    result = unexplained_drift.run(replace(setting, jobs=2))
     assert len(result["answers"]) == 6
     assert not [a for a in result["answers"] if a["mark"] == "wrong"]
     assert (tmp_path / "diagnoses" / "dea6" / "report.html").is_file()
-
-
-def setting(folder: Path, jobs: int = 1) -> Setting:
-    return Setting(
-        folder=ResultFolder(folder),
-        data=None,
-        command=("deatwin", "scenario", "unexplained-drift"),
-        jobs=jobs,
-        seed=0,
-        progress=lambda share, text: None,
-    )

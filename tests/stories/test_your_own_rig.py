@@ -25,10 +25,7 @@ def travel(car: Plant, road: np.ndarray) -> np.ndarray:
     return car.simulate(Experiment(recordings=(unread(road),))).require().outputs[0][0]
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def test_a_slow_wave_has_the_response_of_two_masses() -> None:

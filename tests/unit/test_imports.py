@@ -83,9 +83,9 @@ def test_a_part_loads_what_it_cannot_do_without(part: str, loaded: dict[str, set
     assert loaded[part] <= PARTS[part], loaded[part] - PARTS[part]
 
 
-def test_a_diagnosis_loads_no_peer_and_no_pictures() -> None:
-    names = set(run_python("import sys, deatwin.ident.mismatch; print(*sys.modules)").split())
-    assert HEAVY.isdisjoint(names), HEAVY & names
+def test_the_file_readers_load_none_of_the_packages_of_formats() -> None:
+    names = set(run_python("import sys, deatwin.plant.files; print(*sys.modules)").split())
+    assert (HEAVY | {"scipy", "nptdms"}).isdisjoint(names), names & HEAVY
 
 
 def test_no_command_loads_numbers_to_show_its_help() -> None:

@@ -36,18 +36,6 @@ def test_import_control_from_the_root_is_python_control() -> None:
     assert run_python("import control; print(hasattr(control, 'tf'))") == "True"
 
 
-def test_importing_plant_loads_nothing_heavy() -> None:
-    heavy = {"control", "pysindy", "sklearn", "matplotlib", "xarray"}
-    loaded = run_python("import sys, deatwin.plant; print(' '.join(sys.modules))").split()
-    assert heavy.isdisjoint(loaded), heavy & set(loaded)
-
-
-def test_importing_the_file_readers_loads_nothing_heavy() -> None:
-    heavy = {"control", "pysindy", "sklearn", "matplotlib", "xarray", "pandas", "scipy", "nptdms"}
-    loaded = run_python("import sys, deatwin.plant.files; print(' '.join(sys.modules))").split()
-    assert heavy.isdisjoint(loaded), heavy & set(loaded)
-
-
 def test_no_path_of_one_machine() -> None:
     own = re.compile(r"(?<![A-Za-z0-9_.])/(?:home|root|work|farm|Users)/")
     files = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "pyproject.toml", "CHANGELOG.md", ".ci/run")]

@@ -1,6 +1,7 @@
 """What the inverse buys on the nominal rig, and the whole story, with few trials."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -11,7 +12,6 @@ from deatwin.scenarios import control_check
 from deatwin.scenarios.control_check import study
 from deatwin.scenarios.control_check.concealed import EFFECTS
 from deatwin.scenarios.control_check.tracking import nominal_plant, track
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2, 3, 4, 5, 6)]
@@ -32,20 +32,11 @@ def test_the_inverse_tracks_five_times_better_at_equal_margins_and_within_twice_
 
 
 @pytest.mark.study
-def test_the_story_with_few_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_story_with_few_trials(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "SIZES", {"short": 2})
     monkeypatch.setattr(study, "EFFECTS", MappingProxyType({"electrode_rc": EFFECTS["electrode_rc"]}))
     told: list[float] = []
-    result = control_check.run(
-        Setting(
-            folder=ResultFolder(tmp_path),
-            data=None,
-            command=("deatwin", "scenario", "control-check"),
-            jobs=1,
-            seed=0,
-            progress=lambda share, text: told.append(share),
-        )
-    )
+    result = control_check.run(replace(setting, progress=lambda share, text: told.append(share)))
     # All but the rates, which two trials do not give.
     assert [row["passed"] for row in result["measures"]][:5] == [True] * 5
     assert [trial["number"] for trial in result["trials"]] == [0, 1]

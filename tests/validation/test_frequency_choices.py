@@ -4,13 +4,14 @@ import warnings
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 from scipy.signal import lfilter
 from scipy.stats import binom
 
 from deatwin.ident.frequency import design_excitation, equilibrium, gfrf, nofrf, nofrf_exact, sliding_mean_and_gain
 from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.recording import Recording
 
 SAMPLE_TIME = 0.02
@@ -22,14 +23,7 @@ MODELS = {
 
 def near(u, y, size):
     """Where a model was trained."""
-    return OperatingRange(
-        input_min=[u - 1],
-        input_max=[u + 1],
-        input_centre=[u],
-        output_min=[y - size],
-        output_max=[y + size],
-        output_centre=[y],
-    )
+    return trained_on((u - 1, u + 1), (y - size, y + size), input_centre=u, output_centre=y)
 
 
 def fitted(model, excitation, order, **choices):

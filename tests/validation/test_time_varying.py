@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 from scipy.stats import binom, chi2, norm
 
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.random_walk import ThetaSmoother
-from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.recording import Recording
 
 # ---- coverage: random walks as the smoother assumes them
@@ -130,13 +130,7 @@ def varying_system(rate):
     n = round(400 / rate)
     phase = 2 * np.pi * np.arange(n) / n
     theta = model.theta[:, None] * (1 + 0.1 * np.sin(phase + np.arange(len(MOVING))[:, None]))
-    trajectory = ThetaTrajectory(
-        model=model,
-        timepts=T * np.arange(n),
-        theta=theta,
-        theta_cov=np.zeros((n, len(MOVING), len(MOVING))),
-        drift_variance=np.zeros(len(MOVING)),
-    )
+    trajectory = trajectory_of(model, T * np.arange(n), theta)
     return trajectory, 0.5 + 0.1 * np.cos(phase)
 
 

@@ -8,10 +8,11 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from rig_files import RIG
+from strips import MODULE, pulled, strip, write
 
-from deatwin.plant import Coupon, Creep, Plant
+from deatwin.plant import Creep
 from deatwin.plant.files import write_csv
-from deatwin.plant.recording import Experiment, Recording
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = {
@@ -20,13 +21,6 @@ SCHEMAS = {
     "run": "scenarios/deatwin/studies/schemas/run.schema.json",
     "check": "control/deatwin/control/schemas/check.schema.json",
 }
-MODULE = """
-from deatwin.plant import Coupon, Plant
-
-def strip():
-    return Plant(rig=Coupon(sample_time=0.1, noise=2e-3))
-"""
-RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
@@ -43,25 +37,6 @@ def validate() -> Callable[[str, Path], dict[str, Any]]:
     return check
 
 
-def pulls(seed: int) -> Experiment:
-    """A strip that creeps, pulled to and fro at random."""
-    rng = np.random.default_rng(seed)
-    corners = 1 + rng.uniform(0.1, 1.0, 13)
-    stretch = np.interp(np.arange(1200) / 100, np.arange(13), corners)
-    stretch[:100] = np.linspace(1, corners[1], 100)
-    silent = Recording.from_arrays(
-        stretch,
-        np.zeros(1200),
-        0.1,
-        input_names=("stretch",),
-        input_units=("1",),
-        output_names=("force",),
-        output_units=("N",),
-    )
-    plant = Plant(rig=Coupon(sample_time=0.1, noise=2e-3)).with_effects(Creep(modulus=60e3, time=25.0))
-    return plant.record(Experiment(recordings=(silent,)), rng)
-
-
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a plant in a module, its recordings, a rig file and commands for it."""
@@ -70,10 +45,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "rig.toml").write_text(RIG, encoding="utf-8")
     soft = RIG.replace("prestretch = 3.5", "prestretch = 2.0")  # pulls in at a few kilovolts
     (folder / "soft.toml").write_text(soft, encoding="utf-8")
+    creeping = strip().with_effects(Creep(modulus=60e3, time=25.0))
     for name, seed in (("pulls.csv", 1), ("again.csv", 2)):
-        record = pulls(seed).recordings[0]
-        columns = {"time_s": record.timepts.round(6), "stretch": record.inputs[0], "force_N": record.outputs[0]}
-        write_csv(folder / name, columns)
+        write(folder / name, pulled(creeping, seed, 13))
     time = np.arange(200) * 0.02
     command = (2.4 + 0.8 * np.sin(2 * np.pi * 0.5 * time)).round(5)
     write_csv(folder / "first.csv", {"time_s": time.round(6), "command_V": command})

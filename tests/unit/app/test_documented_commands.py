@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
+import documents
 import numpy as np
 import pytest
 
@@ -25,17 +26,6 @@ from deatwin.plant.integrator.compiled import compiler
 ROOT = Path(__file__).parents[3]
 STEP = 0.02
 
-
-def _documents() -> ModuleType:
-    """The reader of the pages, which the test of their grammar has."""
-    spec = importlib.util.spec_from_file_location("documents_of_tests", ROOT / "tests/unit/test_documents.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-DOCUMENTS = _documents()
 
 # Where things are run ------------------------------------------------------------------------------------------------
 
@@ -109,20 +99,20 @@ BLOCKS_ELSEWHERE = {
 def shown() -> dict[str, str]:
     """Each command once, with the page on which it stands first; one only mentioned by its name is no call."""
     found: dict[str, str] = {}
-    for page in DOCUMENTS.PAGES:
-        for arguments in DOCUMENTS.commands(page):
+    for page in documents.PAGES:
+        for arguments in documents.commands(page):
             alone = len(arguments) == 1 and arguments[0] not in ("demo", "doctor", "scenarios")
             if not alone:
-                found.setdefault(shlex.join(arguments), DOCUMENTS.name_of(page))
+                found.setdefault(shlex.join(arguments), documents.name_of(page))
     return found
 
 
 def code_blocks() -> dict[tuple[str, int], tuple[str | None, str]]:
     """Title and text of each block of Python, by page and number."""
     return {
-        (DOCUMENTS.name_of(page), number): block
-        for page in DOCUMENTS.PAGES
-        for number, block in enumerate(DOCUMENTS.blocks(page, "python"))
+        (documents.name_of(page), number): block
+        for page in documents.PAGES
+        for number, block in enumerate(documents.blocks(page, "python"))
     }
 
 
@@ -166,7 +156,7 @@ def german(path: Path, record: Recording) -> None:
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the pages speak of: short recordings of one film, and the files shown as code."""
     folder, rng = tmp_path_factory.mktemp("desk"), np.random.default_rng(0)
-    (rig,) = [text for _, text in DOCUMENTS.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
+    (rig,) = [text for _, text in documents.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
     (folder / "rig.toml").write_text(rig, encoding="utf-8")
     noise, other = band_limited_noise(rng, 18.0, STEP), band_limited_noise(rng, 10.0, STEP)
     for name, record in zip(
@@ -198,9 +188,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The same, as the working folder; modules that lie in it are forgotten afterwards."""
-    import matplotlib
-
-    matplotlib.use("Agg")
     monkeypatch.chdir(desk)
     monkeypatch.syspath_prepend(str(desk))
     before = set(sys.modules)

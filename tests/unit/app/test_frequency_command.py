@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 from numpy.typing import NDArray
+from strips import COLUMNS
 
 from deatwin.app import frequency_report
 from deatwin.app.cli import main
@@ -17,7 +19,6 @@ from deatwin.app.frequency_responses import respond
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.output_responses.result import NofrfStatus
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.studies.folder import ResultFolder
 
 STEP = 0.1
@@ -34,14 +35,7 @@ FILES = {
 def model_of(equation: Mapping[str, float], centre: float = 0.0, **more: Any) -> NarxModel:
     """A model with a covariance of 1 % of each parameter, trained on inputs from -1 to 1 about a centre."""
     found = NarxModel.from_terms(equation, sample_time=STEP)
-    trained = OperatingRange(
-        input_min=[centre - 1],
-        input_max=[centre + 1],
-        input_centre=[centre],
-        output_min=[-9],
-        output_max=[9],
-        output_centre=[0],
-    )
+    trained = trained_on((centre - 1, centre + 1), (-9, 9), input_centre=centre)
     return replace(
         found,
         theta_cov=np.diag((0.01 * found.theta) ** 2),
@@ -217,44 +211,8 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert 'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs: for a reason." in page
 
 
-@pytest.mark.parametrize(
-    ("options", "status", "words"),
-    [
-        (["--band", "2", "1"], 1, "band of 2 to 1 Hz"),
-        (["--band", "0", "5"], 1, "half the sampling rate, 5 Hz"),
-        (["--level", "1.5"], 1, "level = 1.5"),
-        (["--order", "2", "--operating-input", "3"], 1, "operating input 3 lies outside the training inputs"),
-        (["--order", "1", "--amplitude", "-1"], 2, "give a positive number"),
-        (["--order", "2", "--amplitude", "inf"], 2, "give a positive number"),
-        (["--amplitude", "0.1"], 2, "give --order 2 or more"),
-        (["--order", "9"], 2, "--order"),
-    ],
-)
-def test_one_line_for_what_cannot_be(
-    square: Path, capsys: pytest.CaptureFixture[str], options: list[str], status: int, words: str
-) -> None:
-    assert main(["frequency", "narx.json", *options, "--out", "response"]) == status
-    error = capsys.readouterr().err
-    assert words in error and "Traceback" not in error
-    assert status == 2 or error.count("\n") == 1
-    assert not (square / "response").exists()
-
-
-def test_a_band_that_is_no_number(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model_of(SQUARE, provenance={"excited_band_Hz": "wide"}).save(square / "narx.json")
-    assert main(["frequency", "narx.json", "--out", "response"]) == 1
-    assert "excited_band_Hz = 'wide'" in capsys.readouterr().err
-
-
-def test_several_inputs_are_refused(square: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    NarxModel.from_terms({"y(k-1)": 0.5, "u1(k)": 1.0, "u2(k)": 1.0}, sample_time=STEP).save(square / "narx.json")
-    assert main(["frequency", "narx.json", "--out", "response"]) == 1
-    assert "2 inputs" in capsys.readouterr().err
-
-
 def test_identified_then_analysed(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    columns = ["--input-column", "stretch", "--output-column", "force_N"]
-    assert main(["identify", "pulls.csv", *columns, "--method", "frols", "--out", "found.json"]) == 0
+    assert main(["identify", "pulls.csv", *COLUMNS, "--method", "frols", "--out", "found.json"]) == 0
     assert main(["frequency", "found.json", "--out", "found"]) == 0
     found = table(on_bench / "found/figures/frequency.csv")
     assert (found["gain_low"] <= found["gain"]).all()

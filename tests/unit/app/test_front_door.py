@@ -17,19 +17,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from designed import DESIGNED
+from made_narx import trained_on
+from rig_files import RIG
 from scipy.io import savemat
 from typer.main import get_command
 
 from deatwin.app.cli import app, main
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.sources import load_plant
 from deatwin.studies import provenance
 from deatwin.studies.voice import complain
 
 ROOT = Path(__file__).parents[3]
 HEADER = "time_s,command_V,displacement_mm"
-RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 PLANTS = """\
 import sys
 from deatwin.plant import Coupon, Plant
@@ -313,13 +313,13 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def write_models(desk: Path) -> None:
     """NARX models and plants, sound and not."""
-    trained = OperatingRange(
-        input_min=[1.0], input_max=[3.0], input_centre=[2.0], output_min=[0.0], output_max=[2.0], output_centre=[1.2]
-    )
+    trained = trained_on((1.0, 3.0), (0.0, 2.0), output_centre=1.2)
     terms = {"y(k-1)": 0.8, "u(k-1)": 0.1, "u(k-1)^2": 0.02}
     narx = replace(NarxModel.from_terms(terms, sample_time=0.02), operating=trained)
     narx.save(desk / "narx.json")
     replace(narx, provenance={"excited_band_Hz": "wide"}).save(desk / "banded.json")
+    two = NarxModel.from_terms({"y(k-1)": 0.5, "u1(k)": 1.0, "u2(k)": 1.0}, sample_time=0.02)
+    two.save(desk / "two.json")
     load_plant(desk / "rig.toml").save(desk / "model.json")
     (desk / "designed.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
     for name, source, key, value in (

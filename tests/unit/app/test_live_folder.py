@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from deatwin.app.cli import main
+from deatwin.app.live import desk
 from deatwin.app.live.comparison import compare
 from deatwin.app.live.desk import Desk, free_name, inside, safe_name
 from deatwin.app.live.uploads import keep_upload
@@ -131,9 +132,9 @@ def test_a_folder_of_results_is_itself_a_result(tmp_path: Path) -> None:
 
 
 def test_a_full_folder_is_listed_in_part_and_says_so(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deatwin.app.live.desk.MOST_FILES", 1)
-    desk = Desk.look(root)
-    assert (len(desk.recordings) + len(desk.rigs), desk.whole) == (1, False)
+    monkeypatch.setattr(desk, "MOST_FILES", 1)
+    part = Desk.look(root)
+    assert (len(part.recordings) + len(part.rigs), part.whole) == (1, False)
 
 
 def test_a_name_that_is_taken_is_not_offered(root: Path) -> None:

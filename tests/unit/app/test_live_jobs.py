@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from deatwin.app.cli import main
-from deatwin.app.live import worker
+from deatwin.app.live import jobs, worker
 from deatwin.app.live.desk import Desk
 from deatwin.app.live.jobs import MOST_RUNNING, Board, Job, Order, State
 from deatwin.plant.errors import DataError
@@ -98,7 +98,7 @@ def test_a_failed_job_says_why_and_leaves_no_folder(root: Path) -> None:
 
 @pytest.mark.parametrize("code", [SLOW, STUBBORN], ids=["obedient", "stubborn"])
 def test_a_cancelled_job_ends_whatever_it_does(code: str, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("deatwin.app.live.jobs.GRACE", 0.2)
+    monkeypatch.setattr(jobs, "GRACE", 0.2)
     job = board(root, code).start(order())
     until(lambda: job.share == 0.25)
     assert job.seconds_left is not None and job.state is State.RUNNING

@@ -99,33 +99,6 @@ def test_no_more_is_taken_than_the_limit(headers: dict[str, str], status: int) -
 # The command
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["view", "gone"], "error: gone: there is no such folder\n"),
-        (["view", "noise.csv"], "error: noise.csv: is a file; give the folder that it lies in\n"),
-    ],
-)
-def test_what_is_no_folder_is_refused(
-    arguments: list[str], message: str, root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(root)
-    assert main(arguments) == 1
-    assert capsys.readouterr() == ("", message)
-
-
-@pytest.mark.parametrize("package", ["nicegui", "uvicorn", "fastapi"])
-def test_without_the_extra_it_says_what_to_install(
-    package: str, root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for name in [name for name in sys.modules if name.endswith("live.page")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, package, None)
-    assert main(["view", str(root), "--no-browser"]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("error: the live view needs NiceGUI (") and 'pip install "nicegui>=3.18,<4"' in error
-
-
 @pytest.fixture
 def server(root: Path) -> Iterator[tuple[Any, dict[str, Any]]]:
     """The command in a process of its own, and what it printed."""

@@ -3,7 +3,6 @@
 import re
 from dataclasses import dataclass, replace
 from html import unescape
-from html.parser import HTMLParser
 from math import inf
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pages import Page
 
 from deatwin.ident.mismatch import (
     AdviceSummary,
@@ -241,34 +241,11 @@ def with_everything() -> Diagnosis:
     )
 
 
-class Outline(HTMLParser):
-    """Headings, ids, and whether every element is closed."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.headings: list[str] = []
-        self.ids: list[str] = []
-        self.open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag not in ("meta", "br"):
-            self.open.append(tag)
-        self.ids += [value or "" for name, value in attrs if name == "id"]
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open and self.open[-1] == "h2":
-            self.headings.append(data)
-
-
 def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "new")
     write_report(folder, with_everything(), Origin(inputs=[], seed=3))
     page = (folder.path / "report.html").read_text(encoding="utf-8")
-    outline = Outline(page)
+    outline = Page(page)
     assert outline.headings == [
         "What was left out",
         "Recordings",
@@ -281,8 +258,6 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "Does it hold?",
         "Provenance",
     ]
-    assert outline.open == []
-    assert len(outline.ids) == len(set(outline.ids))
     assert page.count("<svg") == 11  # four of the recordings, seven of the steps
     for name in ("detection", "region", "place", "discovery", "advice"):
         assert f"drawn by {name}" in page
@@ -330,9 +305,6 @@ def test_greys_of_the_figures_follow_the_page(tmp_path: Path) -> None:
 
 
 def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
-    import matplotlib as mpl
-
-    mpl.use("Agg")
     axes = with_everything().plot()
     assert axes.get_title() == "named: creep"
     assert axes.get_ylabel() == "measured − simulated (µm)"

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig_files import RIG
 from typer.main import get_command
 
 from deatwin.app.cli import app
@@ -26,7 +27,6 @@ SNAPSHOTS = Path(__file__).with_name("snapshots")
 MADE_WITH = "made_with.txt"
 RENEW = "DEATWIN_RENEW_SNAPSHOTS"
 WIDTH = 100
-RIG = Path(__file__).with_name("rig.toml").read_text(encoding="utf-8")
 CASES = {
     "help": "--help",
     **{f"help_{name}": f"{name} --help" for name in get_command(app).commands},  # type: ignore[attr-defined]

@@ -6,18 +6,17 @@ from functools import partial
 
 import numpy as np
 import pytest
+from made_narx import trained_on, trajectory_of
 
 import deatwin.control as control
 from deatwin.control import ControlError, StaticCurve
 from deatwin.control.arguments import each, finite, instance, not_negative, number, pair, positive, row, taking, whole
-from deatwin.ident.narx import NarxModel, OperatingRange, Residual, ThetaTrajectory
+from deatwin.ident.narx import NarxModel, Residual
 from deatwin.plant import Diaphragm, Plant, Recording
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.rigs.base import ReadingTime
 
-TRAINED = OperatingRange(
-    input_min=[0.2], input_max=[1.0], input_centre=[0.6], output_min=[0.0], output_max=[1.0], output_centre=[0.5]
-)
+TRAINED = trained_on((0.2, 1.0), (0.0, 1.0))
 TERMS = {"y(k-1)": 1.5, "y(k-2)": -0.55, "u(k-1)": 0.04, "u(k-1)^2": 0.01}
 MODEL = replace(NarxModel.from_terms(TERMS, sample_time=0.1), operating=TRAINED)
 LINEAR = control.linearise(MODEL, 0.5)
@@ -38,13 +37,7 @@ RNG = np.random.default_rng(0)
 PLANT = Plant(rig=Diaphragm(sample_time=0.1))
 RECORDING = Recording.from_arrays(0.2 + np.arange(80) % 7 / 10, np.linspace(0.0, 1.0, 80), 0.1)
 LEFT = Residual(rms=1e-3, correlation_time=0.5)
-TRAJECTORY = ThetaTrajectory(
-    model=MODEL,
-    timepts=[0.0, 1.0],
-    theta=np.tile(MODEL.theta[:, None], 2),
-    theta_cov=np.zeros((2, 4, 4)),
-    drift_variance=np.zeros(4),
-)
+TRAJECTORY = trajectory_of(MODEL, [0.0, 1.0], np.tile(MODEL.theta[:, None], 2))
 RUN = {"controller": TUNED, "reference": np.full(5, 0.5), "rng": RNG}
 WRONG = {
     "nothing": None,

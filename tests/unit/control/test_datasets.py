@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import linear_model
 
 from deatwin.control import StaticCurve
 from deatwin.control.linear.family import LinearFamily
@@ -14,11 +15,10 @@ from deatwin.control.stability.bands import band_margins
 from deatwin.control.stability.limit_cycles import limit_cycles
 
 pytest.importorskip("xarray")
-LAG = LinearModel(
-    numerator=[0.0, 0.3],
-    denominator=[1.0, -0.7],
+LAG = linear_model(
+    [0.0, 0.3],
+    [1.0, -0.7],
     covariance=np.diag([0.0, 1e-4, 4e-4]),
-    sample_time=0.02,
     operating_input=2.0,
     operating_output=5e-4,
     input_name="command",

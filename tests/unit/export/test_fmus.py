@@ -18,6 +18,7 @@ from deatwin.plant.effects import effect_named
 from deatwin.plant.effects.electrode_rc import ElectrodeRC
 from deatwin.plant.effects.sensor_jump import SensorJump
 from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.export import archive
 from deatwin.plant.export.cosimulation import export_cosimulation
 from deatwin.plant.export.model_exchange import export_model_exchange
 from deatwin.plant.export.plant_step import plant_source
@@ -221,7 +222,7 @@ def test_a_plant_without_states_has_an_fmu_too(tmp_path: Path) -> None:
 def test_what_an_fmu_needs_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "narx.fmu"
     with monkeypatch.context() as patched:
-        patched.setattr("deatwin.plant.export.archive.find_spec", lambda name: None)
+        patched.setattr(archive, "find_spec", lambda name: None)
         with pytest.raises(ModelError, match=r'install them with pip install "fmpy'):
             export_cosimulation(_model(), target)
     fmpy()

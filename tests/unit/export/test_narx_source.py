@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.export import narx_source
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -48,9 +48,7 @@ def test_the_source_computes_what_the_model_simulates(terms: Any, run_c: Any) ->
 
 
 def test_a_model_that_diverges_says_so_and_holds_its_last_output(run_c: Any) -> None:
-    trained = OperatingRange(
-        input_min=[-1], input_max=[1], input_centre=[0], output_min=[-1], output_max=[1], output_centre=[0]
-    )
+    trained = trained_on((-1, 1), (-1, 1))
     model = NarxModel.from_terms({"y(k-1)": 2.0, "u(k)": 1.0}, sample_time=0.1, operating=trained)
     found, status = run_c(narx_source(model), np.ones((20, 1)))
     # 2^n - 1 passes a thousand times the training data's 1 at n = 10.

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -195,230 +196,204 @@ LOCATION = Location(
     response=(ResponseDifference(order=2, from_Hz=0.5, to_Hz=2.0, p_value=0.001, size=0.3),),
 )
 
+
+def along(dims: str, unit: str = "", **values: Any) -> dict[str, tuple[tuple[str, ...], str, Any]]:
+    """Variables of one unit along the same dimensions."""
+    return {name: (tuple(dims.split()), unit, found) for name, found in values.items()}
+
+
 EXPECTED = {
     "profile": (
         PROFILE,
-        {
-            "value": (("value",), "N/m", PROFILE.values),
-            "deviance": (("value",), "", PROFILE.deviances),
-            "calibrated": ((), "N/m", 300.0),
-            "low": ((), "N/m", 281.0),
-            "high": ((), "N/m", 1e4),
-        },
+        along("value", "N/m", value=PROFILE.values)
+        | along("value", deviance=PROFILE.deviances)
+        | along("", "N/m", calibrated=300.0, low=281.0, high=10000.0),
         {"parameter": "stiffness", "bounded_below": 1, "bounded_above": 0, "level": 0.95},
     ),
     "test signal": (
         SIGNAL,
-        {"value": (("time",), "V", SIGNAL.values), "time": (("time",), "s", np.arange(len(SIGNAL)) * 0.01)},
+        along("time", "V", value=SIGNAL.values) | along("time", "s", time=np.arange(len(SIGNAL)) * 0.01),
         {"sample_time": 0.01, "band_Hz": SIGNAL.band_Hz},
     ),
     "pruning step": (
         STEP,
-        {
-            "term": (("term",), "", ["y(k-1)", "u(k-2)^2"]),
-            "index": (("term",), "", STEP.indices),
-            "relevance": (("term",), "", STEP.relevance),
-            "bound": (("update",), "nat", STEP.bounds),
-        },
-        {"threshold": 1e-6},
+        along("term", term=["y(k-1)", "u(k-2)^2"], index=STEP.indices, relevance=STEP.relevance)
+        | along("update", "nat", bound=STEP.bounds),
+        {"threshold": 1e-06},
     ),
     "discovery": (
         DISCOVERY,
-        {
-            "term_coefficient": (("term",), "", [2.0, 5.0]),
-            "term_unit": (("term",), "", ["N s/m", "N/m"]),
-            "term_variable": (("term",), "", ["velocity", "displacement"]),
-            "term_inclusion": (("term",), "", [0.9, 0.6]),
-            "term_shape_name": (("term",), "", ["", "width"]),
-            "term_shape_value": (("term",), "", [NONE, 4e-4]),
-            "before": ((), "m", 9e-6),
-            "after": ((), "m", 4e-6),
-            "gain_low": ((), "m", 3e-6),
-            "unseen": (("unseen_sample",), "m", DISCOVERY.unseen),
-            "state": (("sample",), "m/s", DISCOVERY.state),
-            "entering": (("sample",), "N", DISCOVERY.entering),
-            "time": (("sample",), "s", LATENT.timepts),
-            "smoothed": (("sample",), "N", LATENT.mean),
-            "deviation": (("sample",), "N", LATENT.deviation),
-            "counted": (("sample",), "", LATENT.counted),
-            "part": (("sample",), "", LATENT.origin),
-        },
+        along(
+            "term",
+            term_coefficient=[2.0, 5.0],
+            term_unit=["N s/m", "N/m"],
+            term_variable=["velocity", "displacement"],
+            term_inclusion=[0.9, 0.6],
+            term_shape_name=["", "width"],
+            term_shape_value=[NONE, 0.0004],
+        )
+        | along("", "m", before=9e-06, after=4e-06, gain_low=3e-06)
+        | along("unseen_sample", "m", unseen=DISCOVERY.unseen)
+        | along("sample", "m/s", state=DISCOVERY.state)
+        | along("sample", "N", entering=DISCOVERY.entering, smoothed=LATENT.mean, deviation=LATENT.deviation)
+        | along("sample", "s", time=LATENT.timepts)
+        | along("sample", counted=LATENT.counted, part=LATENT.origin),
         {"place": "ball", "signal": "force"},
     ),
     "discovery without a smoothed force": (
         replace(DISCOVERY, latent=None),
-        {"entering": (("sample",), "N", DISCOVERY.entering)},
+        along("sample", "N", entering=DISCOVERY.entering),
         {},
     ),
     "advice": (
         ADVICE,
-        {
-            "waveform": (("waveform",), "", ["staircase", "chirp"]),
-            "d2": (("waveform",), "", [30.0, 2.0]),
-            "rival": (("rival",), "", ADVICE.rivals),
-            "noise": ((), "m", 2e-6),
-            "time": (("time",), "s", [4.0, 4.5, 5.0]),
-            "command": (("time",), "V", INPUT.inputs[0]),
-            "predicted": (("rival", "time"), "m", ADVICE.predicted),
-        },
+        along("waveform", waveform=["staircase", "chirp"], d2=[30.0, 2.0])
+        | along("rival", rival=ADVICE.rivals)
+        | along("", "m", noise=2e-06)
+        | along("time", "s", time=[4.0, 4.5, 5.0])
+        | along("time", "V", command=INPUT.inputs[0])
+        | along("rival time", "m", predicted=ADVICE.predicted),
         {"confusion_before": 0.4, "confusion_after": 0.01, "advised": "staircase", "sentence": ADVICE.sentence},
     ),
     "advice to measure": (
         replace(ADVICE, recording=None, waveform="", predicted=(), measure="the current", added_mass=None),
-        {"d2": (("waveform",), "", [30.0, 2.0])},
+        along("waveform", d2=[30.0, 2.0]),
         {"measure": "the current"},
     ),
     "naming": (
         NAMING,
-        {
-            "candidate_effects": (("candidate",), "", ["", "sensor_lag+creep", "creep"]),
-            "candidate_role": (("candidate",), "", ["base plant", "not ruled out", "best explanation"]),
-            "candidate_fitted": (("candidate",), "m", [c.fitted_test.rms for c in NAMING.candidates]),
-            "candidate_unseen": (("candidate",), "m", [c.unseen_test.rms for c in NAMING.candidates]),
-            "candidate_model_error": (("candidate",), "m", [1e-6] * 3),
-            "candidate_evidence": (("candidate",), "nat", [c.evidence for c in NAMING.candidates]),
-            "candidate_adequate": (("candidate",), "", [c.adequate for c in NAMING.candidates]),
-            "candidate_probability": (("candidate",), "", [NONE, NONE, 0.8]),
-            "residual": (("candidate", "sample"), "m", [c.calibration.residuals for c in NAMING.candidates]),
-            "unseen_residual": (("candidate", "unseen_sample"), "m", [c.unseen for c in NAMING.candidates]),
-            "distance_from": (("distance",), "", ["creep"]),
-            "distance_to": (("distance",), "", ["sensor_lag+creep"]),
-            "distance_d2": (("distance",), "", [12.0]),
-            "noise": ((), "m", 2e-6),
-        },
+        along(
+            "candidate",
+            candidate_effects=["", "sensor_lag+creep", "creep"],
+            candidate_role=["base plant", "not ruled out", "best explanation"],
+            candidate_adequate=[c.adequate for c in NAMING.candidates],
+            candidate_probability=[NONE, NONE, 0.8],
+        )
+        | along(
+            "candidate",
+            "m",
+            candidate_fitted=[c.fitted_test.rms for c in NAMING.candidates],
+            candidate_unseen=[c.unseen_test.rms for c in NAMING.candidates],
+            candidate_model_error=[1e-06] * 3,
+        )
+        | along("candidate", "nat", candidate_evidence=[c.evidence for c in NAMING.candidates])
+        | along("candidate sample", "m", residual=[c.calibration.residuals for c in NAMING.candidates])
+        | along("candidate unseen_sample", "m", unseen_residual=[c.unseen for c in NAMING.candidates])
+        | along("distance", distance_from=["creep"], distance_to=["sensor_lag+creep"], distance_d2=[12.0])
+        | along("", "m", noise=2e-06),
         {"failed": "tears"},
     ),
     "base": (
-        Base(chosen=BARE, rivals=(EARLY,), noise=2e-6),
-        {
-            "form_name": (("form",), "", ["reading: end of hold", "reading: start of hold"]),
-            "form_role": (("form",), "", ["chosen", "other form"]),
-            "form_fitted": (("form",), "m", [c.fitted_test.rms for c in (BARE, EARLY)]),
-            "residual": (("form", "sample"), "m", [c.calibration.residuals for c in (BARE, EARLY)]),
-            "unseen_residual": (("form", "unseen_sample"), "m", [c.unseen for c in (BARE, EARLY)]),
-            "noise": ((), "m", 2e-6),
-        },
+        Base(chosen=BARE, rivals=(EARLY,), noise=2e-06),
+        along("form", form_name=["reading: end of hold", "reading: start of hold"], form_role=["chosen", "other form"])
+        | along("form", "m", form_fitted=[c.fitted_test.rms for c in (BARE, EARLY)])
+        | along("form sample", "m", residual=[c.calibration.residuals for c in (BARE, EARLY)])
+        | along("form unseen_sample", "m", unseen_residual=[c.unseen for c in (BARE, EARLY)])
+        | along("", "m", noise=2e-06),
         {},
     ),
     "verification": (
         VERIFICATION,
-        {
-            "stage": (("stage",), "", ["before", "after"]),
-            "fitted": (("stage",), "m", [9e-6, 2e-6]),
-            "unseen": (("stage",), "m", [10e-6, 2.1e-6]),
-            "gain_low": ((), "m", 7e-6),
-            "noise": ((), "m", 2e-6),
-            "ablation_effect": (("ablation",), "", ["creep"]),
-            "ablation_unseen": (("ablation",), "m", [10e-6]),
-            "ablation_fitted": (("ablation",), "m", [9e-6]),
-            "ablation_gain_low": (("ablation",), "m", [7e-6]),
-            "ablation_share": (("ablation",), "", [0.97]),
-            "sham_kind": (("sham",), "", ["with the opposite sign", "backwards in time"]),
-            "sham_share": (("sham",), "", [0.1, NONE]),
-            "sham_expected": (("sham",), "", [0.0, NONE]),
-            "sham_skipped": (("sham",), "", ["", "no memory"]),
-            "sham_rejected": (("sham",), "", [1.0, 1.0]),
-            "transfer_part": (("transfer",), "", ["steps.csv"]),
-            "transfer_before": (("transfer",), "m", [2e-6]),
-            "transfer_gain_high": (("transfer",), "m", [-1e-6]),
-            "transfer_floor": (("transfer",), "m", [2.2e-6]),
-            "transfer_model_error": (("transfer",), "m", [1e-6]),
-            "transfer_worse": (("transfer",), "", [1.0]),
-            "constancy_effect": (("constancy",), "", ["creep", "delay"]),
-            "constancy_change": (("constancy",), "", [-1.5, NONE]),
-            "constancy_own": (("constancy",), "", [0.5, 0.04]),
-            "constancy_deviation": (("constancy",), "", [0.1, NONE]),
-            "constancy_holds": (("constancy",), "", [0.0, 1.0]),
-        },
+        along("stage", stage=["before", "after"])
+        | along("stage", "m", fitted=[9e-06, 2e-06], unseen=[1e-05, 2.1e-06])
+        | along("", "m", gain_low=7e-06, noise=2e-06)
+        | along("ablation", ablation_effect=["creep"], ablation_share=[0.97])
+        | along("ablation", "m", ablation_unseen=[1e-05], ablation_fitted=[9e-06], ablation_gain_low=[7e-06])
+        | along(
+            "sham",
+            sham_kind=["with the opposite sign", "backwards in time"],
+            sham_share=[0.1, NONE],
+            sham_expected=[0.0, NONE],
+            sham_skipped=["", "no memory"],
+            sham_rejected=[1.0, 1.0],
+        )
+        | along("transfer", transfer_part=["steps.csv"], transfer_worse=[1.0])
+        | along(
+            "transfer",
+            "m",
+            transfer_before=[2e-06],
+            transfer_gain_high=[-1e-06],
+            transfer_floor=[2.2e-06],
+            transfer_model_error=[1e-06],
+        )
+        | along(
+            "constancy",
+            constancy_effect=["creep", "delay"],
+            constancy_change=[-1.5, NONE],
+            constancy_own=[0.5, 0.04],
+            constancy_deviation=[0.1, NONE],
+            constancy_holds=[0.0, 1.0],
+        ),
         {"holds": 0, "failures": VERIFICATION.failures},
     ),
     "bare verification": (
         replace(VERIFICATION, ablations=(), shams=(), transfers=(), constancies=()),
-        {"gain_low": ((), "m", 7e-6)},
+        along("", "m", gain_low=7e-06),
         {"holds": 1},
     ),
     "times": (
         TIMES,
-        {
-            "window_from_s": (("window",), "s", [1.0]),
-            "window_to_s": (("window",), "s", [2.0]),
-            "window_score": (("window",), "", [0.7]),
-            "window_slope": (("window",), "", [3e-6]),
-            "time": (("sample",), "s", [0.0, 0.5, 5.0, 5.5]),
-            "track": (("sample",), "", [0, 0, 1, 1]),
-            "residual": (("sample",), "", np.concatenate([t.residual for t in TRACKS])),
-        },
+        along("window", "s", window_from_s=[1.0], window_to_s=[2.0])
+        | along("window", window_score=[0.7], window_slope=[3e-06])
+        | along("sample", "s", time=[0.0, 0.5, 5.0, 5.5])
+        | along("sample", track=[0, 0, 1, 1], residual=np.concatenate([t.residual for t in TRACKS])),
         {"period_s": 12.0},
     ),
-    "no times": (Times(windows=(), period_s=None, tracks=()), {"residual": (("sample",), "", [])}, {}),
+    "no times": (Times(windows=(), period_s=None, tracks=()), along("sample", residual=[]), {}),
     "bands": (
         BANDS,
-        {
-            "band_from_Hz": (("band",), "Hz", [0.5]),
-            "band_to_Hz": (("band",), "Hz", [2.0]),
-            "band_excess_dB": (("band",), "dB", [12.0]),
-            "frequency": (("frequency",), "Hz", BANDS.frequency),
-            "ratio": (("frequency",), "", BANDS.ratio),
-        },
+        along("band", "Hz", band_from_Hz=[0.5], band_to_Hz=[2.0])
+        | along("band", "dB", band_excess_dB=[12.0])
+        | along("frequency", "Hz", frequency=BANDS.frequency)
+        | along("frequency", ratio=BANDS.ratio),
         {},
     ),
     "lines": (
         LINES,
-        {
-            "group_kind": (("group",), "", ["odd"]),
-            "group_rms": (("group",), "", [3e-6]),
-            "group_p_value": (("group",), "", [1e-4]),
-            "group_lines": (("group",), "", [40]),
-            "period": ((), "s", 4.0),
-            "periods": ((), "", 6),
-        },
+        along("group", group_kind=["odd"], group_rms=[3e-06], group_p_value=[0.0001], group_lines=[40])
+        | along("", "s", period=4.0)
+        | along("", periods=6),
         {},
     ),
     "regions": (
         REGIONS,
-        {
-            "region_signal": (("region",), "", ["command"]),
-            "region_low": (("region",), "", [1.0]),
-            "region_mean_residual": (("region",), "µm", [-4.0]),
-            "bin_number": (("bin",), "", [2]),
-            "bin_mean": (("bin",), "µm", [-4.0]),
-            "bin_deviation": (("bin",), "µm", [0.5]),
-            "bin_count": (("bin",), "samples", [90]),
-            "bin_p_value": (("bin",), "", [1e-9]),
-        },
+        along("region", region_signal=["command"], region_low=[1.0])
+        | along("region", "µm", region_mean_residual=[-4.0])
+        | along("bin", bin_number=[2], bin_p_value=[1e-09])
+        | along("bin", "µm", bin_mean=[-4.0], bin_deviation=[0.5])
+        | along("bin", "samples", bin_count=[90]),
         {},
     ),
     "places": (
         PLACES,
-        {
-            "opened_place": (("opened",), "", ["film", "drive"]),
-            "opened_signal": (("opened",), "", ["stress", "command"]),
-            "opened_gain": (("opened",), "nat", [40.0, 4.0]),
-            "opened_explained": (("opened",), "", [0.7, -0.1]),
-            "opened_score": (("opened",), "", [0.9, 0.0]),
-            "opened_among_best": (("opened",), "", [1.0, 0.0]),
-        },
+        along(
+            "opened",
+            opened_place=["film", "drive"],
+            opened_signal=["stress", "command"],
+            opened_explained=[0.7, -0.1],
+            opened_score=[0.9, 0.0],
+            opened_among_best=[1.0, 0.0],
+        )
+        | along("opened", "nat", opened_gain=[40.0, 4.0]),
         {"closure_p_value": 0.01, "repeatable": 1, "among_best": "film"},
     ),
     "location": (
         LOCATION,
-        {
-            "locate_time_slope": (("locate_time",), "um/s", [3.0]),
-            "locate_time_from_s": (("locate_time",), "s", [1.0]),
-            "locate_frequency_excess_dB": (("locate_frequency",), "dB", [12.0]),
-            "locate_lines_kind": (("locate_lines",), "", ["odd"]),
-            "locate_lines_rms": (("locate_lines",), "um", [3.0]),
-            "locate_lines_period": ((), "s", 4.0),
-            "locate_lines_periods": ((), "", 6),
-            "locate_region_mean_residual": (("locate_region",), "um", [-4.0]),
-            "locate_place_place": (("locate_place",), "", ["film", "drive"]),
-            "locate_response_order": (("locate_response",), "", [2]),
-        },
+        along("locate_time", "um/s", locate_time_slope=[3.0])
+        | along("locate_time", "s", locate_time_from_s=[1.0])
+        | along("locate_frequency", "dB", locate_frequency_excess_dB=[12.0])
+        | along("locate_lines", locate_lines_kind=["odd"])
+        | along("locate_lines", "um", locate_lines_rms=[3.0])
+        | along("", "s", locate_lines_period=4.0)
+        | along("", locate_lines_periods=6)
+        | along("locate_region", "um", locate_region_mean_residual=[-4.0])
+        | along("locate_place", locate_place_place=["film", "drive"])
+        | along("locate_response", locate_response_order=[2]),
         {"period_s": 12.0},
     ),
     "location without a period": (
         replace(LOCATION, lines=None, response=None),
-        {"locate_time_slope": (("locate_time",), "um/s", [3.0])},
+        along("locate_time", "um/s", locate_time_slope=[3.0]),
         {"period_s": 12.0},
     ),
 }

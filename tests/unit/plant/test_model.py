@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rig_files import SOUND
 
 from deatwin.plant import (
     Creep,
@@ -25,18 +26,6 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.rigs.rigfile import RigFile
 
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
-RIG_FILE = {
-    "film": {
-        "material": "VHB 4905",
-        "thickness_mm": 0.5,
-        "prestretch": 3.5,
-        "frame_diameter_mm": 80.0,
-        "electrode_diameter_mm": 35.0,
-    },
-    "load": {"mass_g": 3.0, "contact_diameter_mm": 6.0},
-    "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
-    "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
-}
 
 
 def reading(plant, experiment):
@@ -94,13 +83,13 @@ def test_a_description_that_is_wrong_is_refused(base, change, text):
 
 
 def test_a_rig_file_is_a_plant():
-    rig = Diaphragm.from_rig_file(RigFile.from_dict(RIG_FILE))
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(SOUND))
     assert rig == Diaphragm(contact_radius=3e-3)
     assert {r.ball for r in rig.rivals()} == {"bonded", "sliding"}
 
 
 def test_a_rig_file_that_names_the_support_leaves_no_rival():
-    named = {**RIG_FILE, "film": {**RIG_FILE["film"], "ball": "sliding"}}
+    named = {**SOUND, "film": {**SOUND["film"], "ball": "sliding"}}
     rig = Diaphragm.from_rig_file(RigFile.from_dict(named))
     assert rig.ball_is_known
     assert {r.ball for r in (rig, *rig.rivals())} == {"sliding"}
@@ -108,7 +97,7 @@ def test_a_rig_file_that_names_the_support_leaves_no_rival():
 
 def test_a_prestretch_that_is_known_leaves_no_rival():
     assert {r.prestretch for r in (Diaphragm(), *Diaphragm().rivals())} == {3.5}
-    rig = Diaphragm.from_rig_file(RigFile.from_dict(RIG_FILE))  # a rig file states it
+    rig = Diaphragm.from_rig_file(RigFile.from_dict(SOUND))  # a rig file states it
     assert rig.prestretch_is_known
 
 
@@ -136,7 +125,7 @@ def test_whether_the_prestretch_is_known_is_stored_and_changes_no_equations():
 
 
 def test_a_resolution_adds_the_noise_of_rounding():
-    coarse = {**RIG_FILE, "sensor": {**RIG_FILE["sensor"], "noise_um": 0.0, "resolution_um": 1.2}}
+    coarse = {**SOUND, "sensor": {**SOUND["sensor"], "noise_um": 0.0, "resolution_um": 1.2}}
     rig = Diaphragm.from_rig_file(RigFile.from_dict(coarse))
     assert rig.noise == pytest.approx(1.2e-6 / np.sqrt(12))
 

@@ -5,8 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
-from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording, Rig, SimulationError, StartProcedure
+from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording, SimulationError
 from deatwin.plant import model_error as module
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.model_error import Discrepancy
@@ -15,26 +16,17 @@ COMMANDS = np.linspace(0.5, 3.0, 101)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line(Rig):
+class Line(Bare):
     """A reading in proportion to the command; the finer one has a square besides."""
 
-    sample_time: float = 0.02
-    noise: float = 1e-6
     square: float = 0.0
 
     kind: ClassVar[str] = "line"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "position"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=1.0, unit="m/V", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def finer(self) -> "Line":
         return Line(square=0.1)

@@ -35,10 +35,7 @@ TIMES = STEP * np.arange(1, 41)
 EXPERIMENT = Experiment(recordings=(Recording.from_arrays(ONES, np.zeros(ONES.size), STEP),))
 
 
-@pytest.fixture(autouse=True)
-def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forty samples are not worth a compiler."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def plant(equations: Callable[[Builder], Any], **values: float) -> Plant:

@@ -20,10 +20,7 @@ RIGS: tuple[Rig, ...] = (Coupon(), BlockedPlanar())
 ACCEPTED = [(rig, effect) for rig in RIGS for effect in rig.effects() if Plant(rig=rig).accepts(effect)]
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So short a recording is simulated faster than its plant compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def readings(plant: Plant) -> np.ndarray:

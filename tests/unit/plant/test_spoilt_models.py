@@ -18,10 +18,7 @@ WRONG = ([], {}, "x", None, True, -1, 0, 1e300)
 SHORT = Experiment(recordings=(Recording.from_arrays(np.linspace(1.0, 2.0, 5), np.zeros(5), 0.02),))
 
 
-@pytest.fixture(autouse=True)
-def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Five samples are not worth a compiler."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def sound() -> dict[str, Any]:

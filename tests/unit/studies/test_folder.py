@@ -10,8 +10,7 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.demo import RIG
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.files import write_recording
-from deatwin.plant.recording import Recording
+from deatwin.plant.files import write_csv
 from deatwin.studies import diagnosing
 
 
@@ -21,18 +20,8 @@ def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     Path("rig.toml").write_text(RIG, encoding="utf-8")
     NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=0.1).save("narx.json")
-    write_recording(
-        Path("short.csv"),
-        Recording.from_arrays(
-            np.linspace(1.0, 2.0, 12),
-            np.zeros(12),
-            0.02,
-            input_names=("command",),
-            output_names=("displacement",),
-            input_units=("V",),
-            output_units=("m",),
-        ),
-    )
+    clock, command = 0.02 * np.arange(12), np.linspace(1.0, 2.0, 12)
+    write_csv(Path("short.csv"), {"time_s": clock, "command_V": command, "displacement_mm": np.zeros(12)})
     return tmp_path
 
 

@@ -1,17 +1,15 @@
 """The oracle: it finds a number that changed, and says equal where only provenance did."""
 
 import gzip
-import importlib.util
+import importlib
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("fcntl", reason="the oracle's locks are those of Unix")
 
-TOOL = Path(__file__).parents[2] / "tools" / "oracle.py"
 PYPROJECT = """
 [project]
 name = "deatwin"
@@ -53,16 +51,7 @@ def main():
 """
 
 
-def _tool():
-    spec = importlib.util.spec_from_file_location("oracle_under_test", TOOL)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where dataclasses look their annotations up
-    spec.loader.exec_module(module)
-    return module
-
-
-oracle = _tool()
+oracle = importlib.import_module("oracle")
 
 
 @pytest.mark.parametrize(

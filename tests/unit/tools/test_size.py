@@ -1,12 +1,10 @@
 """The measure of the project: it counts what it says it counts, in a project of which everything is known."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
+import size
 
-TOOL = Path(__file__).parents[2] / "tools" / "size.py"
 PYPROJECT = '[tool.hatch.build.targets.wheel]\nsources = ["plant", "scenarios"]\n'
 FILES = {
     "plant/deatwin/plant/__init__.py": 'from deatwin.plant.law import Law, gain\n__all__ = ["Law", "gain"]\n',
@@ -44,16 +42,6 @@ def gain(law: Law) -> float:
 }
 
 
-@pytest.fixture(scope="module")
-def size():
-    spec = importlib.util.spec_from_file_location("size_under_test", TOOL)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where dataclasses look their annotations up
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
     (tmp_path / "pyproject.toml").write_text(PYPROJECT)
@@ -63,7 +51,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_names_circles_fields_stories_and_fragments(size, project):
+def test_names_circles_fields_stories_and_fragments(project):
     modules = size.product(project)
     assert size.public(modules) == {("deatwin.plant.law", "Law"), ("deatwin.plant.law", "gain")}
     # A circle that is closed inside a function and for types only; `free` is reached and reaches nobody.
@@ -76,7 +64,7 @@ def test_names_circles_fields_stories_and_fragments(size, project):
     assert lost == ["deatwin.plant.law.Law: Of what was found.", "deatwin.plant.law.gain: Whether it is large."]
 
 
-def test_the_table_counts_lines_and_patches(size, project):
+def test_the_table_counts_lines_and_patches(project):
     (project / "tests").mkdir()
     (project / "tests" / "test_a.py").write_text(
         'monkeypatch.setattr(\n    "deatwin.plant.free.FREE", 2.0\n)\npatch(here)\n'

@@ -6,19 +6,24 @@ Of one lag there is an exact model as well, and a check on it that is as short a
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
 
+import jsonschema
 import numpy as np
 import pytest
+from made_narx import trained_on
+from made_rigs import Bare, Gap
 
 from deatwin.control import Check, LinearController, check, lambda_tuning, linearise
 from deatwin.ident.narx import NarxModel, Residual
 from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant import Parameter, Plant, Rig, StartProcedure
+from deatwin.plant import Parameter, Plant, simulate
 from deatwin.plant.builder import Builder
 
+SCHEMA = json.loads((files("deatwin.control") / "schemas" / "check.schema.json").read_text(encoding="utf-8"))
 H, LAG, SLOPE = 0.02, 0.01, 2.0
 POLE = np.exp(-H / LAG)
 FAST = 0.06
@@ -26,10 +31,9 @@ FAST = 0.06
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lags(Rig):
+class Lags(Bare):
     """Lags of one time constant in series behind a gain that may grow with the command."""
 
-    sample_time: float = 0.02
     noise: float = 1e-3
     count: int = 1
     time: float = 0.01
@@ -37,18 +41,12 @@ class Lags(Rig):
     cubic: float = 0.0
 
     kind: ClassVar[str] = "lags"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "position"
     output_unit: ClassVar[str] = "mm"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=self.slope, unit="mm/V", lower=1e-6, upper=100.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         grown = 1 + build.constant("cubic", self.cubic) * build.command**2
@@ -58,34 +56,6 @@ class Lags(Rig):
             build.rate(position, before - position, mass=self.time)
             before = position
         return before
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gap(Rig):
-    """A voltage pulls a plate on a spring into a gap: u² = x (1 - x)² at rest, pull-in at x = 1/3 and 0.385 V."""
-
-    sample_time: float = 0.02
-    noise: float = 1e-3
-
-    kind: ClassVar[str] = "check_gap"
-    input_name: ClassVar[str] = "voltage"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "position"
-    output_unit: ClassVar[str] = "mm"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="stiffness", value=1.0, unit="1", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
-
-    def write(self, build: Builder) -> Any:
-        position = build.state("position", scale=1.0)
-        pull = build.command**2 / (1 - position) ** 2 - build.parameter("stiffness") * position
-        build.rate(position, pull, mass=0.02)
-        return position
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +73,9 @@ class Brittle(Gap):
 
 @pytest.fixture(scope="module")
 def uncompiled() -> Iterator[None]:
-    """So small a plant runs as fast as it compiles."""
+    """Small plants alone run in CasADi's own machine; models' loops over samples stay compiled."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("deatwin.plant.simulate.compile_functions", lambda functions, **_: dict(functions))
+        patch.setattr(simulate, "compile_functions", lambda functions, **_: dict(functions))
         yield
 
 
@@ -116,7 +86,7 @@ def lags(uncompiled: None) -> Callable[..., Plant]:
 
 @pytest.fixture(scope="module")
 def gap(uncompiled: None) -> Plant:
-    return Plant(rig=Gap())
+    return Plant(rig=Gap(damping=0.02))
 
 
 @pytest.fixture(scope="module")
@@ -131,14 +101,7 @@ def rig(lags: Callable[..., Plant]) -> Plant:
 
 @pytest.fixture(scope="session")
 def trained() -> OperatingRange:
-    return OperatingRange(
-        input_min=np.array([-1.0]),
-        input_max=np.array([1.0]),
-        input_centre=np.array([0.0]),
-        output_min=np.array([-2.0]),
-        output_max=np.array([2.0]),
-        output_centre=np.array([0.0]),
-    )
+    return trained_on((-1.0, 1.0), (-2.0, 2.0))
 
 
 @pytest.fixture(scope="session")
@@ -202,6 +165,7 @@ def document_of() -> Callable[[Check, Path], dict[str, Any]]:
         written = json.dumps([document["reason"], document["sentence"], document["findings"]]).lower()
         assert " nan" not in written
         assert " inf " not in written
+        jsonschema.validate(document, SCHEMA)
         return document
 
     return saved

@@ -5,13 +5,12 @@ from math import inf
 
 import numpy as np
 import pytest
+from made_models import finished
 
 from deatwin.control.checking.amounts import LARGEST, amount
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.verdict import Runs, judge_runs, judge_width
-from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.plant.simulate import RunStatus
 
 STEP = np.repeat([0.0, 1.0], 60)
 TIME = 0.02 * np.arange(STEP.size)
@@ -20,17 +19,7 @@ TIME = 0.02 * np.arange(STEP.size)
 def off_by(size: float) -> Runs:
     """A run that lies above its step by so many steps, and swings by as many from sample to sample."""
     output = STEP + size * (1 + (-1.0) ** np.arange(STEP.size))
-    run = ClosedLoop(
-        status=RunStatus.DONE,
-        timepts=TIME,
-        reference=STEP,
-        output=output,
-        measured=output,
-        command=np.zeros(STEP.size),
-        command_limits=(-1.0, 1.0),
-        input_unit="V",
-        output_unit="m",
-    )
+    run = finished(STEP, output)
     return Runs(source="plant", steps=run, sine=run)
 
 

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control import LinearController, Specification, Verdict, closed_loop, margins
+from deatwin.control.checking import cycles
 from deatwin.control.checking.cycles import judge_cycles
 from deatwin.control.design.pid import PidGains
 from deatwin.control.linear.model import LinearModel
@@ -25,16 +27,14 @@ def integral(plant: Plant, share: float, room: float = 1.0) -> LinearController:
     most = float(margins(*loop, H).gain[0])
     law = gains.law(H).scaled(share * most)
     # Describing functions know of no anti-windup: with next to none the loop is the one that they describe.
-    return LinearController(
+    return controller_of(
+        law,
+        np.array([1e-4]),
         name="I",
-        sample_time=H,
-        operating_input=0.0,
         operating_output=linear.operating_output,
         command_min=-room,
         command_max=room,
         closed_loop_time=0.06,
-        law=law,
-        windup=np.array([1e-4]),
     )
 
 
@@ -141,16 +141,15 @@ def about(plant: Plant, voltage: float, share: float = 0.05) -> tuple[LinearCont
     """A weak integral controller about a voltage, with limits at 0 V and as far above, and the plant there."""
     linear = linearise_plant(plant, voltage).in_loop(plant.rig.reading)
     gains = PidGains(proportional=0.0, integral=share / linear.static_gain)
-    controller = LinearController(
+    controller = controller_of(
+        gains.law(H),
+        gains.windup(H),
         name="I",
-        sample_time=H,
         operating_input=voltage,
         operating_output=linear.operating_output,
         command_min=0.0,
         command_max=2 * voltage,
         closed_loop_time=0.06,
-        law=gains.law(H),
-        windup=gains.windup(H),
     )
     return controller, linear
 
@@ -181,7 +180,7 @@ def test_a_cycle_of_the_limits_is_told_where_the_plant_is_not_measured(slow, mon
     linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
     controller = integral(slow, 1.2)
     small, large = (judge_cycles(slow, controller, linear, step, Specification()) for step in (1e3, 1.0))
-    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", lambda *_, **__: None)
+    monkeypatch.setattr(cycles, "sine_response", lambda *_, **__: None)
     for measured, verdict, step in ((small, Verdict.MARGINAL, 1e3), (large, Verdict.FAIL, 1.0)):
         found = judge_cycles(slow, controller, linear, step, Specification())
         assert (found.verdict, found.value) == (verdict, measured.value)
@@ -205,7 +204,7 @@ def test_a_loop_that_hardly_acts_is_not_looked_at_for_days(slow, monkeypatch):
     def measured(plant, operating_input, amplitudes, omega, *, progress):
         asked.append(omega)
 
-    monkeypatch.setattr("deatwin.control.checking.cycles.sine_response", measured)
+    monkeypatch.setattr(cycles, "sine_response", measured)
     linear = linearise_plant(slow, 0.0).in_loop(slow.rig.reading)
     controller = integral(slow, 1e-4)
     judge_cycles(slow, controller, linear, 1.0, Specification())

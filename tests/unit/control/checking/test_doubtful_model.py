@@ -20,6 +20,7 @@ FAST = 0.06
     [
         ({"y(k-1)": 1.2, "u(k)": 1.0}, LinearStatus.UNSTABLE),
         ({"y(k-1)": 1.0, "u(k)": 1.0}, None),  # it integrates
+        ({"y(k-1)": 1.0, "y(k-1)^2": 1.0, "u(k)^2": 1.0, "1": 1.0}, LinearStatus.NO_EQUILIBRIUM),
         ({"y(k-1)": 0.5, "u(k)": 1.0, "u(k-1)": -1.0}, LinearStatus.NO_GAIN),
         ({"y(k-1)": 0.5, "u(k)^2": 1.0}, LinearStatus.NO_GAIN),  # at u = 0
         ({"y(k-1)": 0.5, "1": 1.0}, None),
@@ -38,7 +39,9 @@ def test_a_model_that_cannot_be_used_fails_with_its_reason_with_a_controller_too
         assert found.verdict is Verdict.FAIL
         assert status is None or found.operating.status is status
         assert found.operating.status.value in found.reason
+        assert found.margins is found.steps is None
         document_of(found, tmp_path)
+        assert Check.load(tmp_path / "check.json").operating.status is found.operating.status
 
 
 def test_a_band_that_is_not_known_is_at_most_marginal_and_no_prediction_is_judged(

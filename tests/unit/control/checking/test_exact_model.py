@@ -5,8 +5,19 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from made_models import controller_of
+from made_narx import trajectory_of
 
-from deatwin.control import Check, Law, Limit, LinearController, Specification, Verdict, lambda_tuning, linearise
+from deatwin.control import (
+    Check,
+    Law,
+    Limit,
+    Specification,
+    Verdict,
+    controller_to_dict,
+    lambda_tuning,
+    linearise,
+)
 from deatwin.ident.narx import ThetaTrajectory
 from deatwin.plant import CalibratedPlant
 
@@ -70,6 +81,8 @@ def test_the_file_comes_back(document_of, passed, tmp_path):
     assert loaded.sine_predicted == passed.sine_predicted
     assert loaded.steps.to_dict() == passed.steps.to_dict()
     assert loaded.sine.to_dict() == passed.sine.to_dict()
+    assert controller_to_dict(loaded.controller) == controller_to_dict(passed.controller)
+    assert document["schema"] == "deatwin/check/1"
     (tmp_path / "again").mkdir()
     again = document_of(loaded, tmp_path / "again")
     assert {**document, "predicted": None} == again
@@ -137,13 +150,7 @@ def varying(exact):
     def grow(factor: float) -> ThetaTrajectory:
         model, times = exact(spread=1e-4), np.linspace(0.0, 100.0, 11)
         grown = model.theta[:, None] * np.array([np.ones(11), 1 + (factor - 1) * times / 100])
-        return ThetaTrajectory(
-            model=model,
-            timepts=times,
-            theta=grown,
-            theta_cov=np.tile(model.theta_cov, (11, 1, 1)),
-            drift_variance=np.zeros(2),
-        )
+        return trajectory_of(model, times, grown, theta_cov=np.tile(model.theta_cov, (11, 1, 1)))
 
     return grow
 
@@ -219,17 +226,7 @@ def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(chec
     """As the how-to shows it; times its gain margin the loop's poles are on the unit circle."""
     pi = control.ss(control.tf([0.2, -0.1], [1.0, -1.0], H))
     law = Law.of_error(pi.A, pi.B[:, 0], pi.C[0], pi.D[0, 0])
-    mine = LinearController(
-        name="my PI",
-        law=law,
-        windup=pi.B[:, 0] / pi.D[0, 0],
-        sample_time=H,
-        closed_loop_time=FAST,
-        operating_input=0.0,
-        operating_output=0.0,
-        command_min=-1.0,
-        command_max=1.0,
-    )
+    mine = controller_of(law, pi.B[:, 0] / pi.D[0, 0], name="my PI", closed_loop_time=FAST)
     found = checked(exact(provenance={}), rig, controller=mine, samples=5)
     seen = linearise(exact()).in_loop(rig.rig.reading)
     bottom = np.convolve([1.0, -1.0], seen.denominator)
@@ -242,10 +239,8 @@ def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(chec
 
 
 def test_plots(passed):
-    import matplotlib
-
-    matplotlib.use("agg")
-    assert passed.plot().get_ylabel() == "output (mm)"
+    axes = passed.plot()
+    assert axes.get_ylabel() == "output (mm)" and passed.verdict.value in axes.get_title()
     assert passed.predicted.plot().get_xlabel() == "time (s)"
     assert passed.steps.plot().get_ylabel() == "output (mm)"
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control import LinearController, Verdict
 from deatwin.control.checking.scope import judge_film
@@ -12,16 +13,15 @@ GAINS = PidGains(proportional=0.0, integral=0.1)
 
 
 def controller(highest: float) -> LinearController:
-    return LinearController(
+    return controller_of(
+        GAINS.law(H),
+        GAINS.windup(H),
         name="I",
-        sample_time=H,
         operating_input=0.2,
         operating_output=0.044,
         command_min=0.1,
         command_max=highest,
         closed_loop_time=0.2,
-        law=GAINS.law(H),
-        windup=GAINS.windup(H),
     )
 
 
@@ -65,16 +65,15 @@ def test_plants_are_counted(gap):
 def test_the_films_of_a_diaphragm_are_judged_by_their_field_and_tension_too(plant):
     rest = 2.4
     used = np.repeat([rest, 2.6, rest], 100)
-    from_film = LinearController(
+    from_film = controller_of(
+        GAINS.law(H),
+        GAINS.windup(H),
         name="I",
-        sample_time=H,
         operating_input=rest,
         operating_output=1e-3,
         command_min=1.1,
         command_max=3.75,
         closed_loop_time=0.2,
-        law=GAINS.law(H),
-        windup=GAINS.windup(H),
     )
     assert judge_film("plant", [plant], used, from_film).verdict is Verdict.PASS
     for limit in (5.0, 6.0, 12.0):

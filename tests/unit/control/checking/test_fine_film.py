@@ -14,9 +14,8 @@ FINE = Plant(rig=Diaphragm(resolution="fine"), values={"shear_modulus": 25e3})
 LIMITS = (1.7, 3.1)
 
 
-def test_its_margins_are_near_those_of_the_reduced_film(monkeypatch):
+def test_its_margins_are_near_those_of_the_reduced_film(uncompiled):
     """The reduced film has the fine one's gain to some per cent, and so have loops with one controller."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
     controller = lambda_tuning(
         linearise_plant(FINE, 2.4).in_loop(FINE.rig.reading), command_limits=LIMITS, closed_loop_time=0.2
     )

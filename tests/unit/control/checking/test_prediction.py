@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import finished
 
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.verdict import judge_prediction
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
-from deatwin.plant.simulate import RunStatus
 
 N = 100
 TIME = 0.02 * np.arange(N)
@@ -18,17 +18,7 @@ SENTENCE = "of the steps on the physics plant lie inside the band that the model
 
 
 def run_of(output) -> ClosedLoop:
-    return ClosedLoop(
-        status=RunStatus.DONE,
-        timepts=TIME,
-        reference=SINE,
-        output=output,
-        measured=output,
-        command=np.zeros(N),
-        command_limits=(-1.0, 1.0),
-        input_unit="V",
-        output_unit="m",
-    )
+    return finished(SINE, output)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control import LinearController, MarginRow
 from deatwin.control.checking.rows import rows_of_family
@@ -20,17 +21,7 @@ GAINS = PidGains(proportional=0.4, integral=2.0)
 def controller(law: Law | None = None) -> LinearController:
     law = GAINS.law(H) if law is None else law
     windup = GAINS.windup(H) if law.c.size else np.zeros(0)
-    return LinearController(
-        name="PI",
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-        command_min=-1.0,
-        command_max=1.0,
-        closed_loop_time=0.5,
-        law=law,
-        windup=windup,
-    )
+    return controller_of(law, windup, closed_loop_time=0.5)
 
 
 def family(numerators, denominators, exists=None) -> LinearFamily:

@@ -6,10 +6,11 @@ from importlib.resources import files
 import jsonschema
 import numpy as np
 import pytest
+from made_models import linear_model
 from typer.testing import CliRunner
 
 from deatwin.app.cli import app
-from deatwin.control import Check, ControlError, InverseFilter, LinearModel, LinearStatus, Verdict, with_dynamics
+from deatwin.control import Check, ControlError, InverseFilter, LinearStatus, Verdict, with_dynamics
 from deatwin.control.checking.rows import OperatingPoint
 from deatwin.control.checking.verdict import Finding
 from deatwin.control.controllers.document import controller_to_dict
@@ -56,13 +57,6 @@ def test_the_schema_refuses_an_anti_windup_that_is_not_one_a_law(made, windup, t
 
 
 def test_a_schedule_behind_an_inverse_is_refused_by_name(made):
-    linear = LinearModel(
-        numerator=np.array([0.0, 0.1]),
-        denominator=np.array([1.0, -0.9]),
-        covariance=np.zeros((3, 3)),
-        sample_time=0.02,
-        operating_input=2.0,
-        operating_output=1.0,
-    )
+    linear = linear_model(np.array([0.0, 0.1]), np.array([1.0, -0.9]), operating_input=2.0, operating_output=1.0)
     with pytest.raises(ControlError, match="a ScheduledController cannot be the feedback behind an inverse"):
         with_inverse(linear, made.inverse.curve, lambda model, **_: made.scheduled, command_limits=(1.0, 4.0))

@@ -107,6 +107,17 @@ def test_a_document_makes_the_same_controller(made, kind):
     np.testing.assert_array_equal(driven(again, reference, reading), driven(controller, reference, reading))
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "general"])
+def test_it_leaves_its_limit_at_once_when_the_error_turns(made, kind):
+    controller, sign = made[kind], np.sign(made[kind].operating_output)
+    state = controller.start()
+    for _ in range(1000):
+        command, state = controller.command(9.0 * sign, 0.0, state)
+        assert command == controller.command_max
+    command, _ = controller.command(0.95 * sign, 1.0 * sign, state)
+    assert command < controller.command_max
+
+
 def test_scaling_leaves_dynamics_that_are_fed_forward(made):
     # A law of the error beside a lag of the reference: with reference and reading equal only the lag answers.
     error = made.pi.law

@@ -82,17 +82,6 @@ def test_the_local_gain_goes_with_the_slope_of_the_inverse(made):
         assert made.falling.local(point).feedback[0][0] == pytest.approx(-expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("kind", ["inverse", "falling"])
-def test_it_leaves_its_limit_at_once_when_the_error_turns(made, kind):
-    controller, sign = made[kind], np.sign(made[kind].operating_output)
-    state = controller.start()
-    for _ in range(1000):
-        command, state = controller.command(9.0 * sign, 0.0, state)
-        assert command == controller.command_max
-    command, _ = controller.command(2.0 * sign, 2.1 * sign, state)
-    assert command < controller.command_max
-
-
 def test_it_draws_its_curve(curve):
     axes = curve.plot()
     assert axes.get_xlabel() == "constant input (V)"

@@ -59,11 +59,6 @@ def held_at_a_limit(controller, samples):
     return state
 
 
-def test_a_pi_leaves_its_limit_at_once_when_the_error_turns(made):
-    command, _ = made.pi.command(0.95, 1.0, held_at_a_limit(made.pi, 1000))
-    assert command < made.pi.command_max
-
-
 def test_a_naive_integrator_would_stay_at_the_limit(made):
     # It has gathered 1000 * K_i h * 5 V above the operating input.
     command, _ = replace(made.pi, windup=np.array([1e-12])).command(0.95, 1.0, np.array([1000 * 0.04 * 5.0]))

@@ -29,15 +29,6 @@ def test_beyond_its_ends_the_ends_hold(made):
         assert made.scheduled.local(point).feedback[0][0] == pytest.approx(gain, rel=1e-13)
 
 
-def test_it_leaves_its_limit_at_once_when_the_error_turns(made):
-    state = made.scheduled.start()
-    for _ in range(1000):
-        held, state = made.scheduled.command(6.0, 1.0, state)
-    assert held == 4.0
-    command, _ = made.scheduled.command(0.95, 1.0, state)
-    assert command < 4.0
-
-
 def test_a_change_of_the_law_does_not_move_the_command_at_rest(made):
     laws = (pid_law(0.9, 0.3, 0.05), pid_law(0.5, 0.1), pid_law(0.2, 0.0001, 0.2))
     controller = replace(made.scheduled, laws=laws, windup=np.array([0.1, 0.0]))

@@ -6,6 +6,7 @@ from functools import reduce
 import control
 import numpy as np
 import pytest
+from made_models import linear_model
 
 from deatwin.control import LinearModel
 
@@ -24,17 +25,7 @@ def sampled() -> Callable[..., LinearModel]:
         num, den = np.ravel(system.num[0][0]), np.ravel(system.den[0][0])
         num = np.concatenate([np.zeros(delay + den.size - num.size), num])
         num[0] = 0.0  # rounding
-        size = num.size + den.size - 1
-        return LinearModel(
-            numerator=num,
-            denominator=den,
-            covariance=np.zeros((size, size)),
-            sample_time=H,
-            operating_input=point,
-            operating_output=1.0,
-            input_unit="V",
-            output_unit="um",
-        )
+        return linear_model(num, den, operating_input=point, operating_output=1.0, input_unit="V", output_unit="um")
 
     return make
 

@@ -3,8 +3,9 @@
 import control
 import numpy as np
 import pytest
+from made_models import linear_model
 
-from deatwin.control import ControlError, LinearModel, lambda_tuning
+from deatwin.control import ControlError, lambda_tuning
 from deatwin.control.design.half_rule import reduce_to_second_order
 from deatwin.control.design.lambda_tuning import default_closed_loop_time, lambda_tuning_pid, reduce_to_first_order
 
@@ -35,14 +36,7 @@ def test_a_lag_with_a_delay_is_found_again(sampled, lag, delay):
 def test_slow_creep_of_a_fast_actuator_is_no_lag():
     # 85 % at once, the rest with 10 s
     slow = np.exp(-H / 10.0)
-    linear = LinearModel(
-        numerator=[0.0, 0.85 + 0.15 * (1 - slow), -0.85 * slow],
-        denominator=[1.0, -slow],
-        covariance=np.zeros((4, 4)),
-        sample_time=H,
-        operating_input=2.0,
-        operating_output=0.0,
-    )
+    linear = linear_model([0.0, 0.85 + 0.15 * (1 - slow), -0.85 * slow], [1.0, -slow], operating_input=2.0)
     assert linear.static_gain == pytest.approx(1.0)
     assert reduce_to_first_order(linear).time_constant < H
     found = lambda_tuning(linear, command_limits=LIMITS)
@@ -132,13 +126,6 @@ def test_a_model_without_a_second_lag_gets_no_pid(sampled, lags):
 
 def test_an_oscillating_model_gets_no_pid():
     poles = np.poly([0.9 + 0.3j, 0.9 - 0.3j]).real
-    linear = LinearModel(
-        numerator=[0.0, poles.sum()],
-        denominator=poles,
-        covariance=np.zeros((4, 4)),
-        sample_time=H,
-        operating_input=2.0,
-        operating_output=0.0,
-    )
+    linear = linear_model([0.0, poles.sum()], poles, operating_input=2.0)
     with pytest.raises(ControlError, match="no second lag"):
         lambda_tuning_pid(linear, command_limits=LIMITS)

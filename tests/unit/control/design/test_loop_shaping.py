@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from made_models import linear_model
 
-from deatwin.control import ControlError, LinearModel
+from deatwin.control import ControlError
 from deatwin.control.design.loop_shaping import loop_shaping, loop_shaping_pid
 from deatwin.control.design.pid import PidGains
 
@@ -34,14 +35,7 @@ def linear(request, sampled):
     if request.param == "resonant":  # a ball's mode at 10 Hz beside a slow lag
         mode = np.exp(2 * np.pi * 10.0 * H * (-0.02 + 1j * np.sqrt(1 - 0.02**2)))
         den = np.poly([mode, mode.conj(), np.exp(-H / 0.3)]).real
-        return LinearModel(
-            numerator=[0.0, -2.0 * den.sum()],
-            denominator=den,
-            covariance=np.zeros((5, 5)),
-            sample_time=H,
-            operating_input=2.0,
-            operating_output=1.0,
-        )
+        return linear_model([0.0, -2.0 * den.sum()], den, operating_input=2.0, operating_output=1.0)
     return {
         "lag": sampled(3.0, [0.5], delay=3),
         "second": sampled(-2.0, [0.6, 0.3], delay=2),

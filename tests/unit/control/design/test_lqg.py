@@ -3,8 +3,9 @@
 import control
 import numpy as np
 import pytest
+from made_models import linear_model
 
-from deatwin.control import ControlError, LinearModel
+from deatwin.control import ControlError
 from deatwin.control.design.lqg import lqg, lqg_gains
 from deatwin.control.design.states import States
 
@@ -144,14 +145,7 @@ def test_senseless_settings_are_refused(sampled, settings, message):
 
 
 def test_a_model_that_answers_at_once_is_refused():
-    linear = LinearModel(
-        numerator=[1.0],
-        denominator=[1.0, -0.5],
-        covariance=np.zeros((2, 2)),
-        sample_time=H,
-        operating_input=2.0,
-        operating_output=1.0,
-    )
+    linear = linear_model([1.0], [1.0, -0.5], operating_input=2.0, operating_output=1.0)
     with pytest.raises(ControlError, match="in_loop"):
         lqg(linear, command_limits=LIMITS)
 
@@ -159,13 +153,6 @@ def test_a_model_that_answers_at_once_is_refused():
 def test_a_controller_whose_polynomials_lose_their_digits_is_refused():
     """A lag of 200 s sampled every 0.02 s: three poles within 1e-4 of each other beside 1."""
     pole = np.exp(-0.02 / 200.0)
-    slow = LinearModel(
-        numerator=[0.0, 1.0 - pole],
-        denominator=[1.0, -pole],
-        covariance=np.zeros((3, 3)),
-        sample_time=0.02,
-        operating_input=0.0,
-        operating_output=0.0,
-    )
+    slow = linear_model([0.0, 1.0 - pole], [1.0, -pole])
     with pytest.raises(ControlError, match="loses its digits"):
         lqg(slow, command_limits=(-1.0, 1.0), closed_loop_time=200.0)

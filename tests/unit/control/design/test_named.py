@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from made_narx import trained_on
 
 from deatwin.app.commands.check import DesignName
 from deatwin.control import LinearController, MissingPackageError, linearise
@@ -11,7 +12,6 @@ from deatwin.control.controllers.inverse import InverseController
 from deatwin.control.controllers.scheduled import ScheduledController
 from deatwin.control.design.named import DESIGNS, Wanted, design_named
 from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.operating import OperatingRange
 from deatwin.plant import Coupon
 
 KINDS: dict[str, tuple[type[Controller], str]] = {
@@ -29,9 +29,7 @@ KINDS: dict[str, tuple[type[Controller], str]] = {
 def test_each_design_is_what_its_name_says(name: str) -> None:
     """On y = 1.5 y(k-1) - 0.55 y(k-2) + 0.04 u + 0.01 u^2: lags of 0.67 and 0.22 s, and a gain of 1 at 0.5."""
     terms = {"y(k-1)": 1.5, "y(k-2)": -0.55, "u(k)": 0.04, "u(k)^2": 0.01}
-    trained = OperatingRange(
-        input_min=[0.2], input_max=[1.0], input_centre=[0.6], output_min=[0.0], output_max=[1.0], output_centre=[0.5]
-    )
+    trained = trained_on((0.2, 1.0), (0.0, 1.0))
     model = replace(NarxModel.from_terms(terms, sample_time=0.1), operating=trained)
     reading = Coupon().reading
     linear = linearise(model, 0.5).in_loop(reading)

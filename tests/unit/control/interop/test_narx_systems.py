@@ -4,9 +4,9 @@ import control
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control.controllers.law import Law
-from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.control.interop.narx_system import past_state
 from deatwin.control.interop.systems import in_loop, rest_state_of, to_nlsys
@@ -136,17 +136,7 @@ def test_a_linear_model_is_drawn_by_python_control(model):
 def test_read_one_sample_later_it_closes_a_loop_without_an_algebraic_one():
     terms, gain, count = {"y(k-1)": 0.5, "u(k)": 1.0, "y(k-1)^3": -0.1}, 0.4, 50
     law = Law.of_error([[1.0]], [gain], [1.0], 0.3)
-    controller = LinearController(
-        name="PI",
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-        command_min=-0.05,
-        command_max=0.6,
-        closed_loop_time=1.0,
-        law=law,
-        windup=np.array([0.5]),
-    )
+    controller = controller_of(law, np.array([0.5]), command_min=-0.05, command_max=0.6)
     film, pi = in_loop(to_nlsys(made(terms)), "film"), controller.to_control()
     loop = control.interconnect(
         [film, pi],

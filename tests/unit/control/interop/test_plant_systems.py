@@ -5,9 +5,9 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from made_models import controller_of
 
 from deatwin.control.controllers.law import Law
-from deatwin.control.controllers.linear import LinearController
 from deatwin.control.errors import ControlError
 from deatwin.control.interop.systems import in_loop, rest_state_of, to_nlsys
 from deatwin.control.loop.closed_loop import closed_loop
@@ -90,16 +90,13 @@ def test_a_loop_of_python_control_is_the_closed_loop_on_the_plant(plant):
     rest = rest_state_of(quiet, 2.4)
     level = float(to_nlsys(quiet).output(0.0, rest, 2.4)[0])
     gain = 2e3  # V/m and sample: a tenth of the slope's inverse
-    controller = LinearController(
-        name="PI",
-        sample_time=H,
+    controller = controller_of(
+        Law.of_error([[1.0]], [gain], [1.0], gain),
+        np.array([1.0]),
         operating_input=2.4,
         operating_output=level,
         command_min=1.1,
         command_max=3.0,
-        closed_loop_time=1.0,
-        law=Law.of_error([[1.0]], [gain], [1.0], gain),
-        windup=np.array([1.0]),
     )
     reference = level + np.repeat([0.0, 60e-6, -30e-6], 30)
     expected = closed_loop(quiet, controller, reference, rng=np.random.default_rng(0), settle=1.0)

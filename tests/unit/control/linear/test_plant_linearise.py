@@ -1,11 +1,11 @@
 """The linearised plant against small-signal simulation, closed forms, and its own matrices."""
 
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
+from made_rigs import Gap
 from scipy.signal import lfilter
 
 import deatwin.control.linear.plant as plant_module
@@ -25,55 +25,19 @@ from deatwin.plant import (
     ElectrodeRC,
     Leakage,
     ModelError,
-    Parameter,
     Planar,
     Plant,
     ReadingTime,
     Resonance,
-    Rig,
     SensorLag,
     SensorSaturation,
-    StartProcedure,
     actuation_curve,
     thesis_plant,
 )
-from deatwin.plant.builder import Builder
 from deatwin.plant.fleet import specification
 from deatwin.plant.small_signal import small_signals
 
 FILM = Plant(rig=Diaphragm())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gap(Rig):
-    """A user's rig: a voltage pulls a plate on a spring into a gap, u² = x (1 - x)² at rest; pull-in at 1/3."""
-
-    sample_time: float = 0.02
-    noise: float = 1e-3
-    stiffness: float = 1.0
-
-    kind: ClassVar[str] = "gap"
-    input_name: ClassVar[str] = "voltage"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "position"
-    output_unit: ClassVar[str] = "mm"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="stiffness", value=self.stiffness, unit="1", lower=-10.0, upper=10.0),
-            Parameter(name="damping", value=0.1, unit="s", lower=0.0, upper=10.0),
-        )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
-
-    def write(self, build: Builder) -> Any:
-        position = build.state("position", scale=1.0)
-        pull = build.command**2 / (1 - position) ** 2 - build.parameter("stiffness") * position
-        build.rate(position, pull, mass=build.parameter("damping"))
-        return position
 
 
 def gap_voltage(position: float) -> float:
@@ -125,8 +89,7 @@ STILL = {"permittivity_drift.relative_change": 0.0}
         pytest.param(AT_START, gap_voltage(0.1), 1e-4, 400, id="read at the start"),
     ],
 )
-def test_it_answers_as_the_simulation_does_to_small_signals(plant, command, size, settle, monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")  # some hundred samples: compilation would take longer
+def test_it_answers_as_the_simulation_does_to_small_signals(plant, command, size, settle, uncompiled):
     deviations = np.random.default_rng(3).standard_normal(200)
     expected = simulated(plant, command, size, settle, deviations)
     linear = linearise_plant(plant, command).require()
@@ -204,9 +167,8 @@ SLOW = (Creep(time=1500.0), DielectricAbsorption(), ChargeInjection())
         pytest.param(thesis_plant().with_values(STILL), 3, id="with hysteresis"),
     ],
 )
-def test_many_modes_keep_their_static_gain_and_their_poles(plant, count, monkeypatch):
+def test_many_modes_keep_their_static_gain_and_their_poles(plant, count, uncompiled):
     """The gain is the slope of the static curve, and all poles of a film at rest lie inside the unit circle."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
     linear = linearise_plant(plant, 2.4).require()
     assert linear.poles.size == count
     assert np.abs(linear.poles).max() < 1.0

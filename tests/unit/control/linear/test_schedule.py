@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-import matplotlib
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 
 from deatwin.control.linear.bands import Banded
 from deatwin.control.linear.family import linearise_many
@@ -17,7 +17,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant import CalibratedPlant, Creep, Diaphragm, ModelError, Plant
 
-matplotlib.use("Agg")
 H = 0.02
 POINTS = np.linspace(1.4, 3.2, 5)
 
@@ -151,13 +150,7 @@ def test_a_time_without_an_equilibrium_has_no_gain():
     terms = {"y(k-1)^2": 1.0, "1": 0.1, "u(k-1)": 1.0}
     timepts = np.arange(11.0)
     theta = np.array([np.ones(11), np.linspace(0.0, 0.5, 11), np.ones(11)])
-    trajectory = ThetaTrajectory(
-        model=NarxModel.from_terms(terms, sample_time=1.0),
-        timepts=timepts,
-        theta=theta,
-        theta_cov=np.zeros((11, 3, 3)),
-        drift_variance=np.zeros(3),
-    )
+    trajectory = trajectory_of(NarxModel.from_terms(terms, sample_time=1.0), timepts, theta)
     varying = linearise_along(trajectory, 0.0, rng=np.random.default_rng(0), samples=3)
     known = theta[1] < 0.25  # where the discriminant is positive
     assert np.isfinite(varying.static_gain.value).tolist() == known.tolist()

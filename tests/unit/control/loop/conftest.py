@@ -5,33 +5,27 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import pytest
+from made_rigs import Bare
 
-from deatwin.plant import Parameter, Plant, Rig, StartProcedure
+from deatwin.plant import Parameter, Plant
 from deatwin.plant.builder import Builder
 
 
 @dataclass(frozen=True, kw_only=True)
-class Curve(Rig):
+class Curve(Bare):
     """The position 2 u + c u³, at once, or with a lag; a voltage beyond what the solver knows is none here."""
 
-    sample_time: float = 0.02
     noise: float = 1e-3
     cubic: float = 0.0
     lag: float = 0.0
 
     kind: ClassVar[str] = "curve"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "position"
     output_unit: ClassVar[str] = "mm"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=2.0, unit="mm/V", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         wanted = build.parameter("slope") * build.command + build.constant("cubic", self.cubic) * build.command**3
@@ -57,9 +51,7 @@ class Late(Curve):
 
 
 @pytest.fixture
-def curve(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Plant]:
-    # So small a plant runs as fast as it compiles.
-    monkeypatch.setattr("deatwin.plant.simulate.compile_functions", lambda functions, **_: dict(functions))
+def curve(uncompiled: None) -> Callable[..., Plant]:
     return lambda **details: Plant(rig=Curve(**details))
 
 

@@ -161,12 +161,6 @@ def test_progress_is_told_and_may_end_the_run(plant, controller, linear):
         closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=stop)
 
 
-@pytest.mark.parametrize("reference", [np.array([0.0, np.nan]), np.zeros((2, 3)), np.zeros(0)])
-def test_a_reference_that_is_none_is_refused(plant, controller, reference):
-    with pytest.raises(ControlError, match="reference"):
-        closed_loop(plant, controller, reference, rng=np.random.default_rng(0))
-
-
 def test_a_controller_of_another_sample_time_is_refused(plant, controller):
     with pytest.raises(ControlError, match=r"0\.01 s"):
         closed_loop(plant, replace(controller, sample_time=0.01), np.zeros(5), rng=np.random.default_rng(0))

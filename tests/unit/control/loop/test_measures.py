@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_models import finished
 
 from deatwin.control import ClosedLoop, ControlError, step_reference
 from deatwin.plant import RunStatus
@@ -11,16 +12,8 @@ H = 0.02
 
 def run_of(reference, output, command=None, status=RunStatus.DONE, limits=(-1.0, 1.0)):
     reference = np.asarray(reference, dtype=float)
-    return ClosedLoop(
-        status=status,
-        timepts=H * np.arange(reference.size),
-        reference=reference,
-        output=output,
-        measured=output,
-        command=np.zeros(reference.size) if command is None else command,
-        command_limits=limits,
-        input_unit="V",
-        output_unit="mm",
+    return finished(
+        reference, output, status=status, command_limits=limits, **({} if command is None else {"command": command})
     )
 
 

@@ -5,6 +5,8 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from made_models import controller_of, finished
+from made_narx import trained_on
 from scipy.stats import binom, norm
 
 from deatwin.control import (
@@ -18,34 +20,24 @@ from deatwin.control import (
 )
 from deatwin.control.design.pid import PidGains
 from deatwin.ident.narx import NarxModel, Residual
-from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant import ModelError, ReadingTime, RunStatus
+from deatwin.plant import ModelError, ReadingTime
 
 H = 0.02
 NOTHING = Residual(rms=0.0, correlation_time=1.0)
 AT_END, AT_START = ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD
-RANGE = OperatingRange(
-    input_min=np.array([-1.0]),
-    input_max=np.array([1.0]),
-    input_centre=np.array([0.1]),
-    output_min=np.array([-2.0]),
-    output_max=np.array([2.0]),
-    output_centre=np.array([0.2]),
-)
+RANGE = trained_on((-1.0, 1.0), (-2.0, 2.0), input_centre=0.1, output_centre=0.2)
 
 
 def pi(low=-5.0, high=5.0) -> LinearController:
     gains = PidGains(proportional=0.2, integral=1.5)
-    return LinearController(
-        name="PI",
-        sample_time=H,
+    return controller_of(
+        gains.law(H),
+        gains.windup(H),
         operating_input=0.1,
         operating_output=0.2,
         command_min=low,
         command_max=high,
         closed_loop_time=0.5,
-        law=gains.law(H),
-        windup=gains.windup(H),
     )
 
 
@@ -173,13 +165,10 @@ def test_the_band_holds_95_percent_of_fresh_draws_at_all_samples(draws):
 
 def run_of(band: PredictedLoop, output) -> ClosedLoop:
     n = len(output)
-    return ClosedLoop(
-        status=RunStatus.DONE,
+    return finished(
+        band.reference[:n],
+        output,
         timepts=band.timepts[:n],
-        reference=band.reference[:n],
-        output=output,
-        measured=output,
-        command=np.zeros(n),
         command_limits=band.command_limits,
         input_unit="",
         output_unit="",

@@ -8,6 +8,7 @@ import pytest
 
 from deatwin.control import ControlError
 from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.loop import sine_response as module
 from deatwin.control.loop.closed_loop import approach
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.plant import Diaphragm, Plant, ReadingTime
@@ -77,7 +78,7 @@ def of_one_run(plant, centre, sizes, omega):
 @pytest.mark.parametrize("piece", [37, 200, 20_000])
 def test_a_run_in_pieces_is_the_run_as_a_whole(late, monkeypatch, piece):
     """The plant asks for past commands, of the piece before too; neither periods nor pieces are whole."""
-    monkeypatch.setattr("deatwin.control.loop.sine_response._PIECE", piece)
+    monkeypatch.setattr(module, "_PIECE", piece)
     sizes, omega = np.array([0.02, 0.3, 1.0]), np.array([1.3, 7.1, 100.0])
     found = sine_response(late, 0.7, sizes, omega)
     expected = np.stack([of_one_run(late, 0.7, sizes, rate) for rate in omega], axis=1)
@@ -97,7 +98,7 @@ class Gain:
 
 def test_a_long_run_needs_no_more_memory_than_a_short_one(curve, monkeypatch):
     """A period of 200 000 samples makes a run of 2.4 million: 19 MB for a single signal."""
-    monkeypatch.setattr("deatwin.control.loop.sine_response.LongRun", Gain)
+    monkeypatch.setattr(module, "LongRun", Gain)
     plant, peaks = curve(), []
     for samples in (20_000, 200_000):
         tracemalloc.start()
@@ -110,7 +111,7 @@ def test_a_long_run_needs_no_more_memory_than_a_short_one(curve, monkeypatch):
 
 
 def test_progress_rises_to_one_in_the_order_of_the_work(curve, monkeypatch):
-    monkeypatch.setattr("deatwin.control.loop.sine_response._PIECE", 100)
+    monkeypatch.setattr(module, "_PIECE", 100)
     shares = []
     sine_response(curve(), 0.0, [0.1, 1.0], [1.0, 10.0], progress=shares.append)
     assert all(a < b for a, b in pairwise(shares))

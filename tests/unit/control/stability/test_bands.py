@@ -1,17 +1,15 @@
 """The analytic band of a loop against draws of its coefficients and closed forms."""
 
-import matplotlib
 import numpy as np
 import pytest
+from made_models import linear_model
 
 from deatwin.control.errors import ControlError
-from deatwin.control.linear.model import LinearModel
 from deatwin.control.stability.bands import band_margins
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.errors import ModelError
 
-matplotlib.use("Agg")
 H = 0.02
 PI = (np.array([2.64, -2.6]), np.array([1.0, -1.0]))
 
@@ -22,14 +20,7 @@ def linear(scale=1.0):
     numerator = 0.5 * np.array([0.0, 0.0, 0.6 * (1 - pole), 0.4 * (1 - pole)])
     denominator = np.convolve([1.0, -pole], [1.0, -0.5])
     root = np.random.default_rng(0).normal(size=(6, 6)) * np.array([0, 0, 6e-4, 6e-4, 9e-4, 9e-4])[:, None] * scale
-    return LinearModel(
-        numerator=numerator,
-        denominator=denominator,
-        covariance=root @ root.T,
-        sample_time=H,
-        operating_input=2.4,
-        operating_output=1e-3,
-    )
+    return linear_model(numerator, denominator, covariance=root @ root.T, operating_input=2.4, operating_output=1e-3)
 
 
 def drawn(model, count, seed=1):
@@ -80,14 +71,7 @@ def test_an_uncertain_gain_alone_in_closed_form():
     b, deviation = 0.1, 0.004
     covariance = np.zeros((3, 3))
     covariance[2, 2] = deviation**2
-    model = LinearModel(
-        numerator=[0.0, 0.0, b],
-        denominator=[1.0],
-        covariance=covariance,
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-    )
+    model = linear_model([0.0, 0.0, b], [1.0], covariance=covariance)
     found = band_margins(model, [1.0], [1.0, -1.0])
     assert found.gain.deviation == pytest.approx(deviation / b, rel=1e-9)
     assert found.gain.low == pytest.approx(1.0 / (b + 1.959964 * deviation), rel=1e-6)  # b is normal: exactly so
@@ -133,14 +117,7 @@ def test_a_band_that_holds_minus_one_has_no_distance_from_it():
 
 
 def test_a_margin_that_nothing_bounds_is_infinite_and_not_nan():
-    model = LinearModel(
-        numerator=[0.0, 0.1],
-        denominator=[1.0, -0.5],
-        covariance=1e-6 * np.eye(3),
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-    )
+    model = linear_model([0.0, 0.1], [1.0, -0.5], covariance=1e-6 * np.eye(3))
     found = band_margins(model, [1.0], [1.0])
     assert found.phase_deg.value == found.phase_deg.low == found.delay.low == np.inf
     assert found.phase_deg.deviation == 0.0
@@ -154,15 +131,7 @@ def test_an_unstable_loop_and_a_wrong_level_are_refused():
         band_margins(linear(), *PI, level=1.0)
     with pytest.raises(ModelError):
         band_margins(
-            LinearModel(
-                numerator=[0.0],
-                denominator=[1.0],
-                covariance=[[0.0]],
-                sample_time=H,
-                operating_input=0.0,
-                operating_output=None,
-                status=_no_equilibrium(),
-            ),
+            linear_model([0.0], [1.0], covariance=[[0.0]], operating_output=None, status=_no_equilibrium()),
             *PI,
         )
 
@@ -190,14 +159,7 @@ def test_a_crossing_where_nearly_nothing_is_left_of_the_loop_does_not_spoil_the_
     # whose logarithm knows no bound; the loop itself stays within 0.03 there.
     covariance = np.zeros((3, 3))
     covariance[1, 1] = 0.02**2
-    model = LinearModel(
-        numerator=[0.4, 0.402],
-        denominator=[1.0, -0.5],
-        covariance=covariance,
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-    )
+    model = linear_model([0.4, 0.402], [1.0, -0.5], covariance=covariance)
     found = band_margins(model, [1.0], [1.0])
     assert found.gain.value == pytest.approx(750.0, rel=1e-6)
     assert found.gain.low == pytest.approx(1.0 / ((0.002 + 1.959964 * 0.02) / 1.5), rel=1e-6)

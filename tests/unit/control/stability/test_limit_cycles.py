@@ -1,7 +1,6 @@
 """Limit cycles against closed forms, python-control and simulated loops."""
 
 import control
-import matplotlib
 import numpy as np
 import pytest
 
@@ -9,7 +8,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.stability.describing import Backlash, DeadZone, Quantiser, RateLimiter, Relay, Saturation
 from deatwin.control.stability.limit_cycles import limit_cycles
 
-matplotlib.use("Agg")
 H = 0.01
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_models import linear_model
 from scipy.linalg import expm
 
 from deatwin.control import Law, LinearModel
@@ -16,16 +17,7 @@ NAMES = ("gain", "phase_deg", "delay", "crossover", "disk", "modulus")
 
 def model(realisation: Realisation) -> LinearModel:
     numerator, denominator = realisation.coefficients()
-    size = numerator.size + denominator.size - 1
-    return LinearModel(
-        numerator=numerator,
-        denominator=denominator,
-        covariance=np.zeros((size, size)),
-        sample_time=H,
-        operating_input=0.0,
-        operating_output=0.0,
-        realisation=realisation,
-    )
+    return linear_model(numerator, denominator, realisation=realisation)
 
 
 def pi(proportional: float, integral: float) -> Law:

@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 from scipy.signal import butter
 
 from deatwin.ident.frequency import equilibrium, gfrf, linear_part, remove_dc
 from deatwin.ident.frequency.dc import deviations
 from deatwin.ident.frequency.removal import remove
-from deatwin.ident.narx import Fixed, NarxModel, OperatingRange
+from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -26,13 +27,11 @@ NONLINEAR = {
 
 
 def near(output, input_centre=0.0, size=2.0):
-    return OperatingRange(
-        input_min=[input_centre - 1],
-        input_max=[input_centre + 1],
-        input_centre=[input_centre],
-        output_min=[output - size],
-        output_max=[output + size],
-        output_centre=[output],
+    return trained_on(
+        (input_centre - 1, input_centre + 1),
+        (output - size, output + size),
+        input_centre=input_centre,
+        output_centre=output,
     )
 
 

@@ -3,28 +3,19 @@
 import matplotlib
 import numpy as np
 import pytest
+from made_narx import trained_on
 
 from deatwin.ident import frequency
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.output_responses.powers import input_spectrum
-from deatwin.ident.narx import OperatingRange
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
-
-matplotlib.use("Agg")
 
 SAMPLE_TIME = 0.02
 
 
 def operating(low, high, centre):
-    return OperatingRange(
-        input_min=[low],
-        input_max=[high],
-        input_centre=[centre],
-        output_min=[0.0],
-        output_max=[1.0],
-        output_centre=[0.5],
-    )
+    return trained_on((low, high), (0.0, 1.0), input_centre=centre)
 
 
 @pytest.mark.parametrize("band", [(0.0, 1.0), (0.4, 1.0)])

@@ -9,6 +9,7 @@ from functools import partial
 import matplotlib
 import numpy as np
 import pytest
+from made_narx import trained_on
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum, propagate
 from deatwin.ident.frequency.direct import direct_output
@@ -18,12 +19,10 @@ from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
 from deatwin.ident.frequency.output_responses.result import NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.output_responses.steady import steady_state
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
-
-matplotlib.use("Agg")
 
 SAMPLE_TIME = 0.02
 # linear in the output: of the degree of the input terms, and no higher
@@ -368,9 +367,7 @@ def test_many_parameters_at_once():
 
 def test_about_an_operating_point():
     terms = {"1": 0.1, "y(k-1)": 0.5, "u(k-1)": 0.4, "u(k-1)^2": 0.2, "u(k-2)^3": 0.1}
-    limits = OperatingRange(
-        input_min=[0.0], input_max=[2.0], input_centre=[1.2], output_min=[0.0], output_max=[5.0], output_centre=[2.0]
-    )
+    limits = trained_on((0.0, 2.0), (0.0, 5.0), input_centre=1.2, output_centre=2.0)
     model = model_of(terms, operating=limits)
     excitation = design_excitation((1.0, 4.0), SAMPLE_TIME, operating=limits, period=4.0)
     assert excitation.amplitude == pytest.approx(0.8)

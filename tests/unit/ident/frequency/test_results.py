@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 from scipy import stats
 
 from deatwin.ident.frequency import frequency_grid, gfrf, output_orders, output_spectrum
@@ -19,7 +20,6 @@ from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf, tv_output_spectrum
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear import LinearModel
-from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
 
 OMEGA = 2 * np.pi * np.array([0.5, 1.5, 4.0])
@@ -29,12 +29,11 @@ MODEL = NarxModel.from_terms(TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, i
 LINEAR = LinearModel(a=[1, -0.4], b=[[0, 0.3, 0.2]], sample_time=0.02, theta_cov=1e-4 * np.eye(4))
 PERIOD = np.cos(2 * np.pi * np.arange(16) * 2 / 16)
 H_1, CUBE = partial(gfrf, order=1, omega=OMEGA), partial(gfrf, order=3, omega=frequency_grid(OMEGA, OMEGA, OMEGA))
-TRAJECTORY = ThetaTrajectory(
-    model=MODEL,
-    timepts=np.arange(4.0),
-    theta=MODEL.theta[:, None] * (1 + 0.01 * np.arange(4.0)),
+TRAJECTORY = trajectory_of(
+    MODEL,
+    np.arange(4.0),
+    MODEL.theta[:, None] * (1 + 0.01 * np.arange(4.0)),
     theta_cov=np.stack([MODEL.theta_cov] * 4),
-    drift_variance=np.zeros(5),
     log_likelihood=None,
 )
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 
 from deatwin.ident.frequency.varying.short_time import BANDS, compare_windows, series_error, short_time, windows_of
-from deatwin.ident.narx import NarxModel, ThetaTrajectory
+from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.wander import (
     CONSTANT,
     VARYING,
@@ -36,13 +37,7 @@ def test_a_periodic_recording_is_predicted_exactly() -> None:
     steady = model.simulate(long).outputs[0]
     record = replace(long, outputs=steady[None]).section(6 * 166, 12 * 166)
     n = 6 * 166
-    trajectory = ThetaTrajectory(
-        model=model,
-        timepts=record.timepts,
-        theta=np.repeat(model.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, 6, 6)),
-        drift_variance=np.zeros(6),
-    )
+    trajectory = trajectory_of(model, record.timepts, np.repeat(model.theta[:, None], n, axis=1))
     windows = windows_of(record, 166 * STEP)
     assert len(windows) == 11 and windows[1].start == pytest.approx(windows[0].start + 83 * STEP)
     found = compare_windows(windows, {CONSTANT: model, VARYING: trajectory}, 2.4)

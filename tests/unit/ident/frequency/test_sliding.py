@@ -2,7 +2,6 @@
 
 import tracemalloc
 
-import matplotlib
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -11,8 +10,6 @@ from scipy.stats import binom, t
 from deatwin.ident.frequency.varying.sliding import SlidingStatus, sliding_mean_and_gain
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
-
-matplotlib.use("agg")
 
 LONG = 400  # samples in which all filters below forget
 

@@ -4,13 +4,14 @@ from itertools import product
 
 import numpy as np
 import pytest
+from made_narx import trajectory_of
 
 from deatwin.ident.frequency import equilibrium, gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.direct import direct_output
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
-from deatwin.ident.narx import NarxModel, ThetaTrajectory
+from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -201,13 +202,7 @@ def test_an_excitation_of_another_sample_time_is_refused(compute):
 @pytest.mark.parametrize("compute", [tv_output_spectrum, tv_nofrf])
 def test_an_excitation_of_another_sample_time_is_refused_along_time(compute):
     n, known = 3, model()
-    constant = ThetaTrajectory(
-        model=known,
-        timepts=SAMPLE_TIME * np.arange(n),
-        theta=np.repeat(known.theta[:, None], n, axis=1),
-        theta_cov=np.zeros((n, known.theta.size, known.theta.size)),
-        drift_variance=np.zeros(known.theta.size),
-    )
+    constant = trajectory_of(known, SAMPLE_TIME * np.arange(n), np.repeat(known.theta[:, None], n, axis=1))
     signal = design_excitation((0.0, 5.0), 0.02, amplitude=1.0, period=0.2)
     with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
         compute(constant, signal, 2)

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from made_narx import trained_on
 from scipy import stats
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum
@@ -16,7 +17,7 @@ from deatwin.ident.frequency.uncertainty.gain_phase import polar
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta, evaluate, with_theta
 from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import SampleStatus, sample
-from deatwin.ident.narx import NarxModel, OperatingRange
+from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.plant.errors import ModelError
 
@@ -316,9 +317,7 @@ def test_draws_stay_on_the_branch_of_the_model_or_are_left_out():
         {"1": -0.1, "y(k-1)": 1.3, "y(k-1)^3": -0.3, "u(k-1)": 0.1},
         sample_time=1.0,
         theta_cov=np.diag([0.01, 0.01, 0.005, 0.01]) ** 2,
-        operating=OperatingRange(
-            input_min=[-1], input_max=[1], input_centre=[0], output_min=[0.5], output_max=[1], output_centre=[0.7]
-        ),
+        operating=trained_on((-1, 1), (0.5, 1), output_centre=0.7),
     )
     response = gfrf(model, 1, [0.3])
     assert 0.6 < response.point.output < 0.8 and len(response.point.outputs) == 3

@@ -1,6 +1,5 @@
 """Frequency responses along time: frozen forms, closed forms with a moving equilibrium, and what cannot be."""
 
-import matplotlib
 import numpy as np
 import pytest
 
@@ -15,8 +14,6 @@ from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.errors import ModelError
-
-matplotlib.use("agg")
 
 T = 0.1
 GENERAL = {

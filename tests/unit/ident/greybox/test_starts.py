@@ -65,9 +65,7 @@ def turned() -> Recording:
     return Recording.from_arrays(command, np.array(seen) + NOISE * rng.normal(size=COUNT), H)
 
 
-@pytest.fixture(autouse=True)
-def uncompiled(monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def started(seed: int) -> Plant:

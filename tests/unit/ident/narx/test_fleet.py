@@ -4,25 +4,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fleet import NOISE, of_second_degree
 
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Orders, as_good, make_plan, order_errors
 from deatwin.ident.narx.fleet.records import FILM, HELD_OUT, RECORDED, STEADY, Prepared, as_variant, thinned
 from deatwin.plant.fleet import fleet
-from deatwin.plant.recording import Recording
-
-NOISE = 1e-6
-
-
-def made_up(n: int, seed: int = 0, drift: float = 0.0) -> Recording:
-    """y(k) = 0.6 y(k-1) + 1e-4 u(k)^2 - 2e-5 u(k-1)^2 + 0.02 y(k-1) u(k) + e(k), read with a drift that grows."""
-    rng = np.random.default_rng(seed)
-    u = np.convolve(rng.uniform(-2.5, 2.5, n + 4), np.ones(5) / 5, "valid") + 2.4
-    e = NOISE * rng.standard_normal(n)
-    y = np.zeros(n)
-    y[0] = 3e-4
-    for k in range(1, n):
-        y[k] = 0.6 * y[k - 1] + 1e-4 * u[k] ** 2 - 2e-5 * u[k - 1] ** 2 + 0.02 * y[k - 1] * u[k] + e[k]
-    return Recording.from_arrays(u, y + drift * np.linspace(0, 1, n) ** 2, 0.02)
 
 
 def test_less_physics_leaves_fabrication_commands_and_noise() -> None:
@@ -43,14 +29,14 @@ def test_less_physics_leaves_fabrication_commands_and_noise() -> None:
 
 
 def test_every_other_sample_is_kept_as_it_is() -> None:
-    record = made_up(101)
+    record = of_second_degree(101)
     kept = thinned(record, 2)
     np.testing.assert_array_equal(kept.outputs[0], record.outputs[0, ::2])
     np.testing.assert_array_equal(kept.timepts, record.timepts[::2])
 
 
 def test_the_held_out_section_is_the_end_of_the_stretch() -> None:
-    record = made_up(20_000)  # 400 s
+    record = of_second_degree(20_000)  # 400 s
     stretch = SimpleNamespace(first=5000, last=15_000)
     one = Prepared(
         actuator=fleet(0)[0],
@@ -94,8 +80,8 @@ def test_the_longest_sampling_time_of_those_that_are_as_good() -> None:
 
 
 def test_free_run_errors_find_the_degree() -> None:
-    errors = order_errors(made_up(900))
-    scale = float(made_up(900).outputs.std())
+    errors = order_errors(of_second_degree(900))
+    scale = float(of_second_degree(900).outputs.std())
     place = LAGS.index((1, 1))
     # With all terms among the candidates what is left is the noise, amplified by the loop, 1 / sqrt(1 - 0.65^2).
     assert errors[place, DEGREES.index(2)] < 2 * NOISE / scale

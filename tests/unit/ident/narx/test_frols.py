@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols
+from deatwin.ident.narx import Frols, regression
 from deatwin.ident.narx.criteria import criterion_values
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.forward import forward_selection
@@ -74,7 +74,7 @@ def test_each_recording_starts_with_its_own_lags():
 
 def test_blocks_and_whole_agree(monkeypatch):
     whole = Frols(degree=2).fit(bilinear())
-    monkeypatch.setattr("deatwin.ident.narx.regression._BLOCK", 37)
+    monkeypatch.setattr(regression, "_BLOCK", 37)
     np.testing.assert_allclose(Frols(degree=2).fit(bilinear()).model_.theta, whole.model_.theta, rtol=1e-13)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from deatwin.ident.narx import semp as module
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.neighbours import CompressedRegression
 from deatwin.ident.narx.regression import Regression
@@ -281,6 +282,6 @@ def test_the_final_model_is_never_far_worse_than_the_best_of_the_path(monkeypatc
             self.path += [step] if step else []
             return step is not None
 
-    monkeypatch.setattr("deatwin.ident.narx.semp.SempSearch", MadeUp)
+    monkeypatch.setattr(module, "SempSearch", MadeUp)
     semp = Semp(max_exchanges=0).fit(draw("S4", 0))  # these models leave much, and would grow on
     assert [str(term) for term in semp.terms_] == ["y(k-1)u(k-1)"] and len(semp.path_) == 4

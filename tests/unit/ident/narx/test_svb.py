@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate
 from scipy.special import gammaln
 
-from deatwin.ident.narx import SvbNarx
+from deatwin.ident.narx import SvbNarx, svb
 from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, invert_triangle, posterior
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.plant.errors import ModelError
@@ -201,7 +201,7 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("deatwin.ident.narx.svb.fit_relevance", interrupted)
+    monkeypatch.setattr(svb, "fit_relevance", interrupted)
     with pytest.raises(KeyboardInterrupt):
         SvbNarx().fit(bilinear())
 

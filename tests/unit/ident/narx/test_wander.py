@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_fleet import STEP, of_growing_gain
 
 from deatwin.ident.narx import Fixed, NarxModel, Term
 from deatwin.ident.narx.wander import (
@@ -22,29 +23,12 @@ from deatwin.ident.narx.wander import (
     stretches,
     walked,
 )
-from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.recording import Recording
-
-STEP = 0.12
-
-
-def made_up(drift: float, seed: int = 0, duration: float = 1100.0) -> Recording:
-    """y(k) = 0.6 y(k-1) + g(t) u(k)^2 + e(k), g growing by a share of itself along the record."""
-    rng = np.random.default_rng(seed)
-    u = band_limited_noise(rng, duration, STEP)
-    gain = 1e-5 * (1 + drift * np.linspace(0, 1, u.size))
-    e = 2e-7 * rng.standard_normal(u.size)
-    y = np.full(u.size, 1.5e-4)
-    for k in range(1, u.size):
-        y[k] = 0.6 * y[k - 1] + gain[k] * u[k] ** 2 + e[k]
-    return Recording.from_arrays(u, y, STEP)
-
 
 SMALL = tuple(Term.parse(text) for text in ("1", "y(k-1)", "u(k)", "u(k)^2"))
 
 
 def test_blocks_are_a_partition() -> None:
-    record = made_up(0.0, duration=333.0)
+    record = of_growing_gain(0.0, duration=333.0)
     left = stretches(record, (CHOOSING, JUDGING))
     parts = [*left, *blocks_of(record, CHOOSING), *blocks_of(record, JUDGING)]
     times = np.sort(np.concatenate([part.timepts for part in parts]))
@@ -57,7 +41,7 @@ def test_blocks_are_a_partition() -> None:
 
 
 def test_a_walk_that_may_not_wander_is_least_squares() -> None:
-    record = made_up(0.2, duration=120.0)
+    record = of_growing_gain(0.2, duration=120.0)
     model = Fixed(terms=SMALL).fit(record).model_
     smoother = walked(SMALL, [record], 0.0, record)
     # The start is worth 1e-4 of a sample among a thousand, and is the same estimate.
@@ -71,16 +55,16 @@ def test_a_walk_that_may_not_wander_is_least_squares() -> None:
 
 def test_a_run_that_diverges_has_no_finite_error() -> None:
     model = NarxModel.from_terms({"y(k-1)": 2.0, "u(k)": 1.0}, sample_time=STEP)
-    record = made_up(0.0, duration=60.0)
+    record = of_growing_gain(0.0, duration=60.0)
     model = replace(model, operating=Fixed(terms=["u(k)"]).fit(record).model_.operating)
     assert np.isinf(free_run_errors(model, [record])).all()
 
 
 def test_drift_is_followed_and_standing_still_is_not_made_worse() -> None:
-    drifting = follow_actuator("DEA 1", made_up(0.3), SMALL)
+    drifting = follow_actuator("DEA 1", of_growing_gain(0.3), SMALL)
     for kind in (drifting.seen, drifting.unseen, drifting.ahead):
         assert kind[VARYING] < 0.5 * kind[CONSTANT]
-    still = follow_actuator("DEA 6", made_up(0.0), SMALL)
+    still = follow_actuator("DEA 6", of_growing_gain(0.0), SMALL)
     assert still.share == SHARES[0]
     assert still.unseen[VARYING] < 1.02 * still.unseen[CONSTANT]
     assert drifting.seen[LIKELIEST] <= drifting.seen[CONSTANT]

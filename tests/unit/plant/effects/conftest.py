@@ -6,30 +6,24 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
-from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import Film, FilmPoint
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chain(Rig):
+class Chain(Bare):
     """All nodes of drive and sensor; a film of one point whose capacitance swells with the squared command.
 
     The swelling s follows ``0.1 s * ds/dt = (u / 3 V)² - s``; the capacitance is ``(1 + s)`` nF; the reading is
     0.1 mm a volt of command.
     """
 
-    sample_time: float = 0.02
-    noise: float = 1e-6
-
     kind: ClassVar[str] = "chain"
     follows_at_once: ClassVar[bool] = True
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
     signals: ClassVar[tuple[str, ...]] = ("amplifier_voltage", "film_voltage", "field_voltage")
     volume: ClassVar[float] = 4e-8
     thickness: ClassVar[float] = 0.5e-3
@@ -41,10 +35,6 @@ class Chain(Rig):
             Parameter(name="gain", value=800.0, unit="V/V", lower=1.0, upper=1e4),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=1.0, known=True),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         swelling = build.state("swelling", scale=1.0)
@@ -69,10 +59,8 @@ class Chain(Rig):
 
 
 @pytest.fixture
-def chain(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, np.ndarray]]:
+def chain(uncompiled: None) -> Callable[..., dict[str, np.ndarray]]:
     """``chain(commands, *effects, sample_time=0.02)``: signals and the reading at the end of each sample."""
-    # So small a plant runs faster than it compiles.
-    monkeypatch.setattr("deatwin.plant.simulate.compile_functions", dict)
 
     def run(commands: np.ndarray, *effects: Effect, sample_time: float = 0.02) -> dict[str, np.ndarray]:
         record = Recording.from_arrays(commands, np.zeros(len(commands)), sample_time)

@@ -5,10 +5,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
-from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
@@ -22,26 +23,18 @@ MASS, STIFFNESS, SAMPLE = 3e-3, 30.0, 0.02  # the ball on its film: 16 Hz
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mass(Rig):
+class Mass(Bare):
     """A force on a mass between spring and damper; one newton of command moves it by 1/30 m."""
 
-    sample_time: float = SAMPLE
-    noise: float = 1e-6
     damper: float = 0.05
 
     kind: ClassVar[str] = "mass"
     input_name: ClassVar[str] = "force"
     input_unit: ClassVar[str] = "N"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="damping", value=self.damper, unit="N s/m", lower=0.0, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=1e-3))
@@ -52,10 +45,7 @@ class Mass(Rig):
         return build.place(Place.SENSOR, "reading", position)
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    """Many small plants: compiling them would cost more than running them."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def move(commands, *effects, **rig):

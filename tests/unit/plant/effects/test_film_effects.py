@@ -26,10 +26,7 @@ QUIET = {"damping": 0.5, "branch_modulus": 1.0}  # no ringing and no creep of th
 GRAVITY = 9.80665
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    """Many small plants: compiling them would cost more than running them."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def play(plant, commands, start=0.0):

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import jsonschema
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.plant import (
     CalibratedPlant,
@@ -16,9 +17,7 @@ from deatwin.plant import (
     ModelError,
     Parameter,
     Plant,
-    Rig,
     RigError,
-    StartProcedure,
     catalogue,
     effect_named,
 )
@@ -57,25 +56,14 @@ NOISE = np.random.default_rng(3).uniform(-3, 3, 25).repeat(6)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mass(Rig):
+class Mass(Bare):
     """1 kg between a spring of 400 N/m, a damper and the command, 1 N a volt."""
 
-    sample_time: float = 0.02
-    noise: float = 1e-6
-
     kind: ClassVar[str] = "mass"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="stiffness", value=400.0, unit="N/m", lower=1.0, upper=1e5),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         x = build.watch("displacement", build.state("position", scale=1e-2))

@@ -10,9 +10,7 @@ from deatwin.plant.effects.periodic_disturbance import PeriodicDisturbance
 SAMPLE = 0.02
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def angle_between(first, second):

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.plant import (
     CoulombFriction,
@@ -19,8 +20,6 @@ from deatwin.plant import (
     Parameter,
     Plant,
     Recording,
-    Rig,
-    StartProcedure,
     catalogue,
 )
 from deatwin.plant.builder import Builder
@@ -43,10 +42,9 @@ LARGE = Sizes(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mass(Rig):
+class Mass(Bare):
     """A mass between spring and damper, in units that are `length`, `push`, `duration` and `order` times smaller."""
 
-    sample_time: float = 0.02
     noise: float = 0.0
     length: float = 1.0
     push: float = 1.0
@@ -54,10 +52,6 @@ class Mass(Rig):
     order: float = 1.0
 
     kind: ClassVar[str] = "mass of any size"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -68,10 +62,6 @@ class Mass(Rig):
             Parameter(name="stiffness", value=30.0 * self.push / self.length, unit="N/m", lower=0.0, upper=1e9),
             Parameter(name="gain", value=6e-3 * self.push / self.order, unit="N/V", lower=0.0, upper=1e9),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=1e-3 * self.length))
@@ -87,10 +77,7 @@ class Mass(Rig):
         return build.place(Place.SENSOR, "reading", position)
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def readings(rig: Mass, commands: np.ndarray, *effects: Effect) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from slopes import slope_errors
 
 from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
@@ -34,47 +35,24 @@ CORNERED = [CoulombFriction(), CoulombFriction(slip=1e-6), EndStop(), Hysteresis
 """Their corners are rounded, but to widths that a difference must stay below: shorter steps, larger errors."""
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch):
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
-def outputs(plant, values):
-    run = plant.simulator.run(NOISE, start=-0.4, sample_time=0.02, rest_command=0.0, values=values)
-    assert run.status.ok
-    return run.outputs
-
-
-def difference(plant, number, relative):
-    """Fourth order: (8 D(h) - D(2h))/(12 h) with D(h) = y(p + h) - y(p - h)."""
-    values = plant.free_values
-    parameter = plant.parameters[plant.parameters.free[number]]
-    step = relative * (abs(parameter.value) or 1e-3 * (parameter.upper - parameter.lower))
-    shift = step * np.eye(values.size)[number]
-    once = outputs(plant, values + shift) - outputs(plant, values - shift)
-    twice = outputs(plant, values + 2 * shift) - outputs(plant, values - 2 * shift)
-    return (8 * once - twice) / (12 * step)
-
-
-def errors(effect, relative):
+def worst(effect, step):
+    """The largest error of the effect's own parameters and of the film's modulus."""
     plant = Plant(rig=Diaphragm(), effects=(effect,))
-    exact = plant.simulator.run_with_sensitivities(
-        NOISE, start=-0.4, sample_time=0.02, rest_command=0.0, values=plant.free_values
-    )
-    own = [n for n, name in enumerate(plant.parameters.free) if name.startswith(effect.name)]
-    for number in [*own, plant.parameters.free.index("shear_modulus")]:
-        slope = exact.sensitivities[:, number]
-        found = np.linalg.norm(difference(plant, number, relative) - slope)
-        yield plant.parameters.free[number], found / np.linalg.norm(slope)
+    own = [name for name in plant.parameters.free if name.startswith(effect.name)]
+    errors = slope_errors(plant, NOISE, step, names=[*own, "shear_modulus"])
+    return max(errors.values()), errors
 
 
 @pytest.mark.parametrize("effect", SMOOTH, ids=lambda e: e.name)
 def test_slopes_are_exact(effect):
-    for name, error in errors(effect, 1e-3):
-        assert error < 1e-6, f"{name}: {error:.1e}"
+    error, each = worst(effect, 1e-3)
+    assert error < 1e-6, each
 
 
 @pytest.mark.parametrize("effect", CORNERED, ids=lambda e: e.name)
 def test_slopes_over_corners_are_those_of_small_steps(effect):
-    for name, error in errors(effect, 1e-5):
-        assert error < 1e-3, f"{name}: {error:.1e}"
+    error, each = worst(effect, 1e-5)
+    assert error < 1e-3, each

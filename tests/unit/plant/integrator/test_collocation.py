@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from deatwin.plant import Plant
-from deatwin.plant.integrator import collocation, newton
+from deatwin.plant.integrator import collocation, newton, stages
 from deatwin.plant.integrator.collocation import radau, step_functions
 from deatwin.plant.rest import rest_state
 
@@ -71,7 +71,7 @@ def test_large_and_small_plants_take_steps_of_the_same_scheme(base, monkeypatch)
     slopes = (np.asarray(rest.x_p), np.asarray(rest.d_p))
     known = (rest.d, 3.0, 0.0, 0.02, base.free_values, equations.constants)
     steps = [step_functions(equations)]
-    monkeypatch.setattr("deatwin.plant.integrator.stages.UNROLLED", 0)
+    monkeypatch.setattr(stages, "UNROLLED", 0)
     steps.append(step_functions(equations))
     small, large = (step.plain(rest.x, rest.z, *known) for step in steps)
     for a, b in zip(small[:3], large[:3], strict=True):

@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant import Creep
+from deatwin.plant import Creep, simulate
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator import compiled
+from deatwin.plant.integrator import compiled, dense
 from deatwin.plant.simulate import Simulator
 
 
@@ -74,7 +74,7 @@ def test_what_follows_from_known_equations_is_not_written_again(base, tmp_path, 
     kept = {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()}
     assert sorted(Path(name).suffix for name in kept) == [".so", ".txt"]
     with monkeypatch.context() as patch:
-        patch.setattr("deatwin.plant.simulate.step_functions", None)  # which nobody needs
+        patch.setattr(simulate, "step_functions", None)  # which nobody needs
         again = Simulator(base.equations).run_with_sensitivities(commands, **settings)
     assert {f.name: f.stat().st_mtime_ns for f in tmp_path.iterdir()} == kept
     np.testing.assert_array_equal(again.outputs, first.outputs)
@@ -99,7 +99,7 @@ def test_where_elimination_gives_up_the_sparse_method_solves(base, tmp_path, mon
     settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=base.free_values)
     expected = base.simulator.run_with_sensitivities(commands, **settings)
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path))
-    monkeypatch.setattr("deatwin.plant.integrator.dense.GIVEN", 1e300)  # which no share exceeds
+    monkeypatch.setattr(dense, "GIVEN", 1e300)  # which no share exceeds
     sparse = Simulator(base.equations).run_with_sensitivities(commands, **settings)
     for one, other in ((sparse.outputs, expected.outputs), (sparse.sensitivities, expected.sensitivities)):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9 * np.abs(other).max())

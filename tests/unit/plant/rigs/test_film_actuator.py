@@ -26,12 +26,7 @@ STEP = np.r_[np.zeros(10), np.full(40, 1.5)]
 EACH = pytest.mark.parametrize("rig", RIGS, ids=lambda r: f"{r.kind} {getattr(r, 'sides', '')}")
 
 
-@pytest.fixture(autouse=True)
-def _without_compiler(monkeypatch):
-    """A few short runs: CasADi's own machine is quicker than a compiler."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
-    yield
-    monkeypatch.undo()
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def reading(plant, experiment, commands=STEP):

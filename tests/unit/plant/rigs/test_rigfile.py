@@ -4,32 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
+from rig_files import RIG
 
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 
-RIG = """\
-[film]
-material = "VHB 4905"
-thickness_mm = 0.5
-prestretch = 3.5
-frame_diameter_mm = 80.0
-electrode_diameter_mm = 35.0
-
-[load]
-mass_g = 3
-contact_diameter_mm = 6.0
-
-[drive]
-gain = 800.0
-start_ramp_s = 2.0
-start_hold_s = 3.0
-
-[sensor]
-sample_rate_Hz = 50.0
-noise_um = 2.0
-zero = "displacement at zero volts"
-"""
 OPTIONAL = (
     RIG.replace("prestretch = 3.5", 'prestretch = 3.5\nball = "sliding"')
     .replace("gain = 800.0", "gain = 800.0\ncommand_min_V = 1.1\ncommand_max_V = 3.75")
@@ -80,39 +59,23 @@ def test_round_trip_through_json(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("prestretch =", "prestrech =", r'\[film\]: unknown key "prestrech"; did you mean "prestretch"\?'),
-        ("mass_g = 3", "mass_g = 3\nlid = 1", r'unknown key "lid"; known are mass_g, contact_diameter_mm'),
-        ("mass_g = 3", "mass_g = 3\ngain = 1", r'unknown key "gain"; it belongs into \[drive\]'),
-        ("[sensor]", "[senser]", r'unknown section \[senser\]; did you mean "sensor"\?'),
-        ("gain = 800.0\n", "", r'\[drive\]: the key "gain" is missing'),
-        ("prestretch = 3.5", 'prestretch = "3.5"', r'prestretch: "3.5" is a text; it must be a number'),
         ("prestretch = 3.5", "prestretch = true", r"prestretch: true is a truth value; it must be a number"),
         ("prestretch = 3.5", "prestretch = [3.5]", r"is a list; it must be a number"),
-        ('"VHB 4905"', "4905", r"material: 4905 is a number; it must be a text in quotes"),
         ('"VHB 4905"', '" "', r"material: the text is empty"),
-        ("prestretch = 3.5", "prestretch = 350", r"prestretch: 350 is out of range; it must be from 1 to 10"),
         ("gain = 800.0", "gain = nan", r"gain: nan is out of range; it must be from 1 to 100000"),
         ("noise_um = 2.0", "noise_um = -2.0", r"noise_um: -2.0 is out of range; it must be from 0 to 10000"),
         ("prestretch = 3.5", 'prestretch = 3.5\nball = "glued"', r'ball: "glued" is not known; it must be "bonded" or'),
-        ("at zero volts", "at rest", r'"displacement at rest" is not known; it must be "displacement at zero'),
-        ("electrode_diameter_mm = 35.0", "electrode_diameter_mm = 90.0", r"must be below frame_diameter_mm, 80"),
-        ("contact_diameter_mm = 6.0", "contact_diameter_mm = 36.0", r"below electrode_diameter_mm, 35"),
-        (
-            "gain = 800.0",
-            "gain = 800.0\ncommand_min_V = 4\ncommand_max_V = 3",
-            r"command_min_V: 4 is out of range; it must be below command_max_V, 3",
-        ),
-        ("gain = 800.0", "gain 800.0", r"not TOML: line 13: write gain = 800.0"),
-        ("gain = 800.0", "gain = 800,5  # V/V", r"not TOML: line 13, gain: a number has a decimal point: write 800.5"),
-        ("gain = 800.0", "gain = 800 V", r"line 13, gain: the key has the unit in its name: write 800$"),
-        ("gain = 800.0", "gain = .8", r"line 13, gain: a number begins with a digit: write 0.8"),
-        ("gain = 800.0", "gain = 800.", r"line 13, gain: a number ends with a digit: write 800.0"),
-        ("gain = 800.0", "gain =", r"line 13, gain: there is no value"),
-        ("gain = 800.0", "gain = 800.0\ngain = 900.0", r"line 14, gain: the key stands in line 13 already"),
-        ("[drive]", "[drive", r"line 12: a section stands in brackets: write \[drive\]"),
+        ("gain = 800.0", "gain 800.0", r"not TOML: line 11: write gain = 800.0"),
+        ("gain = 800.0", "gain = 800,5  # V/V", r"not TOML: line 11, gain: a number has a decimal point: write 800.5"),
+        ("gain = 800.0", "gain = 800 V", r"line 11, gain: the key has the unit in its name: write 800$"),
+        ("gain = 800.0", "gain = .8", r"line 11, gain: a number begins with a digit: write 0.8"),
+        ("gain = 800.0", "gain = 800.", r"line 11, gain: a number ends with a digit: write 800.0"),
+        ("gain = 800.0", "gain =", r"line 11, gain: there is no value"),
+        ("gain = 800.0", "gain = 800.0\ngain = 900.0", r"line 12, gain: the key stands in line 11 already"),
+        ("[drive]", "[drive", r"line 10: a section stands in brackets: write \[drive\]"),
         ("[drive]", "[drive" + "9" * 4000, r"a section stands in brackets: write \[drive9{0,75}…\]$"),
-        ("gain = 800.0", f"gain = {'8' * 4000},5", r"line 13, gain: a number has a decimal point: write 8{0,80}….5$"),
-        ("gain = 800.0", "gain = high", r'line 13, gain: a text stands in quotes: write "high"'),
+        ("gain = 800.0", f"gain = {'8' * 4000},5", r"line 11, gain: a number has a decimal point: write 8{0,80}….5$"),
+        ("gain = 800.0", "gain = high", r'line 11, gain: a text stands in quotes: write "high"'),
         ("gain = 800.0", "gain = [800.0", r"not TOML: .*line 1"),
     ],
 )
@@ -122,26 +85,3 @@ def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
         read(tmp_path, RIG.replace(old, new))
     assert "rig.toml" in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_section_is_missing(tmp_path: Path) -> None:
-    text = RIG.split("[sensor]")[0]
-    with pytest.raises(RigError, match=r"section \[sensor\] is missing; it must hold sample_rate_Hz, noise_um, zero"):
-        read(tmp_path, text)
-
-
-def test_section_is_a_value(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match=r"film is a number; it must be a section \[film\]"):
-        read(tmp_path, "film = 3\n")
-
-
-def test_file_is_missing(tmp_path: Path) -> None:
-    with pytest.raises(RigError, match=r"nowhere.toml: the rig file cannot be read: No such file"):
-        read_rig(tmp_path / "nowhere.toml")
-
-
-def test_file_is_not_utf8(tmp_path: Path) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_bytes(RIG.replace("VHB", "VHB µ").encode("latin-1"))
-    with pytest.raises(RigError, match="not UTF-8 text at byte"):
-        read_rig(path)

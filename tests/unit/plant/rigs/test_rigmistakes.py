@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+from rig_files import SOUND
 
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
@@ -51,18 +52,6 @@ ALL = (
     ),
 )
 """The line at which each is told, and what is said, in the order of the file."""
-SOUND = {
-    "film": {
-        "material": "VHB 4905",
-        "thickness_mm": 0.5,
-        "prestretch": 3.5,
-        "frame_diameter_mm": 80.0,
-        "electrode_diameter_mm": 35.0,
-    },
-    "load": {"mass_g": 3, "contact_diameter_mm": 6.0},
-    "drive": {"gain": 800.0, "start_ramp_s": 2.0, "start_hold_s": 3.0},
-    "sensor": {"sample_rate_Hz": 50.0, "noise_um": 2.0, "zero": "displacement at zero volts"},
-}
 
 
 def said_of(tmp_path: Path, text: str) -> str:

@@ -1,0 +1,54 @@
+"""What rigs that tests make have in common, and one that pulls in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from deatwin.plant import Parameter, Rig, StartProcedure
+from deatwin.plant.builder import Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bare(Rig):
+    """A rig that begins at rest under no command; from volts to metres unless it says otherwise."""
+
+    sample_time: float = 0.02
+    noise: float = 1e-6
+
+    kind: ClassVar[str] = "bare"
+    input_name: ClassVar[str] = "command"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "displacement"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap(Bare):
+    """A voltage pulls a plate on a spring into a gap: u² = x (1 - x)² at rest, pull-in at x = 1/3 and 0.385 V."""
+
+    noise: float = 1e-3
+    stiffness: float = 1.0
+    damping: float = 0.1
+
+    kind: ClassVar[str] = "gap"
+    input_name: ClassVar[str] = "voltage"
+    output_name: ClassVar[str] = "position"
+    output_unit: ClassVar[str] = "mm"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="stiffness", value=self.stiffness, unit="1", lower=-10.0, upper=10.0),
+            Parameter(name="damping", value=self.damping, unit="s", lower=0.0, upper=10.0),
+        )
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1.0)
+        pull = build.command**2 / (1 - position) ** 2 - build.parameter("stiffness") * position
+        build.rate(position, pull, mass=build.parameter("damping"))
+        return position
