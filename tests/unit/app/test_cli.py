@@ -107,7 +107,7 @@ def test_pull_in_ends_with_one_line(on_bench: Path, capsys: pytest.CaptureFixtur
     assert not Path("never.csv").exists()
 
 
-@pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp"])
+@pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp", "grow"])
 def test_identify(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
     columns = ["--input-column", "stretch", "--output-column", "force_N"]
     assert main(["identify", "pulls.csv", *columns, "--method", method, "--out", "narx.json", "--json"]) == 0

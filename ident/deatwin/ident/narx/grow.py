@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,6 +20,7 @@ from deatwin.ident.narx.single_output import single_output
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +38,8 @@ class Grow(NarxIdentifier):
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
     to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
     half as many terms again as allowed. Terms are then removed one by one, always the one that raises the error least
-    (`prune`). Of the models on the way back with at most ``max_terms`` terms, the one with the smallest free-run error
-    on held-out samples is kept and refined on all samples.
+    (`prune`). Of all these models with at most ``max_terms`` terms, the one with the smallest free-run error on held-out
+    samples is kept and refined on all samples.
 
     Parameters are those of an output-error model: they are unbiased if the noise is on the readings, where least
     squares of the one-step error is biased. Where the noise acts on the plant itself, the one-step methods (`Frols`,
@@ -66,7 +69,8 @@ class Grow(NarxIdentifier):
     model_ : NarxModel
         The identified model, in physical units. ``theta_cov`` is that of an output-error estimate whose free-run error
         may be correlated in time: ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of the free run and the
-        covariance R of its error, from an autoregressive model. It knows nothing of the choice of the terms.
+        covariance R of its error, from an autoregressive model. The choice of the terms is not in it; after an
+        interrupt it is that of `refine`.
     terms_ : tuple of Term
         Terms of the model.
     path_ : tuple of GrowStep
@@ -119,24 +123,25 @@ class Grow(NarxIdentifier):
         single = single_output(data)
         found: list[tuple[NarxModel, GrowSearch]] = []
         search = None
-        try:
+        with self._interrupt_noted():
             for number, part in enumerate(self._parts(single)):
                 search = GrowSearch(self, part)
                 search.run(lambda share, doing, at=number: progress((at + _SEARCH * share) / self.parts, doing))
-                if (grown := self._refined(search, part, single)) is not None:
+                if (grown := _refined(search.best(), part, single)) is not None:
                     found.append((grown, search))
-                progress((number + 1) / self.parts, f"part {number + 1} of {self.parts}")
-        except KeyboardInterrupt:
-            self.status_ = FitStatus.INTERRUPTED
-            if not found and search is not None and (grown := search.best()) is not None:
-                found.append((grown, search))
-            if not found:
-                raise
+                progress((number + 1) / self.parts, "refined on all samples")
+        if not self.status_.ok and not found and search is not None and (grown := search.best()) is not None:
+            found.append((grown, search))
+        if not found and not self.status_.ok:
+            raise KeyboardInterrupt
         if not found:
             raise ModelError(
                 "no model was found whose free run stays finite on all samples; allow a lower degree or other lags"
             )
         model, search = min(found, key=lambda one: run_error(one[0], single.recordings))
+        if self.status_.ok:
+            with self._interrupt_noted():
+                model = with_correlated_error(model, single.recordings)
         named = dict(zip(single.table.terms, data.table.terms, strict=True))
         self.path_ = tuple(step.renamed(named) for step in search.path)
         self.errors_ = np.array([step.error for step in self.path_])
@@ -149,6 +154,10 @@ class Grow(NarxIdentifier):
             float(model.noise_variance) / kept.output_scale**2,
             identifier=self,
         )
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """Return nothing: an error one step ahead above that of least squares is what its parameters are for."""
+        return ()
 
     def _parts(self, data: Regression) -> list[Regression]:
         """Cut every recording into so many parts; the first of each make the first regression, and so on."""
@@ -165,16 +174,13 @@ class Grow(NarxIdentifier):
             for i in range(self.parts)
         ]
 
-    def _refined(self, search: GrowSearch, part: Regression, whole: Regression) -> NarxModel | None:
-        """Return the best model of a search, refined on its part and on all recordings; None if it diverges there."""
-        best = search.best()
-        if best is None:
-            return None
+    @contextmanager
+    def _interrupt_noted(self) -> Iterator[None]:
+        """End what is done inside on Ctrl-C, and say so in the status."""
         try:
-            model = least_error(least_error(best, part.recordings), whole.recordings)
-        except ModelError:
-            return None
-        return with_correlated_error(model, whole.recordings)
+            yield
+        except KeyboardInterrupt:
+            self.status_ = FitStatus.INTERRUPTED
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the free-run errors of the path over the number of terms, and the model that was kept.
@@ -201,3 +207,12 @@ class Grow(NarxIdentifier):
         axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
         axes.legend(loc="upper right")
         return axes
+
+
+def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> NarxModel | None:
+    """Return a model refined on its part and then on all recordings; None if there is none, or it diverges there."""
+    if best is None:
+        return None
+    with suppress(ModelError):
+        return least_error(least_error(best, part.recordings), whole.recordings)
+    return None

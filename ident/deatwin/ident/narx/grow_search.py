@@ -75,7 +75,6 @@ class GrowSearch:
         self.data.require_samples_for(self.max_terms + 1)
         self.models: list[NarxModel] = []
         self.path: list[GrowStep] = []
-        self.grown = 0  # Number of models of the growth, with which the path begins
 
     def run(self, progress: Progress) -> None:
         """Grow a model beyond the terms allowed, and prune it again."""
@@ -84,21 +83,15 @@ class GrowSearch:
         for larger in extensions(start, recordings, self.data.table.terms, max_terms=most):
             share = (len(larger.terms) - len(start.terms)) / max(most - len(start.terms), 1)
             self._take(larger, 0.5 * share, progress)
-        self.grown = len(self.models)
         turn = self.models[-1]
         for smaller in prunings(turn, recordings, n_terms=1):
             if smaller.terms != turn.terms:
                 self._take(smaller, 1.0 - 0.5 * len(smaller.terms) / len(turn.terms), progress)
 
     def best(self) -> NarxModel | None:
-        """Return the model allowed that runs best over the held-out samples: of the pruned ones if there are any."""
-        allowed = [
-            (step.held_out_error, number)
-            for number, step in enumerate(self.path)
-            if len(step.terms) <= self.max_terms and np.isfinite(step.held_out_error)
-        ]
-        pruned = [one for one in allowed if self.grown and one[1] >= self.grown - 1]
-        return self.models[min(pruned or allowed)[1]] if allowed else None
+        """Return the model with no more terms than allowed that runs best over the held-out samples; None if none does."""
+        errors = [step.held_out_error if len(step.terms) <= self.max_terms else np.inf for step in self.path]
+        return self.models[int(np.argmin(errors))] if np.isfinite(errors).any() else None
 
     def _take(self, model: NarxModel, share: float, progress: Progress) -> None:
         """Put a model on the path."""

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import sensitivities
 from deatwin.plant.recording import Recording
@@ -28,9 +29,7 @@ def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> 
     errors = [model.simulate(record).residuals[0] for record in recordings]
     correlation = autocovariance(errors)
     joined = np.concatenate(slopes)
-    norms = np.linalg.norm(joined, axis=0)
-    norms[norms == 0.0] = 1.0
-    root = np.linalg.pinv(np.linalg.qr(joined / norms, mode="r")) / norms[:, None]
+    root = gram_inverse_root(joined)
     middle = np.zeros((root.shape[1],) * 2)
     for part in slopes:
         directions = part @ root  # orthonormal over all recordings

@@ -23,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
@@ -200,9 +201,10 @@ def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: in
 def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel | None:
     """Return the refined model without its least useful term that it can do without; None if there is none."""
     cov = model.theta_cov
-    for out in np.argsort(model.theta**2 / np.diag(cov)):
+    variances = np.where(np.diag(cov) > 0.0, np.diag(cov), np.inf)  # it is 0 where the run does not know the parameter
+    for out in np.argsort(model.theta**2 / variances):
         kept = np.delete(np.arange(model.theta.size), out)
-        theta = model.theta - cov[:, out] / cov[out, out] * model.theta[out]  # the best with that parameter at zero
+        theta = model.theta - cov[:, out] / variances[out] * model.theta[out]  # the best with that parameter at zero
         smaller = replace(
             model,
             terms=tuple(model.terms[i] for i in kept),
@@ -358,8 +360,7 @@ def _refined(model: NarxModel, theta: Array, recordings: tuple[Recording, ...]) 
     free = np.concatenate([changed.simulate(record).residuals[0] for record in recordings])
     one_step = np.concatenate([changed.predict(record).residuals[0] for record in recordings])
     freedom = max(free.size - theta.size, 1)
-    norms = np.linalg.norm(slopes, axis=0)
-    root = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
+    root = gram_inverse_root(slopes)
     return replace(
         changed,
         theta_cov=float(free @ free) / freedom * (root @ root.T),
