@@ -126,7 +126,7 @@ class Grow(NarxIdentifier):
         with self._interrupt_noted():
             for number, part in enumerate(self._parts(single)):
                 search = GrowSearch(self, part)
-                search.run(lambda share, doing, at=number: progress((at + _SEARCH * share) / self.parts, doing))
+                search.run(_part_of(progress, number, self.parts))
                 if (grown := _refined(search.best(), part, single)) is not None:
                     found.append((grown, search))
                 progress((number + 1) / self.parts, "refined on all samples")
@@ -207,6 +207,11 @@ class Grow(NarxIdentifier):
         axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
         axes.legend(loc="upper right")
         return axes
+
+
+def _part_of(progress: Progress, part: int, parts: int) -> Progress:
+    """Return what takes the progress of the search on one part of several."""
+    return lambda share, doing: progress((part + _SEARCH * share) / parts, doing)
 
 
 def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> NarxModel | None:
