@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.grow_search import GrowSearch, run_error
+from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
 from deatwin.ident.narx.refine import least_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.single_output import single_output
-from deatwin.ident.narx.terms import Lags, Rule
+from deatwin.ident.narx.terms import Lags, Rule, Term
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -143,7 +143,7 @@ class Grow(NarxIdentifier):
             with self._interrupt_noted():
                 model = with_correlated_error(model, single.recordings)
         named = dict(zip(single.table.terms, data.table.terms, strict=True))
-        self.path_ = tuple(step.renamed(named) for step in search.path)
+        self.path_ = tuple(_renamed(step, named) for step in search.path)
         self.errors_ = np.array([step.error for step in self.path_])
         self.held_out_errors_ = np.array([step.held_out_error for step in self.path_])
         kept = data.only([single.table.terms.index(term) for term in model.terms])
@@ -207,6 +207,12 @@ class Grow(NarxIdentifier):
         axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
         axes.legend(loc="upper right")
         return axes
+
+
+def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:
+    """Return a step with other terms in place of its own."""
+    added, pruned, terms = (tuple(named[term] for term in each) for each in (step.added, step.pruned, step.terms))
+    return replace(step, added=added, pruned=pruned, terms=terms)
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:

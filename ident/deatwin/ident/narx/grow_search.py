@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -51,11 +50,6 @@ class GrowStep:
     terms: tuple[Term, ...]
     error: float
     held_out_error: float
-
-    def renamed(self, named: Mapping[Term, Term]) -> GrowStep:
-        """Return the step with other terms in place of its own."""
-        added, pruned, terms = (tuple(named[t] for t in each) for each in (self.added, self.pruned, self.terms))
-        return replace(self, added=added, pruned=pruned, terms=terms)
 
 
 class GrowSettings(Protocol):
