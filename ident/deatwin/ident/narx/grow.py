@@ -61,8 +61,7 @@ class Grow(NarxIdentifier):
         Share of each recording, at its end, that chooses the number of terms.
     parts : int
         Number of parts into which each recording is cut. A structure is grown on each part, refined on all recordings,
-        and the one with the smallest free-run error there is kept. On long recordings this is faster and tries several
-        structures.
+        and the one with the smallest free-run error there is kept: several structures are tried for the time of one.
 
     Attributes
     ----------
@@ -112,12 +111,12 @@ class Grow(NarxIdentifier):
         self.parts = parts
 
     def _check(self) -> None:
-        if self.max_terms < 1:
-            raise ModelError(f"max_terms = {self.max_terms}; it must be at least 1")
+        for name in ("max_terms", "parts"):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise ModelError(f"{name} = {value!r}; it must be an integer of at least 1")
         if not 0 < self.held_out < 1:
             raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
-        if self.parts < 1:
-            raise ModelError(f"parts = {self.parts}; it must be at least 1")
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         single = single_output(data)

@@ -25,6 +25,7 @@ _ORDER = 2  # of the linear model at the start: one resonance, or two time const
 # Growth goes beyond the terms allowed by half, so that pruning can exchange what was added too early: a choice of
 # effort, which costs half as much time again.
 _BEYOND = 1.5
+_ROUNDING = 1e-12  # of the output: between smaller errors, of exact recordings, fewer terms decide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,8 +85,12 @@ class GrowSearch:
 
     def best(self) -> NarxModel | None:
         """Return the model with no more terms than allowed that runs best over the held-out samples; None if none does."""
-        errors = [step.held_out_error if len(step.terms) <= self.max_terms else np.inf for step in self.path]
-        return self.models[int(np.argmin(errors))] if np.isfinite(errors).any() else None
+        allowed = [
+            (max(step.held_out_error, _ROUNDING * self.data.output_scale), len(step.terms), number)
+            for number, step in enumerate(self.path)
+            if len(step.terms) <= self.max_terms and np.isfinite(step.held_out_error)
+        ]
+        return self.models[min(allowed)[2]] if allowed else None
 
     def _take(self, model: NarxModel, share: float, progress: Progress) -> None:
         """Put a model on the path."""
