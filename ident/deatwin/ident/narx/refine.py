@@ -228,6 +228,9 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
         error = (recording.outputs[0] - run)[both.max_lag :]
         gram += responses.T @ responses
         moment += responses.T @ error
+    sizes = np.sqrt(np.diag(gram))  # the units of the signals must not decide what is dependent
+    sizes[sizes == 0.0] = 1.0
+    gram, moment = gram / sizes[:, None] / sizes, moment / sizes
     onto = np.linalg.lstsq(gram[:n, :n], gram[:n, n:], rcond=None)[0]
     own = np.diag(gram)[n:]
     free = own - np.einsum("ij,ij->j", onto, gram[:n, n:])
@@ -307,6 +310,11 @@ def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxMode
     return _refined(model, search.best, recordings)
 
 
+def _powers_of_two(sizes: Array | np.floating) -> Array:
+    """Return the powers of two next to sizes; 1 for 0."""
+    return np.where(sizes > 0, np.ldexp(1.0, np.frexp(sizes)[1]), 1.0)
+
+
 class _Search:
     """The free-run error as a function of the parameters, and the best parameters so far."""
 
@@ -321,13 +329,22 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the parameters of least error, by Gauss-Newton steps in a trust region."""
+        """Search for the parameters of least error, by Gauss-Newton steps in a trust region.
+
+        Errors and parameters are counted so that outputs and sensitivities are about 1, by powers of two, which round
+        nothing: the gradient at which the search ends then does not depend on units.
+        """
         from scipy.optimize import least_squares
 
+        start = self.jacobian(self.model.theta)
+        outputs = [self.model.about_origin(r.inputs, r.outputs)[1][0] for r in self.recordings]
+        size = float(_powers_of_two(np.linalg.norm(np.concatenate(outputs))))
+        scales = size / _powers_of_two(np.linalg.norm(start, axis=0))
+        origin = self.model.theta / scales
         least_squares(
-            self.errors,
-            self.model.theta,
-            self.jacobian,
+            lambda x: self.errors(x * scales) / size,
+            origin,
+            lambda x: (start if np.array_equal(x, origin) else self.jacobian(x * scales)) * (scales / size),
             x_scale="jac",
             ftol=tolerance,
             xtol=1e-12,
