@@ -47,7 +47,7 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
     assert np.abs(data.test.outputs).max() > 1.2 * np.abs(data.train.outputs).max()
     found = attempt(GROWN, data)
     assert found.terms <= MOST_TERMS
-    assert found.free_run <= LARGEST_ERROR
+    assert found.free_run <= min(LARGEST_ERROR, 0.29e-3)  # V
     assert found.free_run < attempt(FRO, data).free_run
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Semp, SvbNarx
+from deatwin.ident.narx import Frols, Grow, Semp, SvbNarx
 from deatwin.ident.narx.estimation import TotalLeastSquares
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
@@ -25,6 +25,7 @@ OURS = [
     Lasso(max_terms=6),
     SvbNarx(),
     Semp(max_terms=6),
+    Grow(max_terms=6),
     Fixed(terms=TERMS, estimator=Bayesian()),
     Fixed(terms=TERMS, estimator=TotalLeastSquares()),
     Narmax(Fixed(terms=TERMS), criterion="none", max_noise_terms=1),

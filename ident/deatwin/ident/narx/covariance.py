@@ -85,6 +85,13 @@ def covariance_root(covariance: Array) -> Array:
     return np.asarray(divisors[..., :, None] * vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
 
 
+def gram_inverse_root(columns: Array) -> Array:
+    """Return R with R R' = (S'S)^+ for tall columns S, (n, n_columns), whatever their sizes; zero for a zero column."""
+    norms = np.linalg.norm(columns, axis=0)
+    norms[norms == 0.0] = 1.0
+    return np.asarray(np.linalg.pinv(np.linalg.qr(columns / norms, mode="r")) / norms[:, None])
+
+
 def transformed(jacobian: Array, covariance: Array) -> Array:
     """Return J C J' for a Jacobian J (n_new, n) and covariance C (..., n, n) as a valid covariance.
 

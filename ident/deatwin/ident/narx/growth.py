@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.criteria import CRITERIA
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
@@ -110,10 +111,7 @@ def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int])
     """
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
-    slopes = np.concatenate(each)
-    norms = np.linalg.norm(slopes, axis=0)
-    norms[norms == 0.0] = 1.0
-    inverse = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
+    inverse = gram_inverse_root(np.concatenate(each))
     parts = list(zip(_by_sections(run_errors(model, data), sections), _by_sections(each, sections), strict=True))
     found = np.full(len(parts), np.inf)
     for i, (e, part) in enumerate(parts):

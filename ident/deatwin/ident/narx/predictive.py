@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
@@ -167,13 +167,19 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
 
 
 def free_run_band(
-    model: NarxModel, recording: Recording, rng: np.random.Generator, *, n_draws: int = 400, level: float = 0.95
+    model: NarxModel,
+    recording: Recording,
+    rng: np.random.Generator,
+    *,
+    n_draws: int = 400,
+    level: float = 0.95,
+    output_noise: ArrayLike | None = None,
 ) -> PredictiveBand:
     """Return the predictive band of new measurements for a free run from the first lags.
 
     Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. The
-    noise enters the model's equation and so propagates through the past outputs. The ends of the band are quantiles of
-    the runs.
+    noise enters the model's equation and so propagates through the past outputs; for a model of least free-run error
+    (`Grow`, `refine`) it is on the readings instead, and is to be given. The ends of the band are quantiles of the runs.
 
     Parameters
     ----------
@@ -187,6 +193,9 @@ def free_run_band(
         Number of runs.
     level : float
         Probability of the band, between 0 and 1.
+    output_noise : float or array_like of shape (n_outputs,), optional
+        Standard deviation of the noise on the readings, in the outputs' units, in place of noise in the equation; for
+        `Grow` and `refine` the free-run error on the training data, ``model.simulate(training).rms_error``.
 
     Returns
     -------
@@ -196,14 +205,14 @@ def free_run_band(
     Raises
     ------
     ModelError
-        If the recording does not suit the model, the level lies outside 0 to 1, there are fewer than 2 draws,
-        or all of them diverge.
+        If the recording does not suit the model, the level lies outside 0 to 1, the noise is negative, there are fewer
+        than 2 draws, or all of them diverge.
     """
     tail = (1 - level) / 2
     quantile(level, math.inf)  # refuses what is no level
     if n_draws < 2:
         raise ModelError(f"n_draws = {n_draws}; a band needs at least 2 runs")
-    runs = _runs(model, recording, rng, n_draws)
+    runs = _runs(model, recording, rng, n_draws, None if output_noise is None else _readings(model, output_noise))
     if not runs:
         raise ModelError(f"all {n_draws} draws of the posterior diverged in free run: there is no band")
     stack = np.stack(runs)
@@ -215,19 +224,35 @@ def free_run_band(
     return _band(model, recording, middle, lower, upper, level, draws=n_draws, diverged=n_draws - len(runs))
 
 
-def _runs(model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int) -> list[Array]:
-    """Return noisy free runs of draws from the posterior, each of shape (n_outputs, n), without the diverged."""
+def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
+    """Return the deviations of the noise on the readings, shape (n_outputs, 1)."""
+    given = np.asarray(output_noise, dtype=np.float64)
+    if given.shape not in ((), (model.n_outputs,)) or not np.all((given >= 0) & np.isfinite(given)):
+        raise ModelError(
+            f"output_noise = {output_noise!r}; it must be a standard deviation of at least 0, or one for each of the "
+            f"{model.n_outputs} outputs"
+        )
+    return np.broadcast_to(given, model.n_outputs)[:, None]
+
+
+def _runs(
+    model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int, readings: Array | None
+) -> list[Array]:
+    """Return noisy free runs of draws from the posterior, each of shape (n_outputs, n), without the diverged; the noise
+    is in the equation, or with deviations `readings` (n_outputs, 1) on the outputs.
+    """
     first = model.simulate(recording).first  # and checks that the recording suits
     limit = model.divergence_limit(recording.outputs)
     inputs, outputs = model.about_origin(recording.inputs, recording.outputs)
     draws = ThetaPosterior(model=model).sample(rng, n_draws)
     runs = []
     for theta, variance in zip(draws.theta, draws.noise_variance, strict=True):
-        noise = np.sqrt(variance)[:, None] * rng.standard_normal(recording.outputs.shape)
+        drawn = rng.standard_normal(recording.outputs.shape)
+        noise = np.sqrt(variance)[:, None] * drawn if readings is None else np.zeros_like(drawn)
         march = March.of(model.terms, {"u": inputs, "e": noise}, "y", outputs, first=first, equations=model.equations)
         run, failed = march.run(theta, limit=limit, base=noise)
         if failed is None:
-            runs.append(run + model.output_origin[:, None])
+            runs.append(run + model.output_origin[:, None] + (0.0 if readings is None else readings * drawn))
     return runs
 
 

@@ -16,13 +16,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
@@ -34,14 +35,16 @@ Progress = Callable[[float, str], None]
 
 # A candidate whose response has lost this share of its square to those of the terms follows from them.
 _DEPENDENT = 1e-10
+# A search that gains less than this share of the sum of squares in a step has arrived; most do in ten steps.
+_TOLERANCE, _STEPS = 1e-8, 50
 
 
 def refine(
     model: NarxModel,
     recordings: Recordings,
     *,
-    tolerance: float = 1e-8,
-    max_steps: int = 50,
+    tolerance: float = _TOLERANCE,
+    max_steps: int = _STEPS,
     progress: Progress | None = None,
 ) -> NarxModel:
     """Return the model with the same terms and the parameters of smallest free-run error.
@@ -79,21 +82,10 @@ def refine(
     ----------
     Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 4.2 and 10.3.
     """
-    from scipy.optimize import least_squares
-
     chosen = flatten(recordings)
     search = _Search(model, chosen, max_steps, progress)
     with suppress(KeyboardInterrupt):
-        least_squares(
-            search.errors,
-            model.theta,
-            search.jacobian,
-            x_scale="jac",
-            ftol=tolerance,
-            xtol=1e-12,
-            gtol=1e-15,
-            max_nfev=max_steps,
-        )
+        search.run(tolerance)
     return _refined(model, search.best, chosen)
 
 
@@ -134,20 +126,29 @@ def extend(
     ModelError
         If the model has several outputs or noise terms, or its free run diverges.
     """
-    chosen = flatten(recordings)
-    left = [term for term in candidates if term not in model.terms]
-    path = [refine(model, chosen)]
+    path: list[NarxModel] = []
     with suppress(KeyboardInterrupt):
-        while left and len(path[-1].terms) < max_terms:
-            gains = _gains(path[-1], chosen, TermTable(tuple(left)))
-            best = int(np.argmax(gains))
-            if gains[best] <= 0:
-                break
-            path.append(refine(_with_term(path[-1], left.pop(best)), chosen))
-            if progress is not None:
-                done = len(path[-1].terms) - len(model.terms)
-                progress(done / max(max_terms - len(model.terms), 1), f"{len(path[-1].terms)} terms")
-    return tuple(path)
+        for larger in extensions(model, flatten(recordings), candidates, max_terms=max_terms):
+            path.append(larger)
+            if progress is not None and len(path) > 1:
+                progress((len(path) - 1) / max(max_terms - len(model.terms), 1), f"{len(larger.terms)} terms")
+    return tuple(path) or (model,)
+
+
+def extensions(
+    model: NarxModel, recordings: tuple[Recording, ...], candidates: Iterable[Term], *, max_terms: int
+) -> Iterator[NarxModel]:
+    """Yield the models of `extend` as they are found; an interrupt reaches the caller."""
+    left = [term for term in candidates if term not in model.terms]
+    larger = least_error(model, recordings)
+    yield larger
+    while left and len(larger.terms) < max_terms:
+        gains = _gains(larger, recordings, TermTable(tuple(left)))
+        best = int(np.argmax(gains))
+        if gains[best] <= 0:
+            return
+        larger = least_error(_with_term(larger, left.pop(best)), recordings)
+        yield larger
 
 
 def prune(
@@ -180,26 +181,30 @@ def prune(
     ModelError
         If the model has several outputs or noise terms, or its free run diverges.
     """
-    chosen = flatten(recordings)
-    path = [refine(model, chosen)]
+    path: list[NarxModel] = []
     with suppress(KeyboardInterrupt):
-        while len(path[-1].terms) > max(n_terms, 1):
-            smaller = _without_a_term(path[-1], chosen)
-            if smaller is None:
-                break
+        for smaller in prunings(model, flatten(recordings), n_terms=n_terms):
             path.append(smaller)
-            if progress is not None:
-                done = len(model.terms) - len(smaller.terms)
-                progress(done / (len(model.terms) - n_terms), f"{len(smaller.terms)} terms")
-    return tuple(path)
+            if progress is not None and len(path) > 1:
+                progress((len(path) - 1) / (len(model.terms) - n_terms), f"{len(smaller.terms)} terms")
+    return tuple(path) or (model,)
+
+
+def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:
+    """Yield the models of `prune` as they are found; an interrupt reaches the caller."""
+    smaller: NarxModel | None = least_error(model, recordings)
+    while smaller is not None:
+        yield smaller
+        smaller = _without_a_term(smaller, recordings) if len(smaller.terms) > max(n_terms, 1) else None
 
 
 def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel | None:
     """Return the refined model without its least useful term that it can do without; None if there is none."""
     cov = model.theta_cov
-    for out in np.argsort(model.theta**2 / np.diag(cov)):
+    variances = np.where(np.diag(cov) > 0.0, np.diag(cov), np.inf)  # it is 0 where the run does not know the parameter
+    for out in np.argsort(model.theta**2 / variances):
         kept = np.delete(np.arange(model.theta.size), out)
-        theta = model.theta - cov[:, out] / cov[out, out] * model.theta[out]  # the best with that parameter at zero
+        theta = model.theta - cov[:, out] / variances[out] * model.theta[out]  # the best with that parameter at zero
         smaller = replace(
             model,
             terms=tuple(model.terms[i] for i in kept),
@@ -208,7 +213,7 @@ def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> Narx
             theta_cov=np.zeros((kept.size, kept.size)),
         )
         with suppress(ModelError):
-            return refine(smaller, recordings)
+            return least_error(smaller, recordings)
     return None
 
 
@@ -223,6 +228,9 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
         error = (recording.outputs[0] - run)[both.max_lag :]
         gram += responses.T @ responses
         moment += responses.T @ error
+    sizes = np.sqrt(np.diag(gram))  # the units of the signals must not decide what is dependent
+    sizes[sizes == 0.0] = 1.0
+    gram, moment = gram / sizes[:, None] / sizes, moment / sizes
     onto = np.linalg.lstsq(gram[:n, :n], gram[:n, n:], rcond=None)[0]
     own = np.diag(gram)[n:]
     free = own - np.einsum("ij,ij->j", onto, gram[:n, n:])
@@ -295,6 +303,18 @@ def _run(model: NarxModel, recording: Recording) -> Array:
     return response.outputs[0]
 
 
+def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel:
+    """Return the refined model; other than `refine`, an interrupt reaches the caller."""
+    search = _Search(model, recordings, _STEPS, None)
+    search.run(_TOLERANCE)
+    return _refined(model, search.best, recordings)
+
+
+def _powers_of_two(sizes: Array | np.floating) -> Array:
+    """Return the powers of two next to sizes; 1 for 0."""
+    return np.where(sizes > 0, np.ldexp(1.0, np.frexp(sizes)[1]), 1.0)
+
+
 class _Search:
     """The free-run error as a function of the parameters, and the best parameters so far."""
 
@@ -307,6 +327,30 @@ class _Search:
         self.model, self.recordings = model, recordings
         self.max_steps, self.progress = max_steps, progress
         self.best, self.least, self.steps = model.theta, np.inf, 0
+
+    def run(self, tolerance: float) -> None:
+        """Search for the parameters of least error, by Gauss-Newton steps in a trust region.
+
+        Errors and parameters are counted so that outputs and sensitivities are about 1, by powers of two, which round
+        nothing: the gradient at which the search ends then does not depend on units.
+        """
+        from scipy.optimize import least_squares
+
+        start = self.jacobian(self.model.theta)
+        outputs = [self.model.about_origin(r.inputs, r.outputs)[1][0] for r in self.recordings]
+        size = float(_powers_of_two(np.linalg.norm(np.concatenate(outputs))))
+        scales = size / _powers_of_two(np.linalg.norm(start, axis=0))
+        origin = self.model.theta / scales
+        least_squares(
+            lambda x: self.errors(x * scales) / size,
+            origin,
+            lambda x: (start if np.array_equal(x, origin) else self.jacobian(x * scales)) * (scales / size),
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=1e-12,
+            gtol=1e-15,
+            max_nfev=self.max_steps,
+        )
 
     def errors(self, theta: Array) -> Array:
         """Computed minus measured outputs, shape (n_samples,); large where the run diverges."""
@@ -333,8 +377,7 @@ def _refined(model: NarxModel, theta: Array, recordings: tuple[Recording, ...]) 
     free = np.concatenate([changed.simulate(record).residuals[0] for record in recordings])
     one_step = np.concatenate([changed.predict(record).residuals[0] for record in recordings])
     freedom = max(free.size - theta.size, 1)
-    norms = np.linalg.norm(slopes, axis=0)
-    root = np.linalg.pinv(np.linalg.qr(slopes / norms, mode="r")) / norms[:, None]
+    root = gram_inverse_root(slopes)
     return replace(
         changed,
         theta_cov=float(free @ free) / freedom * (root @ root.T),

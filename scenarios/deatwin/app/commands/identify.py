@@ -36,6 +36,7 @@ class Method(StrEnum):
     FROLS = "frols"
     LASSO = "lasso"
     SEMP = "semp"
+    GROW = "grow"
 
 
 Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
@@ -43,7 +44,8 @@ ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The
 MethodOption = Annotated[
     Method,
     typer.Option(
-        help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower)."
+        help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower); "
+        "grow: from a linear model on, for noise on the readings."
     ),
 ]
 InputLag = Annotated[
@@ -243,11 +245,11 @@ def _write_report(
 
 
 def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:
-    from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
+    from deatwin.ident.narx import Frols, Grow, Lasso, Semp, SvbNarx
 
     if method is Method.SVB:
         return SvbNarx(**lags)
-    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp}
+    searches = {Method.FROLS: Frols, Method.LASSO: Lasso, Method.SEMP: Semp, Method.GROW: Grow}
     return searches[method](**lags, max_terms=max_terms)
 
 

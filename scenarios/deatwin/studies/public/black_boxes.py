@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
@@ -14,13 +13,13 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxIdentifier
 from deatwin.ident.narx.frols import Frols
+from deatwin.ident.narx.grow import Grow
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, LinearModel, OutputError
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.refine import extend, prune, refine
+from deatwin.ident.narx.refine import refine
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.svb import SvbNarx
-from deatwin.ident.narx.terms import generate_terms
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.records import DataSet
@@ -55,28 +54,6 @@ def _fro(data: DataSet) -> NarxModel:
     return _narx(data, Frols, max_terms=data.candidates.max_terms, criterion="none")
 
 
-def _on_part(data: DataSet, part: Recording) -> NarxModel:
-    """Grow a structure from a linear model by the free-run error, half as large again as allowed, and prune it."""
-    chosen = data.candidates
-    lags = [lag for lag in chosen.input_lags if lag <= 2]
-    first, held_out = (part.section(*ends) for ends in pairwise((0, 2 * part.n_samples // 3, part.n_samples)))
-    linear = Arx(na=2, nb=len(lags), nk=lags[0]).fit(first).model_.to_narx()
-    terms = generate_terms(chosen.output_lags, chosen.input_lags, chosen.degree, rule=chosen.rule)
-    larger = extend(linear, first, terms, max_terms=3 * chosen.max_terms // 2)[-1]
-    allowed = [m for m in prune(larger, first, n_terms=len(linear.terms)) if len(m.terms) <= chosen.max_terms]
-    runs = [model.simulate(held_out) for model in allowed]
-    errors = [run.rms_error if run.status.ok else np.inf for run in runs]
-    return refine(allowed[int(np.argmin(errors))], part)
-
-
-def _grown(data: DataSet) -> NarxModel:
-    """Grow a structure on each part of the training recording; keep the one that runs best over all of it."""
-    length = data.train.n_samples // data.parts
-    parts = [data.train.section(i * length, (i + 1) * length) for i in range(data.parts)]
-    models = [refine(_on_part(data, part), data.train) for part in parts]
-    return min(models, key=lambda model: model.simulate(data.train).rms_error)
-
-
 METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
     {
         "ARX, linear": _arx,
@@ -86,7 +63,7 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
         SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
         "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # the published algorithm
         REFINED: lambda data: refine(_fro(data), data.train),
-        GROWN: _grown,
+        GROWN: lambda data: _narx(data, Grow, max_terms=data.candidates.max_terms, parts=data.parts),
     }
 )
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Lasso, Narmax, Semp, SvbNarx, generate_terms
+from deatwin.ident.narx import Frols, Grow, Lasso, Narmax, Semp, SvbNarx, generate_terms
 from deatwin.ident.narx.lags import channel_lags, lags_anywhere
 from deatwin.ident.narx.preprocess import choose_orders
 from deatwin.plant.errors import ModelError
@@ -33,7 +33,7 @@ def test_ways_to_give_the_same_lags(lags):
 
 
 @pytest.mark.parametrize(
-    "identifier", [Frols(criterion="bic"), Lasso(), Semp(), SvbNarx(), Narmax(Frols(criterion="bic"))], ids=repr
+    "identifier", [Frols(criterion="bic"), Lasso(), Semp(), Grow(), SvbNarx(), Narmax(Frols(criterion="bic"))], ids=repr
 )
 def test_each_identifier_finds_the_terms_among_the_lags_of_each_input(identifier):
     inner = identifier.process if isinstance(identifier, Narmax) else identifier

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from deatwin.ident.narx import NarxModel, SvbNarx
+from deatwin.ident.narx import NarxModel, SvbNarx, refine
 from deatwin.ident.narx.posterior import ThetaPosterior, regressors
 from deatwin.ident.narx.predictive import BandStatus, free_run_band, one_step_band
 from deatwin.plant.errors import ModelError
@@ -137,3 +137,35 @@ def test_the_picture_shows_the_band(model):
     shaded = axes.collections[0].get_paths()[0].vertices[:, 1]
     assert shaded.min() == band.lower.min() and shaded.max() == band.upper.max()
     pyplot.close("all")
+
+
+def test_with_noise_on_the_readings_the_band_holds_new_readings():
+    """40 records of a resonance with noise on the readings: 92 to 98 % of new readings lie in the 95 % band of the
+    refined model, which is little wider than the noise. Taken as noise of the equation it is several times as wide.
+    """
+    rng, noise = np.random.default_rng(11), 0.1
+    plant = NarxModel.from_terms({"y(k-1)": 1.7, "y(k-2)": -0.85, "u(k-1)": 0.2, "y(k-1)^3": -0.01}, sample_time=1.0)
+
+    def drawn():
+        u = rng.normal(size=300)
+        clean = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs
+        return Recording.from_arrays(u, clean + noise * rng.normal(size=300), 1.0)
+
+    coverages, widths = [], []
+    for _ in range(40):
+        training, unseen = drawn(), drawn()
+        model = refine(plant, training)
+        band = free_run_band(model, unseen, rng, n_draws=200, output_noise=model.simulate(training).rms_error)
+        coverages.append(band.coverage[0])
+        widths.append((band.upper - band.lower)[0, band.first :].mean() / (2 * 1.96 * noise))
+    assert 0.92 <= np.mean(coverages) <= 0.98
+    assert np.median(widths) < 1.3
+    wide = free_run_band(model, unseen, rng)
+    assert np.mean(wide.upper - wide.lower) > 2 * np.mean(band.upper - band.lower)
+
+
+def test_a_negative_noise_on_the_readings_is_refused():
+    plant = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0)
+    recording = Recording.from_arrays(np.ones(20), np.zeros(20), 1.0)
+    with pytest.raises(ModelError, match=r"output_noise = -1; it must be a standard deviation of at least 0"):
+        free_run_band(plant, recording, np.random.default_rng(0), output_noise=-1)

@@ -155,3 +155,23 @@ def test_what_cannot_be_refined_is_refused() -> None:
     unstable = NarxModel.from_terms({"y(k-1)": 3.0, "u(k-1)": 1.0}, sample_time=0.1)
     with pytest.raises(ModelError, match="diverges at"):
         refine(unstable, recording)
+
+
+@pytest.mark.parametrize("units", [(1e3, 1e-9), (1e-6, 1e9)])
+def test_the_search_does_not_depend_on_units(units):
+    rng = np.random.default_rng(8)
+    u = rng.normal(size=500)
+    plant = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.5, "y(k-1)^2": -0.05}, sample_time=1.0)
+    y = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs[0] + 0.1 * rng.normal(size=500)
+    scales = np.array([1.0, units[1] / units[0], 1 / units[1]])
+    near = NarxModel.from_terms({"y(k-1)": 0.7, "u(k-1)": 0.6, "y(k-1)^2": 0.01}, sample_time=1.0)
+    found = refine(near, Recording.from_arrays(u, y, 1.0))
+    scaled = refine(replace(near, theta=near.theta * scales), Recording.from_arrays(units[0] * u, units[1] * y, 1.0))
+    np.testing.assert_allclose(scaled.theta / scales, found.theta, rtol=1e-5)
+    candidates = generate_terms(2, 2, 2)
+    for one, other in zip(
+        extend(found, Recording.from_arrays(u, y, 1.0), candidates, max_terms=6),
+        extend(scaled, Recording.from_arrays(units[0] * u, units[1] * y, 1.0), candidates, max_terms=6),
+        strict=True,
+    ):
+        assert one.terms == other.terms

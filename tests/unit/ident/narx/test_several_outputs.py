@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, NarxModel, SvbNarx
+from deatwin.ident.narx import Frols, Grow, NarxModel, SvbNarx
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -75,7 +75,7 @@ def test_a_model_of_several_outputs_prints_an_equation_each():
     )
 
 
-@pytest.mark.parametrize("identifier", [Frols(), SvbNarx()], ids=repr)
+@pytest.mark.parametrize("identifier", [Frols(), SvbNarx(), Grow()], ids=repr)
 def test_estimators_find_every_equation(identifier):
     rng = np.random.default_rng(2)
     u = rng.uniform(-1, 1, 2000)

@@ -1,0 +1,228 @@
+"""Growth from a linear model by the free-run error: terms added, taken out again, and counted on held-out samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
+from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.output_error import with_correlated_error
+from deatwin.ident.narx.refine import least_error
+from deatwin.ident.narx.regression import Regression
+from deatwin.ident.narx.single_output import single_output
+from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+Array = NDArray[np.float64]
+
+# Of the progress: the search; the rest is the refinement on all recordings.
+_SEARCH = 0.9
+
+
+class Grow(NarxIdentifier):
+    """Grow a model from a linear one by the free-run error, and prune it.
+
+    The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
+    to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
+    half as many terms again as allowed. Terms are then removed one by one, always the one that raises the error least
+    (`prune`). Of all these models with at most ``max_terms`` terms, the one with the smallest free-run error on held-out
+    samples is kept and refined on all samples.
+
+    Parameters are those of an output-error model: they are unbiased if the noise is on the readings, where least
+    squares of the one-step error is biased. Where the noise acts on the plant itself, the one-step methods (`Frols`,
+    `SvbNarx`) use it better.
+
+    Parameters
+    ----------
+    output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
+        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
+        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
+        2], "w": [4, 5]}``.
+    degree : int
+        Largest degree of a candidate.
+    rule : callable, optional
+        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+    max_terms : int
+        Largest number of terms.
+    held_out : float
+        Share of each recording, at its end, that chooses the number of terms.
+    parts : int
+        Number of parts into which each recording is cut. A structure is grown on each part, refined on all recordings,
+        and the one with the smallest free-run error there is kept: several structures are tried for the time of one.
+
+    Attributes
+    ----------
+    model_ : NarxModel
+        The identified model, in physical units. ``theta_cov`` is that of an output-error estimate whose free-run error
+        may be correlated in time: ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of the free run and the
+        covariance R of its error, from an autoregressive model. The choice of the terms is not in it; after an
+        interrupt it is that of `refine`.
+    terms_ : tuple of Term
+        Terms of the model.
+    path_ : tuple of GrowStep
+        Steps of the growth and of the pruning, on the part whose structure was kept.
+    errors_, held_out_errors_ : ndarray, shape (n_steps,)
+        Root mean square of the free-run error after each step, on the samples that trained the structure and on the
+        held-out ones, in the output's unit.
+
+    Notes
+    -----
+    With several outputs, the other outputs are taken as measured while the terms of one equation are chosen and
+    estimated, as in `Semp`.
+
+    References
+    ----------
+    Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 4.2, 9.4 and 10.3: output-error
+    models, the covariance of their parameters, and the search.
+    den Haan, Levin, "A practitioner's guide to robust covariance matrix estimation", Handbook of Statistics 15 (1997)
+    299-342: the autoregressive model of the error.
+    """
+
+    def __init__(
+        self,
+        *,
+        output_lags: Lags = 2,
+        input_lags: Lags = 2,
+        degree: int = 2,
+        rule: Rule | None = None,
+        max_terms: int = 15,
+        held_out: float = 1 / 3,
+        parts: int = 1,
+    ) -> None:
+        self.output_lags = output_lags
+        self.input_lags = input_lags
+        self.degree = degree
+        self.rule = rule
+        self.max_terms = max_terms
+        self.held_out = held_out
+        self.parts = parts
+
+    def _check(self) -> None:
+        for name in ("max_terms", "parts"):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < 1:
+                raise ModelError(f"{name} = {value!r}; it must be an integer of at least 1")
+        if not 0 < self.held_out < 1:
+            raise ModelError(f"held_out = {self.held_out}; it must lie between 0 and 1")
+
+    def _learn(self, data: Regression, progress: Progress) -> NarxModel:
+        single = single_output(data)
+        found: list[tuple[NarxModel, GrowSearch]] = []
+        search = None
+        with self._interrupt_noted():
+            for number, part in enumerate(self._parts(single)):
+                search = GrowSearch(self, part)
+                search.run(_part_of(progress, number, self.parts))
+                if (grown := _refined(search.best(), part, single)) is not None:
+                    found.append((grown, search))
+                progress((number + 1) / self.parts, "refined on all samples")
+        if not self.status_.ok and not found and search is not None and (grown := search.best()) is not None:
+            found.append((grown, search))
+        if not found and not self.status_.ok:
+            raise KeyboardInterrupt
+        if not found:
+            raise ModelError(
+                "no model was found whose free run stays finite on all samples; allow a lower degree or other lags"
+            )
+        model, search = min(found, key=lambda one: run_error(one[0], single.recordings))
+        if self.status_.ok:
+            with self._interrupt_noted():
+                model = with_correlated_error(model, single.recordings)
+        named = dict(zip(single.table.terms, data.table.terms, strict=True))
+        self.path_ = tuple(_renamed(step, named) for step in search.path)
+        self.errors_ = np.array([step.error for step in self.path_])
+        self.held_out_errors_ = np.array([step.held_out_error for step in self.path_])
+        kept = data.only([single.table.terms.index(term) for term in model.terms])
+        self.terms_, scale = kept.table.terms, kept.term_scales
+        return kept.model(
+            model.theta / scale,
+            model.theta_cov / np.outer(scale, scale),
+            float(model.noise_variance) / kept.output_scale**2,
+            identifier=self,
+        )
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """Return nothing: an error one step ahead above that of least squares is what its parameters are for."""
+        return ()
+
+    def _parts(self, data: Regression) -> list[Regression]:
+        """Cut every recording into so many parts; the first of each make the first regression, and so on."""
+        shortest = min(record.n_samples for record in data.recordings) // self.parts
+        if self.parts > 1 and shortest * min(self.held_out, 1 - self.held_out) <= data.first + 1:
+            raise ModelError(
+                f"parts = {self.parts}: parts of {shortest} samples are too short for lags up to {data.first} with "
+                f"held_out = {self.held_out:g}; take fewer parts"
+            )
+        lengths = [record.n_samples // self.parts for record in data.recordings]
+        pairs = list(zip(data.recordings, lengths, strict=True))
+        return [
+            replace(data, recordings=tuple(record.section(i * n, (i + 1) * n) for record, n in pairs))
+            for i in range(self.parts)
+        ]
+
+    @contextmanager
+    def _interrupt_noted(self) -> Iterator[None]:
+        """End what is done inside on Ctrl-C, and say so in the status."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.status_ = FitStatus.INTERRUPTED
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the free-run errors of the path over the number of terms, and the model that was kept.
+
+        Parameters
+        ----------
+        ax : matplotlib Axes, optional
+            Axes to draw on; created if omitted.
+
+        Returns
+        -------
+        matplotlib Axes
+        """
+        axes = axes_or_new(ax)
+        counts = np.array([len(step.terms) for step in self.path_])
+        last = int(np.argmax(counts)) + 1  # of the growth
+        for errors, color, label in ((self.errors_, "C0", "training"), (self.held_out_errors_, "C1", "held out")):
+            shown = np.where(np.isfinite(errors), errors, np.nan)
+            axes.semilogy(counts[:last], shown[:last], "o:", color=color, markersize=3, label=f"{label}, growing")
+            axes.semilogy(counts[last - 1 :], shown[last - 1 :], "s-", color=color, markersize=3, label=label)
+        axes.axvline(len(self.terms_), color="tab:gray", linestyle="--", label="kept")
+        unit = self.model_.output_units[0]
+        axes.set_xlabel("terms")
+        axes.set_ylabel(f"free-run error, rms ({unit})" if unit else "free-run error, rms")
+        axes.legend(loc="upper right")
+        return axes
+
+
+def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:
+    """Return a step with other terms in place of its own."""
+    added, pruned, terms = (tuple(named[term] for term in each) for each in (step.added, step.pruned, step.terms))
+    return replace(step, added=added, pruned=pruned, terms=terms)
+
+
+def _part_of(progress: Progress, part: int, parts: int) -> Progress:
+    """Return what takes the progress of the search on one part of several."""
+    return lambda share, doing: progress((part + _SEARCH * share) / parts, doing)
+
+
+def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> NarxModel | None:
+    """Return a model refined on its part and then on all recordings; None if there is none, or it diverges there."""
+    if best is None:
+        return None
+    with suppress(ModelError):
+        return least_error(least_error(best, part.recordings), whole.recordings)
+    return None

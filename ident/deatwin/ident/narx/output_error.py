@@ -1,0 +1,73 @@
+"""The covariance of parameters of least free-run error whose error is correlated in time.
+
+The usual ``sigma^2 (S'S)^-1``, with the sensitivities S of the free run, holds for white errors. What a plant's own
+noise and missing terms leave of a free run is seldom white, and the covariance is then ``(S'S)^-1 S'RS (S'S)^-1`` with
+the covariance matrix R of the errors: here that of the autoregressive process that fits them best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.covariance import gram_inverse_root
+from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.refine import sensitivities
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:
+    """Return a model of least free-run error on recordings with the covariance that its correlated errors leave."""
+    from scipy.linalg import matmul_toeplitz
+
+    slopes = [sensitivities(model, record) for record in recordings]
+    errors = [model.simulate(record).residuals[0] for record in recordings]
+    correlation = autocovariance(errors)
+    joined = np.concatenate(slopes)
+    root = gram_inverse_root(joined)
+    middle = np.zeros((root.shape[1],) * 2)
+    for part in slopes:
+        directions = part @ root  # orthonormal over all recordings
+        middle += directions.T @ matmul_toeplitz(correlation[: len(part)], directions, check_finite=False)
+    samples = len(joined)
+    spread = 0.5 * samples / max(samples - model.theta.size, 1) * (middle + middle.T)
+    return replace(model, theta_cov=root @ spread @ root.T)
+
+
+def autocovariance(errors: Sequence[Array]) -> Array:
+    """Return the autocovariance at all lags, (longest,), of the autoregressive process that Akaike's criterion prefers.
+
+    Coefficients follow from the sample autocovariances (Yule and Walker), which makes the process stable.
+    """
+    from scipy.linalg import solve_toeplitz
+    from scipy.signal import lfilter
+
+    longest, n = max(e.size for e in errors), sum(e.size for e in errors)
+    most = min(int(10 * np.log10(n)), longest // 4)  # as in `ar` of R and most texts
+    sample = np.array([sum(float(e[lag:] @ e[: e.size - lag]) for e in errors) for lag in range(most + 1)]) / n
+    found = np.zeros(longest)
+    found[0] = sample[0]
+    if sample[0] == 0.0:
+        return found
+    best, chosen = 0.0, np.empty(0)
+    for order in range(1, most + 1):
+        coefficients = solve_toeplitz(sample[:order], sample[1 : order + 1])
+        left = 1.0 - float(coefficients @ sample[1 : order + 1]) / sample[0]
+        if left <= 0.0:
+            break
+        if (criterion := n * np.log(left) + 2 * order) < best:
+            best, chosen = criterion, coefficients
+    order = chosen.size
+    if order == 0:
+        return found
+    found[: order + 1] = sample[: order + 1]
+    # From there on g(k) = sum_i a_i g(k-i), a filter without input that starts from the lags before.
+    whole = np.concatenate([[1.0], -chosen])
+    state = np.array([chosen[i:] @ sample[order:i:-1][: order - i] for i in range(order)])
+    found[order + 1 :] = lfilter([1.0], whole, np.zeros(longest - order - 1), zi=state)[0]
+    return found
