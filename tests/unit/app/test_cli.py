@@ -46,21 +46,7 @@ def test_an_effect_is_added(on_bench: Path, capsys: pytest.CaptureFixture[str]) 
     assert read_csv("rc.csv", input_column="low_mm")[0].n_samples == 200
 
 
-<<<<<<< HEAD
-@pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp"])
-=======
-def test_pull_in_ends_with_one_line(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "soft.toml", "high.csv", "--out", "never.csv"]) == 1
-    error = capsys.readouterr().err
-    assert error.startswith("error: the simulation stopped at ")
-    assert "V on the film" in error
-    assert "pull-in" in error
-    assert error.count("\n") == 1
-    assert not Path("never.csv").exists()
-
-
 @pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp", "grow"])
->>>>>>> grow
 def test_identify(on_bench: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
     assert main(["identify", "pulls.csv", *COLUMNS, "--method", method, "--out", "narx.json", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
