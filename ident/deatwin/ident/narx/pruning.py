@@ -97,16 +97,6 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
     return axes
 
 
-def draw_iterations(step: PruningStep, ax: Axes | None = None) -> Axes:
-    """Draw the lower bound over the updates of one step."""
-    axes = axes_or_new(ax)
-    axes.plot(np.arange(1, len(step.bounds) + 1), step.bounds, marker=".")
-    axes.set_xlabel("update")
-    axes.set_ylabel("lower bound (nats)")
-    axes.set_title(f"{len(step.terms)} terms")
-    return axes
-
-
 def draw_relevance(step: PruningStep, ax: Axes | None = None, *, truth: Sequence[Term] = ()) -> Axes:
     """Draw the relevance of each term of a step, with the threshold and those that it prunes."""
     axes = axes_or_new(ax)

@@ -108,11 +108,6 @@ class NarxResponse(Described):
         return axes
 
 
-def _one(units: tuple[str, ...]) -> str:
-    """The unit of all outputs; empty where they differ."""
-    return units[0] if len(set(units)) == 1 else ""
-
-
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
     """Return the magnitude beyond which a free run has diverged, in the unit of the largest output. Shapes:
     `measured` (n_outputs, n); `origin` (n_outputs,).
