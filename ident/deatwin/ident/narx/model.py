@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -26,7 +25,7 @@ from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -37,7 +36,7 @@ def _variance_unit(model: NarxModel) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxModel(Described):
+class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), with one or several outputs.
 
     In the terms, y and u are the signals minus their origins. Powers of a signal that is far from zero compared with
@@ -398,32 +397,6 @@ class NarxModel(Described):
             first=first,
             fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
         )
-
-    def save(self, path: str | Path) -> None:
-        """Write the model as JSON ("deatwin/narx/1"), beside the target first and then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
 
     def _check(self, recording: Recording, n_outputs: int | None) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""

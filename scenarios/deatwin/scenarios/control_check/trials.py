@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from deatwin.control.design.pid import Limits
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.errors import DeatwinError
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
 from deatwin.studies.rates import Rate
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
@@ -81,15 +81,6 @@ class Outcome:
     sound: bool | None  # True if the true rig kept every limit on its runs; None where there was no controller
     truth: str  # The worst finding on the true rig
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """Read what `to_dict` made."""
-        return cls(**data)
-
 
 def try_one(number: int, seed: int) -> Outcome:
     """Fabricate a rig, identify and calibrate it, design, check, and run the design on the truth."""
@@ -97,17 +88,18 @@ def try_one(number: int, seed: int) -> Outcome:
     bench = random_bench(rng)
     name, closed_loop_time = str(rng.choice(list(DESIGNS))), float(10 ** rng.uniform(-1.3, 0.0))
     operating_input = float(rng.uniform(1.9, 3.1))
-    told = {
-        "number": number,
-        "concealed": "+".join(bench.concealed),
-        "design": name,
-        "closed_loop_time": closed_loop_time,
-        "band_Hz": bench.band_Hz,
-    }
+    told = partial(
+        Outcome,
+        number=number,
+        concealed="+".join(bench.concealed),
+        design=name,
+        closed_loop_time=closed_loop_time,
+        band_Hz=bench.band_Hz,
+    )
     try:
         model, known = identified(bench.recording), calibrated(bench.recording)
     except DeatwinError as error:
-        return Outcome.from_dict({**told, "verdict": NO_MODEL, "reason": str(error), **_NOTHING})
+        return told(verdict=NO_MODEL, reason=str(error), **_NOTHING)
     found = check(
         model,
         known,
@@ -118,7 +110,7 @@ def try_one(number: int, seed: int) -> Outcome:
         recording=bench.recording,
     )
     truth = _truth(found, bench, model, rng)
-    return Outcome.from_dict({**told, "verdict": found.verdict.value, "reason": found.reason, **truth})
+    return told(verdict=found.verdict.value, reason=found.reason, **truth)
 
 
 def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generator) -> dict[str, Any]:
@@ -155,17 +147,12 @@ class Trials(CaseStore[SweepSeal]):
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials."""
-        return tuple(self._outcome(name_of(number)) for number in numbers)
+        stamped = self.seal.stamp("")
 
-    def _outcome(self, name: str) -> Outcome:
-        found = self.get(name)
-        content = {key: value for key, value in found.items() if key not in self.seal.stamp(name)}
-        try:
-            return Outcome.from_dict(content)
-        except TypeError as error:
-            raise DataError(
-                f"{self.path(name)}: it must hold a trial ({error}); delete it, and it is run again"
-            ) from None
+        def outcome(found: dict[str, Any]) -> Outcome:
+            return Outcome(**{key: value for key, value in found.items() if key not in stamped})
+
+        return tuple(self.read(name_of(number), outcome, "trial") for number in numbers)
 
 
 def name_of(number: int) -> str:

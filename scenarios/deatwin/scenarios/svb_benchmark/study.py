@@ -13,7 +13,6 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.errors import DataError
 from deatwin.scenarios.svb_benchmark.draws import (
     Comparison,
     Contrast,
@@ -144,13 +143,7 @@ class Draws(CaseStore[SweepSeal]):
 
     def answer(self, name: str) -> Answer:
         """Read a case."""
-        found = self.get(name)
-        try:
-            return Answer.from_dict(found)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DataError(
-                f"{self.path(name)}: it must hold a case ({error!r}); delete it, and it is run again"
-            ) from None
+        return self.read(name, Answer.from_dict)
 
 
 def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,7 +32,7 @@ from deatwin.plant.datasets import (
     squared,
     variable,
 )
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -46,7 +45,7 @@ _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls wi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModel(Described):
+class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Linear model with one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
     Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
@@ -344,32 +343,6 @@ class LinearModel(Described):
             output_units=self.output_units,
             provenance=self.provenance,
         )
-
-    def save(self, path: str | Path) -> None:
-        """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
 
     def _require(self, recording: Recording, outputs: int | None = 1) -> None:
         """Raise ModelError unless the recording suits."""
