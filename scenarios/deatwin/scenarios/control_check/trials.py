@@ -25,6 +25,7 @@ from deatwin.control.linear.model import LinearModel
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import DeatwinError
+from deatwin.plant.records import read
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
 from deatwin.studies.rates import Rate
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
@@ -147,12 +148,7 @@ class Trials(CaseStore[SweepSeal]):
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials."""
-        stamped = self.seal.stamp("")
-
-        def outcome(found: dict[str, Any]) -> Outcome:
-            return Outcome(**{key: value for key, value in found.items() if key not in stamped})
-
-        return tuple(self.read(name_of(number), outcome, "trial") for number in numbers)
+        return tuple(self.read(name_of(number), partial(read, Outcome), "trial") for number in numbers)
 
 
 def name_of(number: int) -> str:
