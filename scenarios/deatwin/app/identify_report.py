@@ -15,7 +15,7 @@ from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.panels import Hue, plain_numbers
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
@@ -162,8 +162,6 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
 
 def _terms(found: Identified) -> Drawing:
     """Each parameter in units of its standard deviation: from two on it is told from zero."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     model = found.model
     spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
     certainty = np.abs(model.theta) / np.where(spread > 0, spread, np.nan)
@@ -175,9 +173,7 @@ def _terms(found: Identified) -> Drawing:
         axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
         caption = "How surely each term is there: its parameter beside what is not known of it."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))

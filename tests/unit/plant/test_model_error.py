@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording, Rig, SimulationError, StartProcedure
+from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording, Rig, SimulationError
 from deatwin.plant import model_error as module
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.model_error import Discrepancy
@@ -31,10 +31,6 @@ class Line(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=1.0, unit="m/V", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def finer(self) -> "Line":
         return Line(square=0.1)

@@ -16,7 +16,7 @@ from deatwin.control import Check, LinearController, check, lambda_tuning, linea
 from deatwin.ident.narx import NarxModel, Residual
 from deatwin.ident.narx.excited import BAND_KEY
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.plant import Parameter, Plant, Rig, StartProcedure
+from deatwin.plant import Parameter, Plant, Rig
 from deatwin.plant.builder import Builder
 
 H, LAG, SLOPE = 0.02, 0.01, 2.0
@@ -46,10 +46,6 @@ class Lags(Rig):
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=self.slope, unit="mm/V", lower=1e-6, upper=100.0),)
 
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
-
     def write(self, build: Builder) -> Any:
         grown = 1 + build.constant("cubic", self.cubic) * build.command**2
         before = build.parameter("slope") * build.command * grown
@@ -76,10 +72,6 @@ class Gap(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="stiffness", value=1.0, unit="1", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.state("position", scale=1.0)

@@ -33,7 +33,6 @@ from deatwin.plant import (
     Rig,
     SensorLag,
     SensorSaturation,
-    StartProcedure,
     actuation_curve,
     thesis_plant,
 )
@@ -64,10 +63,6 @@ class Gap(Rig):
             Parameter(name="stiffness", value=self.stiffness, unit="1", lower=-10.0, upper=10.0),
             Parameter(name="damping", value=0.1, unit="s", lower=0.0, upper=10.0),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.state("position", scale=1.0)

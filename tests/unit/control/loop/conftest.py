@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from deatwin.plant import Parameter, Plant, Rig, StartProcedure
+from deatwin.plant import Parameter, Plant, Rig
 from deatwin.plant.builder import Builder
 
 
@@ -28,10 +28,6 @@ class Curve(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="slope", value=2.0, unit="mm/V", lower=0.1, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         wanted = build.parameter("slope") * build.command + build.constant("cubic", self.cubic) * build.command**3

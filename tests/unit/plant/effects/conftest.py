@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import Film, FilmPoint
@@ -41,10 +41,6 @@ class Chain(Rig):
             Parameter(name="gain", value=800.0, unit="V/V", lower=1.0, upper=1e4),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=1.0, known=True),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         swelling = build.state("swelling", scale=1.0)

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
-from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Diaphragm, Experiment, Hysteresis, Parameter, Plant, Recording, Rig
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
@@ -38,10 +38,6 @@ class Mass(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="damping", value=self.damper, unit="N s/m", lower=0.0, upper=10.0),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=1e-3))

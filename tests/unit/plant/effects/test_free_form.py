@@ -18,7 +18,6 @@ from deatwin.plant import (
     Plant,
     Rig,
     RigError,
-    StartProcedure,
     catalogue,
     effect_named,
 )
@@ -72,10 +71,6 @@ class Mass(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(name="stiffness", value=400.0, unit="N/m", lower=1.0, upper=1e5),)
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         x = build.watch("displacement", build.state("position", scale=1e-2))

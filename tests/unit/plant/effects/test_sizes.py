@@ -20,7 +20,6 @@ from deatwin.plant import (
     Plant,
     Recording,
     Rig,
-    StartProcedure,
     catalogue,
 )
 from deatwin.plant.builder import Builder
@@ -68,10 +67,6 @@ class Mass(Rig):
             Parameter(name="stiffness", value=30.0 * self.push / self.length, unit="N/m", lower=0.0, upper=1e9),
             Parameter(name="gain", value=6e-3 * self.push / self.order, unit="N/V", lower=0.0, upper=1e9),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=1e-3 * self.length))
