@@ -19,7 +19,7 @@ from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.horizon import require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
@@ -317,7 +317,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             return self._predict_further(recording, steps)
         signals = self.about_origin(recording.inputs, recording.outputs)
         outputs = recording.outputs - innovations(self.table, self.theta, *signals, self.equations)
-        return self._response(recording, outputs, first)
+        return response_over(recording, outputs, first, self.output_units)
 
     def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
         """Predict more than one step ahead."""
@@ -332,9 +332,9 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         first = self.table.max_lag + steps - 1
         outputs = np.concatenate([recording.outputs[:, :first], found + self.output_origin[:, None]], axis=1)
         if not failed.any():
-            return self._response(recording, outputs, first)
+            return response_over(recording, outputs, first, self.output_units)
         when = float(recording.timepts[first + int(np.argmax(failed))])
-        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
+        return response_over(recording, outputs, first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording | ArrayLike, *, initial: ArrayLike | None = None) -> NarxResponse:
         """Simulate in free run, from the inputs and the outputs before the first computed sample, with zero noise.
@@ -374,9 +374,9 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
         outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
         if failed is None:
-            return self._response(drive, outputs, drive.first)
+            return response_over(drive, outputs, drive.first, self.output_units)
         when = float(drive.timepts[start + failed])
-        return self._response(drive, outputs, drive.first, ResponseStatus.DIVERGED, when)
+        return response_over(drive, outputs, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def _drive(self, given: Recording | ArrayLike, initial: ArrayLike | None) -> Drive:
         """Return what drives a free run, after checking that it suits."""
@@ -408,22 +408,3 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             fewest=self.table.max_lag + 1,
         )
         return self.table.max_lag
-
-    def _response(
-        self,
-        run: Recording | Drive,
-        outputs: Array,
-        first: int,
-        status: ResponseStatus = ResponseStatus.OK,
-        failed_at_s: float | None = None,
-    ) -> NarxResponse:
-        outputs.setflags(write=False)
-        return NarxResponse(
-            outputs=outputs,
-            measured=run.outputs if isinstance(run, Recording) else run.measured,
-            timepts=run.timepts,
-            first=first,
-            status=status,
-            failed_at_s=failed_at_s,
-            units=self.output_units,
-        )

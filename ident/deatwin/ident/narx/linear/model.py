@@ -20,7 +20,7 @@ from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import (
     Described,
@@ -215,9 +215,9 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
             self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup, steps
         )
         if failed is None:
-            return self._response(recording, outputs, first)
+            return response_over(recording, outputs[None], first, self.output_units)
         when = float(recording.timepts[failed])
-        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
+        return response_over(recording, outputs[None], first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(
         self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
@@ -258,8 +258,10 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
         limit = measured_limit(output) if np.all(np.isfinite(drive.measured)) else divergence_limit(None, output)
         outputs, first, failed = free_run(self.polynomials, lag, drive.inputs, output, drive.first - lag, limit)
         if failed is None:
-            return self._response(drive, outputs, first)
-        return self._response(drive, outputs, first, ResponseStatus.DIVERGED, float(drive.timepts[failed]))
+            return response_over(drive, outputs[None], first, self.output_units)
+        return response_over(
+            drive, outputs[None], first, self.output_units, ResponseStatus.DIVERGED, float(drive.timepts[failed])
+        )
 
     def _drive(self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None) -> Drive:
         """Return what drives a free run, after checking that it suits."""
@@ -357,24 +359,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
     def _warmup(self, recording: Recording, states: int) -> int:
         self._require(recording)
         return max(states, min(_WARMUP_PER_STATE * states, recording.n_samples // 3))
-
-    def _response(
-        self,
-        run: Recording | Drive,
-        outputs: Array,
-        first: int,
-        status: ResponseStatus = ResponseStatus.OK,
-        failed_at_s: float | None = None,
-    ) -> NarxResponse:
-        return NarxResponse(
-            outputs=read_only(outputs[None]),
-            measured=run.outputs if isinstance(run, Recording) else run.measured,
-            timepts=run.timepts,
-            first=first,
-            status=status,
-            failed_at_s=failed_at_s,
-            units=self.output_units,
-        )
 
 
 def _written(polynomial: Array) -> str:
