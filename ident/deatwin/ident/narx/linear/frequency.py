@@ -1,61 +1,14 @@
-"""The frequency response of a linear model and the covariance that its parameters give it."""
+"""The frequency response of a linear model and its derivative by the parameters."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
-from deatwin.plant.datasets import PART_COORDINATES, Described, Metadata, coordinate, variable
+from deatwin.ident.narx.linear.polynomials import Orders
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LinearFrequencyResponse(Described):
-    """Frequency response G_i = B_i/(A F_i) of a linear model, for each input.
-
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Angular frequencies in rad/s.
-    values : ndarray of complex, shape (n_inputs, n)
-        Frequency response G_i, in the output's unit per input unit.
-    covariance : ndarray, shape (n_inputs, n, 2, 2)
-        Covariance of real and imaginary part, to first order in the parameter errors.
-    """
-
-    omega: Array = field(metadata=variable("point", unit="rad/s"))
-    values: Complex = field(metadata=variable("input", "point", name=""))
-    covariance: Array = field(metadata=variable("input", "point", "part", "other_part"))
-
-    DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "frequency_Hz": coordinate("point", of=lambda found: found.omega / (2 * np.pi), unit="Hz"),
-        **PART_COORDINATES,
-    }
-
-    def __post_init__(self) -> None:
-        for array in (self.omega, self.values, self.covariance):
-            array.setflags(write=False)
-
-
-def frequency_response(
-    orders: Orders, polynomials: Polynomials, theta_cov: Array, omega: Array, sample_time: float
-) -> LinearFrequencyResponse:
-    """Return the frequency response of each input. Shapes: `theta_cov` (n_theta, n_theta); `omega` (n,)."""
-    theta, angle = orders.join(polynomials), omega * sample_time
-    values, covariance = [], []
-    for channel in range(len(polynomials.b)):
-        gradient = transfer_gradient(orders, theta, angle, channel)
-        parts = np.stack([gradient.real, gradient.imag], axis=1)
-        values.append(transfer(orders, theta, angle, channel))
-        covariance.append(parts @ theta_cov @ parts.swapaxes(1, 2))
-    return LinearFrequencyResponse(omega=omega.copy(), values=np.array(values), covariance=np.array(covariance))
 
 
 def transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:

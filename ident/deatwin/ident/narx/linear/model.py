@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.linear.document import SCHEMA, by_power, fields_of, length, to_document
-from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
@@ -287,22 +286,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
             sample_time=self.sample_time,
             first=lag + poles,
             fewest=poles,
-        )
-
-    def frequency_response(self, omega: ArrayLike) -> LinearFrequencyResponse:
-        """Return the frequency response from each input to the output, with its covariance.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies in rad/s.
-
-        Returns
-        -------
-        LinearFrequencyResponse
-        """
-        return frequency_response(
-            self.orders, self.polynomials, self.theta_cov, np.asarray(omega, dtype=np.float64), self.sample_time
         )
 
     def to_control(self) -> TransferFunction:
