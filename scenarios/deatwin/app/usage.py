@@ -7,7 +7,7 @@ from collections import Counter
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 
 class Command(TyperCommand):
@@ -17,7 +17,7 @@ class Command(TyperCommand):
         """Parse the words of a command; an option that takes one value and is given twice is a mistake."""
         *_, given = self.make_parser(ctx).parse_args(list(args))
         for option, times in Counter(given).items():
-            single = option.param_type_name == "option" and not option.is_flag and not option.multiple
+            single = isinstance(option, TyperOption) and not option.is_flag and not option.multiple
             if times > 1 and single and option.nargs == 1:
                 raise typer.BadParameter("given more than once; it takes one value", param_hint=f"'{option.opts[0]}'")
         return super().parse_args(ctx, args)
