@@ -158,16 +158,6 @@ class Validation(
     }
 
     @property
-    def mspe(self) -> Array:
-        """Mean squared prediction error of each output, one step ahead, in squared units; shape (n_outputs,)."""
-        return self.one_step.mean_square
-
-    @property
-    def msse(self) -> Array:
-        """Mean squared simulation error of each output, in free run, in squared units; shape (n_outputs,)."""
-        return self.free_run.mean_square
-
-    @property
     def failed(self) -> tuple[CorrelationTest, ...]:
         """Tests that fail at ``level / len(tests)``: none, with probability 1 - level, for an adequate model."""
         return tuple(test for test in self.tests if test.p_value < self.level / len(self.tests))
