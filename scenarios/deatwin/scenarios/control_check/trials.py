@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,13 +15,7 @@ from deatwin.control.checking.result import Check
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import judge_runs, worst
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.inverse import static_curve, with_inverse
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.design.loop_shaping import loop_shaping
-from deatwin.control.design.lqg import lqg
-from deatwin.control.design.pid import Limits
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import DeatwinError
@@ -41,30 +35,8 @@ PASS = Verdict.PASS.value
 _NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
 
 
-def _pi(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=time)
-
-
-def _shaped(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return loop_shaping(linear, command_limits=command_limits, crossover_Hz=1.0 / (2 * np.pi * time))
-
-
-def _lqg(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return lqg(linear, command_limits=command_limits, closed_loop_time=time)
-
-
-def _inverse(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    curve = static_curve(model, command_limits)
-    return with_inverse(linear, curve, partial(lambda_tuning, closed_loop_time=time), command_limits=command_limits)
-
-
-DESIGNS: Mapping[str, Callable[..., Controller]] = {
-    "lambda tuning": _pi,
-    "loop shaping": _shaped,
-    "LQG": _lqg,
-    "inverse": _inverse,
-}
-"""Each takes the NARX model, the closed-loop time in s, and the arguments of a design of a check."""
+DESIGNS = {"lambda tuning": "pi", "loop shaping": "shaped", "LQG": "lqg", "inverse": "inverse"}
+"""Designs that are tried, by what the page calls them, as `design_named` knows them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,11 +73,15 @@ def try_one(number: int, seed: int) -> Outcome:
         model, known = identified(bench.recording), calibrated(bench.recording)
     except DeatwinError as error:
         return told(verdict=NO_MODEL, reason=str(error), **_NOTHING)
+    reading = bench.plant.rig.reading
+    wanted = Wanted(
+        model=model, reading=reading, closed_loop_time=closed_loop_time, band_Hz=None, operating_range=LIMITS
+    )
     found = check(
         model,
         known,
         rng=rng,
-        design=partial(DESIGNS[name], model, closed_loop_time),
+        design=design_named(DESIGNS[name], wanted),
         operating_input=operating_input,
         command_limits=LIMITS,
         recording=bench.recording,
