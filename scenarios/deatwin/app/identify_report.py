@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.shown import shown_units
-from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
@@ -140,8 +140,6 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
     name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
     command = part.inputs[0][-timepts.size :]
-    unit = f" ({found.unit})" if found.unit else ""
-    input_unit = f" ({part.input_units[0]})" if part.input_units[0] not in ("", "1") else ""
     with draw((7.4, 5.0)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
         upper.plot(*envelope(timepts, measured), color=Hue.MEASURED, linewidth=2.2, label="measured")
@@ -149,9 +147,9 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
         lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
-        upper.set_ylabel(f"{found.model.output_names[0].replace('_', ' ')}{unit}")
-        middle.set_ylabel(f"residual{unit}")
-        lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
+        upper.set_ylabel(axis_label(found.model.output_names[0].replace("_", " "), found.unit))
+        middle.set_ylabel(axis_label("residual", found.unit))
+        lower.set(xlabel="time (s)", ylabel=axis_label(part.input_names[0].replace("_", " "), part.input_units[0]))
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
