@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from deatwin.plant import Parameter, Rig, StartProcedure
+from deatwin.plant import Parameter, Rig
 from deatwin.plant.builder import Builder
 
 
@@ -21,10 +21,6 @@ class Bare(Rig):
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from pages import story_page
 from deatwin.ident.narx import FitStatus, Frols
 from deatwin.ident.narx.standing_out import Margin
 from deatwin.plant.errors import DataError
+from deatwin.plant.records import plain
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.svb_benchmark import draws, study
 from deatwin.scenarios.svb_benchmark.draws import (
@@ -108,7 +109,7 @@ def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
         assert case.name not in refused, "a case that is through is run again"
         with (folder / "begun.log").open("a") as log:
             log.write(f"{case.name}\n")
-        return case.answer(seed).to_dict()
+        return plain(case.answer(seed))
 
     folder.mkdir(exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
@@ -171,7 +172,7 @@ def test_an_answer_comes_back_from_its_file_as_it_was(tmp_path: Path) -> None:
     flags = np.array([[True, False], [True, True]])
     answer = Answer(trials=(wrong("S2", "fro", 7),), contrast=never, covered={"least squares": flags})
     store = Draws(tmp_path, 0, {})
-    store.put("one", answer.to_dict())
+    store.put("one", plain(answer))
     back = store.answer("one")
     assert (back.trials, back.contrast, back.comparison) == (answer.trials, never, None)
     np.testing.assert_array_equal(back.covered["least squares"], flags)

@@ -21,6 +21,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ def trials_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
         try:
             row = read_case(path)
             sealed.add((row.pop("schema"), row.pop("seed"), row.pop("code")))
-            rows.append({**Outcome.from_dict(row).to_dict(), "number": int(row["number"])})
+            rows.append({**asdict(Outcome(**row)), "number": int(row["number"])})
         except DataError:
             raise
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -94,7 +95,7 @@ def blocks(data: Data) -> dict[str, list[str]]:
 
 def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
     """The blocks of a control check, and its row among the studies."""
-    outcomes = [Outcome.from_dict(row) for row in trials["trials"]]
+    outcomes = [Outcome(**row) for row in trials["trials"]]
     head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
     row = [
         "[control check](control-check.md)",

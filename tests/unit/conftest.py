@@ -19,7 +19,6 @@ from deatwin.plant import (
     Plant,
     Recording,
     Rig,
-    StartProcedure,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.integrator.compiled import compiler
@@ -57,10 +56,6 @@ class Oscillator(Rig):
             Parameter(name="damping", value=2.0, unit="N s/m", lower=0.0, upper=100.0),
             Parameter(name="stiffness", value=400.0, unit="N/m", lower=1.0, upper=1e5),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position, velocity = build.state("position", scale=1e-2), build.state("velocity", scale=0.1)

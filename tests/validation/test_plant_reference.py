@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sundials import reference_outputs
 
 from deatwin.plant import (
     Coupon,
@@ -17,7 +18,6 @@ from deatwin.plant import (
     SimulationError,
 )
 from deatwin.plant.excitation import band_limited_noise, random_holds
-from deatwin.plant.integrator.reference import reference_outputs
 
 BASE = Plant(rig=Diaphragm())
 SMOOTH = BASE.with_effects(Creep(), ElectrodeRC(), PermittivityDrift())

@@ -26,8 +26,8 @@ from deatwin.control.interop.responses import Frd, linear_frd, to_frd
 from deatwin.control.interop.systems import in_loop, rest_state_of, to_nlsys
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.control.linear.model import LinearModel, LinearStatus
-from deatwin.control.linear.narx import linearise, linearise_posterior
-from deatwin.control.linear.plant import draw_plants, linearise_calibrated, linearise_plant, linearise_plants
+from deatwin.control.linear.narx import linearise
+from deatwin.control.linear.plant import draw_plants, linearise_plant, linearise_plants
 from deatwin.control.linear.schedule import GainSchedule, gain_schedule
 from deatwin.control.linear.varying import VaryingLinear, linearise_along
 from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
@@ -112,11 +112,9 @@ __all__ = [
     "linear_frd",
     "linearise",
     "linearise_along",
-    "linearise_calibrated",
     "linearise_many",
     "linearise_plant",
     "linearise_plants",
-    "linearise_posterior",
     "loop_shaping",
     "loop_shaping_pid",
     "lqg",

@@ -138,9 +138,9 @@ integer deatwin_filter(const model *s, const double *outputs, double *x, double 
     return n;
 }
 
-/* The adjoint; noise_score [p] comes as zeros, vectors [n][m], matrices [n][m][m]; work: (2 m + 3) m. */
+/* The adjoint; vectors [n][m], matrices [n][m][m]; work: (2 m + 3) m. */
 void deatwin_adjoint(const model *s, const double *innovations, const double *variances, const double *gains,
-                     double *vectors, double *matrices, double *noise_score, double *work) {
+                     double *vectors, double *matrices, double *work) {
     integer m = s->m, n = s->n;
     double *x = work, *w = x + m, *N = w + 2 * m, *A = N + m * m;
     memset(x, 0, sizeof(double) * (size_t)m);
@@ -173,7 +173,6 @@ void deatwin_adjoint(const model *s, const double *innovations, const double *va
                 weight += gain[j] * w[j];
                 error -= gain[j] * x[j];
             }
-            noise_score[i] += 0.5 * (error * error - weight);
             for (integer j = 0; j < m; j++) {
                 x[j] += error * h[j];
                 w[j] -= 0.5 * weight * h[j];

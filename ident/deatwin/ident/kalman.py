@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filtered:
-    """What the filter knows after each sample.
+    """State that the filter knows after each sample.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Filtered:
 
     @property
     def variance_factor(self) -> float:
-        """The factor on all covariances together (R, Q and that of the start) that makes the likelihood largest."""
+        """Factor on all covariances together (R, Q and that of the start) that makes the likelihood largest."""
         return float(np.nansum(self.innovations**2 / self.innovation_variances)) / self.n_measured
 
     @property
@@ -99,19 +99,8 @@ class Filtered:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Adjoint:
-    """The filter's adjoint: the gradient of the log likelihood by all that the model is made of."""
-
-    vectors: Array  # shape (n, n_states): Gradient by a shift of the state just before each sample is measured
-    matrices: Array  # shape (n, n_states, n_states): Minus the second derivative by such a shift, symmetric
-    noise_score: Array  # shape (n_outputs,): Derivative of the log likelihood by each R_i
-    process_score: Array
-    start_score: Array  # shape (n_states,): Gradient by the mean of the start
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Smoothed:
-    """The state given all measurements.
+    """State given all measurements.
 
     Parameters
     ----------
@@ -135,11 +124,6 @@ class Smoothed:
         """Standard deviations, shape (n, n_states)."""
         variances = np.einsum("kii->ki", self.covariances)  # differences: rounding may leave a zero below zero
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=np.float64)
-
-    @property
-    def lag_one(self) -> Array:
-        """Covariances of the states at samples k (rows) and k + 1 (columns), shape (n - 1, n_states, n_states)."""
-        return np.asarray(self.gains @ self.covariances[1:])
 
 
 def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
@@ -171,20 +155,13 @@ def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
     )
 
 
-def adjoint(filtered: Filtered) -> Adjoint:
-    """Run the filter's adjoint backward over the record [2]_, [3]_."""
-    model = filtered.model
-    _require_no_fading(model)
-    vectors, matrices, noise_score = backward(
-        model, filtered.innovations, filtered.innovation_variances, filtered.gains
-    )
-    n = vectors.shape[0]
-    weights = np.ones(n - 1) if model.intervals is None else model.intervals
-    later = vectors[1:]
-    process = 0.5 * ((later * weights[:, None]).T @ later - np.tensordot(weights, matrices[1:], axes=1))
-    return Adjoint(
-        vectors=vectors, matrices=matrices, noise_score=noise_score, process_score=process, start_score=vectors[0]
-    )
+def adjoint(filtered: Filtered) -> tuple[Array, Array]:
+    """Run the filter's adjoint backward over the record [2]_, [3]_. Shapes: returns the gradients of the log
+    likelihood by a shift of the state just before each sample is measured (n, n_states), and minus the second
+    derivatives (n, n_states, n_states).
+    """
+    _require_no_fading(filtered.model)
+    return backward(filtered.model, filtered.innovations, filtered.innovation_variances, filtered.gains)
 
 
 def kalman_smoother(filtered: Filtered) -> Smoothed:

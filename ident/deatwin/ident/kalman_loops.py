@@ -68,12 +68,12 @@ def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Arr
     return found
 
 
-def backward(model: StateSpace, innovations: Array, variances: Array, gains: Array) -> tuple[Array, Array, Array]:
+def backward(model: StateSpace, innovations: Array, variances: Array, gains: Array) -> tuple[Array, Array]:
     """Run the adjoint of the filter. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n,
     n_states).
     """
-    p, n, m = model.rows.shape
-    found = np.empty((n, m)), np.empty((n, m, m)), np.zeros(p)
+    _, n, m = model.rows.shape
+    found = np.empty((n, m)), np.empty((n, m, m))
     kernel = _kernel(compiler())
     if kernel is None:
         _plain_backward(model, innovations, variances, gains, *found)
@@ -109,7 +109,7 @@ def _plain_forward(
     variances: Array,
     gains: Array,
 ) -> int:
-    """What the kernel does; returns the sample whose measurement was certain beforehand, or n."""
+    """Filter as the kernel does; return the sample whose measurement was certain beforehand, or n."""
     noise, values, fade = model.noise_variance.tolist(), outputs.T.tolist(), 1.0 / sqrt(model.fading)
     state = model.start
     for k in range(len(states)):
@@ -135,15 +135,9 @@ def _plain_forward(
 
 
 def _plain_backward(
-    model: StateSpace,
-    innovations: Array,
-    variances: Array,
-    gains: Array,
-    vectors: Array,
-    matrices: Array,
-    noise_score: Array,
+    model: StateSpace, innovations: Array, variances: Array, gains: Array, vectors: Array, matrices: Array
 ) -> None:
-    """What the kernel does."""
+    """Run the adjoint as the kernel does."""
     p, n, m = model.rows.shape
     vector, matrix = np.zeros(m), np.zeros((m, m))
     for k in range(n - 1, -1, -1):
@@ -159,7 +153,6 @@ def _plain_backward(
             pulled = matrix @ gain
             weight = float(gain @ pulled) + 1.0 / variance
             error = innovation / variance - float(gain @ vector)
-            noise_score[i] += 0.5 * (error**2 - weight)
             vector = vector + error * row
             half = (pulled - (0.5 * weight) * row)[:, None] * row
             matrix = matrix - half - half.T
@@ -169,7 +162,7 @@ def _plain_backward(
 def _plain_smooth(
     model: StateSpace, filtered: Array, roots: Array, states: Array, covariances: Array, gains: Array
 ) -> None:
-    """What the kernel does."""
+    """Smooth as the kernel does."""
     n, m = filtered.shape
     states[-1], covariances[-1] = filtered[-1], roots[-1] @ roots[-1].T
     for k in range(n - 2, -1, -1):
@@ -192,7 +185,7 @@ def _plain_smooth(
 
 
 def _step(model: StateSpace, k: int) -> tuple[Array | None, Array | None]:
-    """Transition and transposed root of the process covariance from sample k to the next."""
+    """Return the transition, and the transposed root of the process covariance, from sample k to the next."""
     transition, root = model.transition, model.process_root
     if transition is not None and transition.ndim == 3:
         transition = transition[k]
@@ -209,7 +202,7 @@ def _ahead(model: StateSpace, k: int, transition: Array | None, state: Array) ->
 
 
 class _Tables(ctypes.Structure):
-    """``model`` of the kernel; the arrays that it points to are kept by the StateSpace."""
+    """The kernel's ``model``, whose arrays the StateSpace keeps."""
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("p", "n", "m", "r")),
@@ -224,7 +217,7 @@ class _Tables(ctypes.Structure):
 
 
 def _tables(model: StateSpace) -> _Tables:
-    """The model as the kernel reads it."""
+    """Return the model as the kernel reads it."""
 
     def address(array: Array | None) -> int | None:
         return None if array is None else array.ctypes.data
@@ -251,7 +244,7 @@ def _tables(model: StateSpace) -> _Tables:
 
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
-    """The compiled kernel, or None where there is no compiler."""
+    """Return the compiled kernel, or None if there is no compiler."""
     library = compile_source(Path(__file__).with_name("kalman.c").read_text(encoding="utf-8"))
     if library is None:
         return None
@@ -259,6 +252,6 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
     kernel.deatwin_filter.restype = ctypes.c_int64
     kernel.deatwin_filter.argtypes = (ctypes.c_void_p,) * 10
     kernel.deatwin_adjoint.restype = kernel.deatwin_smoother.restype = None
-    kernel.deatwin_adjoint.argtypes = (ctypes.c_void_p,) * 8
+    kernel.deatwin_adjoint.argtypes = (ctypes.c_void_p,) * 7
     kernel.deatwin_smoother.argtypes = (ctypes.c_void_p,) * 7
     return kernel

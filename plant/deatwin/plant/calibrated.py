@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from operator import attrgetter
-from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -21,7 +20,7 @@ from deatwin.plant.datasets import (
     document,
     variable,
 )
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -71,7 +70,13 @@ def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CalibratedPlant(Described):
+class CalibratedPlant(
+    Described,
+    Saved,
+    schema=SCHEMA,
+    document=lambda known: known.to_dict(),
+    fields=lambda data: fields_of(data),
+):
     """Plant with fitted parameters, their covariance and the sizes of noise and model error.
 
     Parameters
@@ -187,53 +192,24 @@ class CalibratedPlant(Described):
             "provenance": dict(self.provenance),
         }
 
-    def save(self, path: Path | str) -> None:
-        """Write ``model.json``.
 
-        Parameters
-        ----------
-        path : path
-            File to write; it is replaced as a whole.
-        """
-        write_document(path, self.to_dict())
-
-    @classmethod
-    def load(cls, path: Path | str) -> Self:
-        """Read a file that `save` wrote.
-
-        Parameters
-        ----------
-        path : path
-            File to read, a ``model.json``.
-
-        Returns
-        -------
-        CalibratedPlant
-
-        Raises
-        ------
-        ModelError
-            If the file is not a model file, or names a rig or effect that is not installed.
-        """
-        return read_document(path, SCHEMA, cls._from_dict)
-
-    @classmethod
-    def _from_dict(cls, data: Mapping[str, Any]) -> Self:
-        plant, names = Plant.from_dict(data), tuple(data["calibration"]["names"])
-        covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
-        _require_parameters(plant, data["parameters"])
-        _require_calibration(plant, names, covariance)
-        for name in ("noise", "model_error"):
-            if not 0.0 <= float(data[name]) <= LARGEST:
-                raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {LARGEST:g}")
-        return cls(
-            plant=plant,
-            noise=float(data["noise"]),
-            model_error=float(data["model_error"]),
-            names=names,
-            covariance=covariance,
-            provenance=data["provenance"],
-        )
+def fields_of(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of the plant whose file it is, after checks of parameters and sizes."""
+    plant, names = Plant.from_dict(data), tuple(data["calibration"]["names"])
+    covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
+    _require_parameters(plant, data["parameters"])
+    _require_calibration(plant, names, covariance)
+    for name in ("noise", "model_error"):
+        if not 0.0 <= float(data[name]) <= LARGEST:
+            raise ModelError(f"{name} is {float(data[name]):g}; it must be from 0 to {LARGEST:g}")
+    return {
+        "plant": plant,
+        "noise": float(data["noise"]),
+        "model_error": float(data["model_error"]),
+        "names": names,
+        "covariance": covariance,
+        "provenance": data["provenance"],
+    }
 
 
 def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:

@@ -88,11 +88,6 @@ class MeasuringChain:
         return min(self.analogue_output.limit, self.amplifier.input_full_scale)
 
     @property
-    def film_step(self) -> float:
-        """Film voltage of one output code, V."""
-        return self.analogue_output.step * self.amplifier.gain
-
-    @property
     def reading_step(self) -> float:
         """Displacement of one input code, m."""
         return self.analogue_input.step * self.laser.metres_per_volt

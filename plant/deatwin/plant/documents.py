@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
@@ -48,6 +48,54 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     if fault := shape_fault(document, schema):  # what was made of it would not show it at once
         raise ModelError(f"{path}: not a valid {schema} file: {fault}")
     return content
+
+
+class Saved:
+    """A result with a file of its own, whose `schema` and the functions to and from plain data its class names."""
+
+    _file: ClassVar[tuple[str, Callable[[Any], Mapping[str, Any]], Callable[[Any], Mapping[str, Any]]]]
+
+    def __init_subclass__(
+        cls,
+        *,
+        schema: str = "",
+        document: Callable[[Any], Mapping[str, Any]] = vars,
+        fields: Callable[[Any], Mapping[str, Any]] = dict,
+        **more: Any,
+    ) -> None:
+        """Take how the file is made, and what it says of the fields; a subclass without them has its parent's."""
+        super().__init_subclass__(**more)
+        if schema:
+            cls._file = (schema, document, fields)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a JSON file, beside its target first and then renamed.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Path of the file to write.
+        """
+        _, document, _ = self._file
+        write_document(path, document(self))
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file that `save` wrote.
+
+        Parameters
+        ----------
+        path : str or path-like
+            Path of the file to read.
+
+        Raises
+        ------
+        ModelError
+            If the file is missing, not JSON, of another schema, or malformed, or names a rig or effect that is not
+            installed.
+        """
+        schema, _, fields = cls._file
+        return read_document(path, schema, lambda document: cls(**fields(document)))
 
 
 _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)

@@ -10,14 +10,18 @@ from math import isfinite
 from types import NoneType, UnionType
 from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
+import numpy as np
+
 Json: TypeAlias = str | int | float | bool | Sequence[Any] | Mapping[str, Any] | None
 """Free JSON data, such as the fields of a rig in which two readings of its file differ."""
-_KEY, _OPTIONAL, _INTERNAL = "key", "optional", "internal"
+_KEY, _OPTIONAL, _INTERNAL, _UNBOUNDED = "key", "optional", "internal", "unbounded"
 _Record = TypeVar("_Record")
 OPTIONAL = {_OPTIONAL: True}
 """Metadata of a field that a file leaves out where it is None."""
 INTERNAL = {_INTERNAL: True}
 """Metadata of a field that no file holds."""
+UNBOUNDED = {_UNBOUNDED: True}
+"""Metadata of a number that may be infinite, which is read as it stands."""
 
 
 def key(name: str) -> dict[str, str]:
@@ -36,6 +40,8 @@ def plain(value: Any) -> Any:
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, (tuple, list)):
         return [plain(one) for one in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     return value
 
 
@@ -49,7 +55,7 @@ def read(record: type[_Record], data: Any) -> _Record:
         if _INTERNAL in each.metadata:
             continue
         if name in data:
-            found[each.name] = _value(hints[each.name], data[name])
+            found[each.name] = data[name] if _UNBOUNDED in each.metadata else _value(hints[each.name], data[name])
         elif each.default is MISSING and each.default_factory is MISSING:
             raise KeyError(name)
     return record(**found)
@@ -70,6 +76,8 @@ def _value(hint: Any, value: Any) -> Any:
     if origin in (Union, UnionType):
         absent = value is None or (isinstance(value, float) and not isfinite(value))  # a file holds null for both
         return None if absent else _value(next(one for one in arguments if one is not NoneType), value)
+    if origin is np.ndarray:
+        return np.array(_of(Sequence, value), dtype=get_args(arguments[1])[0])
     if origin is tuple:
         return tuple(_value(arguments[0], one) for one in _of(Sequence, value))
     if origin is not None:  # a mapping

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.shown import shown_units
-from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.panels import Hue, plain_numbers
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
@@ -140,8 +140,6 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
     name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
     command = part.inputs[0][-timepts.size :]
-    unit = f" ({found.unit})" if found.unit else ""
-    input_unit = f" ({part.input_units[0]})" if part.input_units[0] not in ("", "1") else ""
     with draw((7.4, 5.0)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 1.6, 1.3))
         upper.plot(*envelope(timepts, measured), color=Hue.MEASURED, linewidth=2.2, label="measured")
@@ -149,9 +147,9 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         middle.plot(*envelope(timepts, measured - simulated), color=Hue.BEFORE, linewidth=0.8)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
         lower.plot(*envelope(timepts, command), color=Hue.INK, linewidth=0.8)
-        upper.set_ylabel(f"{found.model.output_names[0].replace('_', ' ')}{unit}")
-        middle.set_ylabel(f"residual{unit}")
-        lower.set(xlabel="time (s)", ylabel=f"{part.input_names[0].replace('_', ' ')}{input_unit}")
+        upper.set_ylabel(axis_label(found.model.output_names[0].replace("_", " "), found.unit))
+        middle.set_ylabel(axis_label("residual", found.unit))
+        lower.set(xlabel="time (s)", ylabel=axis_label(part.input_names[0].replace("_", " "), part.input_units[0]))
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
@@ -162,8 +160,6 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
 
 def _terms(found: Identified) -> Drawing:
     """Each parameter in units of its standard deviation: from two on it is told from zero."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     model = found.model
     spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
     certainty = np.abs(model.theta) / np.where(spread > 0, spread, np.nan)
@@ -175,9 +171,7 @@ def _terms(found: Identified) -> Drawing:
         axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
         caption = "How surely each term is there: its parameter beside what is not known of it."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))

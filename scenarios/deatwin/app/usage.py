@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 
 class Command(TyperCommand):
@@ -14,15 +15,11 @@ class Command(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of a command; an option that takes one value and is given twice is a mistake."""
-        before_files = args[: args.index("--")] if "--" in args else args
-        words = [word.partition("=")[0] for word in before_files]
-        for option in self.params:
-            single = option.param_type_name == "option" and not getattr(option, "is_flag", False)
-            if single and not getattr(option, "multiple", False) and option.nargs == 1:
-                if sum(word in (*option.opts, *option.secondary_opts) for word in words) > 1:
-                    raise typer.BadParameter(
-                        "given more than once; it takes one value", param_hint=f"'{option.opts[0]}'"
-                    )
+        *_, given = self.make_parser(ctx).parse_args(list(args))
+        for option, times in Counter(given).items():
+            single = isinstance(option, TyperOption) and not option.is_flag and not option.multiple
+            if times > 1 and single and option.nargs == 1:
+                raise typer.BadParameter("given more than once; it takes one value", param_hint=f"'{option.opts[0]}'")
         return super().parse_args(ctx, args)
 
     def get_params(self, *arguments: Any, **named: Any) -> list[Any]:

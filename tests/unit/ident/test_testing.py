@@ -12,7 +12,7 @@ from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.regression import flatten
-from deatwin.ident.narx.rules import NoConstant
+from deatwin.ident.narx.rules import AtMost
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
 from deatwin.ident.testing import CHECKS, ContractError, check_identifier, example_recordings
 from deatwin.plant.errors import DeatwinError, ModelError
@@ -21,7 +21,7 @@ from deatwin.plant.recording import Experiment, Recording
 TERMS = ["y(k-1)", "u(k-2)", "y(k-1)u(k-1)"]
 OURS = [
     Frols(),
-    Frols(criterion="free_run", rule=NoConstant(), estimator=Ridge()),
+    Frols(criterion="free_run", rule=AtMost(output=1), estimator=Ridge()),
     Lasso(max_terms=6),
     SvbNarx(),
     Semp(max_terms=6),

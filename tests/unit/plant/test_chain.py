@@ -41,7 +41,6 @@ class TestDataSheets:
         assert NI_9264.step == pytest.approx(21.0 / 65536)  # nominal ±10.5 V in 16 bits
         assert HV_AMPLIFIER.gain == pytest.approx(800.0)  # 12 kV for 15 V
         assert Diaphragm().gain == pytest.approx(HV_AMPLIFIER.gain)  # the rig of the thesis has the same amplifier
-        assert CHAIN.film_step == pytest.approx(0.256, abs=1e-3)
         assert LK_G152.lag == pytest.approx(1.6e-3)  # half of sixteen exposures of 200 µs
         assert CHAIN.reading_step == pytest.approx(80e-3 / 65536)  # ±40 mm in 16 bits
         assert CHAIN.command_limit == 10.0 > 3.75

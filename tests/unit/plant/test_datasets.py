@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant import CalibratedPlant, Creep, DataError, Diaphragm, Experiment, Plant, Recording, actuation_curve
+from deatwin.plant.calibrated import fields_of
 from deatwin.plant.datasets import (
     Described,
     attribute,
@@ -161,7 +162,7 @@ def test_a_calibrated_plant_and_its_prediction(two_records, kept):
     assert float(back["value"].sel(parameter="creep.modulus")) == 40e3
     assert str(back["unit"].sel(parameter="creep.modulus").values) == "Pa"
     assert float(back["covariance"].sel(fitted="shear_modulus", other_fitted="creep.modulus")) == 1e-5
-    again = CalibratedPlant._from_dict(json.loads(str(back["document"].values)))
+    again = CalibratedPlant(**fields_of(json.loads(str(back["document"].values))))
     assert again.to_dict() == known.to_dict()
 
 

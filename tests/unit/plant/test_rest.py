@@ -23,7 +23,6 @@ from deatwin.plant import (
     RunStatus,
     SimulationError,
     Sizes,
-    StartProcedure,
     actuation_curve,
 )
 from deatwin.plant.rest import rest_state
@@ -56,10 +55,6 @@ def plant(equations: Callable[[Builder], Any], **values: float) -> Plant:
         @property
         def parameters(self) -> tuple[Parameter, ...]:
             return (Parameter(name="k", value=1.0, unit="1", lower=0.0, upper=10.0),)
-
-        @property
-        def start(self) -> StartProcedure:
-            return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
         def write(self, build: Builder) -> Any:
             return equations(build)

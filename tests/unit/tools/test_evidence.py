@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import asdict
 from pathlib import Path
 
 import evidence
@@ -53,7 +54,7 @@ def results(tmp_path: Path) -> Path:
 
 
 def put(folder: Path, one: Outcome, **changed: object) -> None:
-    content = {"schema": "deatwin/control-trial/1", "seed": 9, "code": "c" * 64, **one.to_dict(), **changed}
+    content = {"schema": "deatwin/control-trial/1", "seed": 9, "code": "c" * 64, **asdict(one), **changed}
     write_case(folder / "trials" / f"{one.number:03d}.nc", content)
 
 
@@ -87,7 +88,7 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert evidence.main([str(docs), "--control-check", str(results), "--remark", "Run on a Sunday."]) == 0
     data = json.loads((docs / "data" / "control-check.json").read_text(encoding="utf-8"))
     assert (data["seed"], data["code"], data["remark"]) == (9, "c" * 64, "Run on a Sunday.")
-    assert [Outcome.from_dict(row) for row in data["trials"]] == TRIALS
+    assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
     assert "1 of the trials had no controller" in page
@@ -339,9 +340,9 @@ def test_data_of_another_schema_and_unknown_blocks_are_refused(docs: Path) -> No
 def test_trials_are_read_as_the_scenario_writes_them(tmp_path: Path) -> None:
     stored = Trials(tmp_path, seed=9)
     for one in TRIALS:
-        stored.put(f"{one.number:03d}", one.to_dict())
+        stored.put(f"{one.number:03d}", asdict(one))
     data = evidence.trials_data(tmp_path)
-    assert [Outcome.from_dict(row) for row in data["trials"]] == TRIALS and data["seed"] == 9
+    assert [Outcome(**row) for row in data["trials"]] == TRIALS and data["seed"] == 9
     path = stored.path("002")
     path.write_bytes(path.read_bytes()[:-4])
     with pytest.raises(DataError, match=r"002\.nc: damaged or altered"):

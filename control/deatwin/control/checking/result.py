@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from math import inf, isfinite
 from operator import attrgetter
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from deatwin.control.checking.rows import MarginRow, OperatingPoint
 from deatwin.control.checking.specification import Verdict
@@ -19,7 +18,7 @@ from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
 from deatwin.plant.amplitudes import amount, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import axes_or_new
 
 if TYPE_CHECKING:
@@ -118,7 +117,7 @@ def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Check(Described):
+class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_document):
     """Result of checking a controller before it is used on the actuator.
 
     Parameters
@@ -230,37 +229,6 @@ class Check(Described):
     def _warned(self) -> str:
         """The caveats as sentences."""
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
-
-    def save(self, path: str | Path) -> None:
-        """Write the check as JSON ("deatwin/check/1"): to a temporary file first, which is then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a check that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            File to read.
-
-        Returns
-        -------
-        Check
-            The check, without the draws of `predicted`.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**from_document(document)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Plot the step reference, the output that the model predicted, and the output of the physics plant.

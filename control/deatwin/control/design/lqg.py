@@ -35,18 +35,6 @@ class LqgGains:
     regulator: Array
     observer: Array
 
-    @property
-    def regulator_poles(self) -> NDArray[np.complex128]:
-        """Poles of the model with the true states fed back, shape (n + 1,), in the z plane."""
-        a, b = _in_steps(self.states)
-        return np.asarray(np.linalg.eigvals(a - np.outer(b, self.regulator)), dtype=np.complex128)
-
-    @property
-    def observer_poles(self) -> NDArray[np.complex128]:
-        """Poles of the observer's error, shape (n + 1,), in the z plane."""
-        a, c = _with_drift(self.states)
-        return np.asarray(np.linalg.eigvals(a - np.outer(a @ self.observer, c)), dtype=np.complex128)
-
     def law(self) -> tuple[Law, Array]:
         """The law from reference and reading to command, and how it follows the command that was applied. Shapes:
         returns (n + 2,).

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control.arguments import instance, taking
-from deatwin.control.linear.family import draw, linearise_many
 from deatwin.control.linear.model import LinearModel
-from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium, linear_part
 from deatwin.ident.frequency.linear import LinearPart, operating_input_of
 from deatwin.ident.narx import NarxModel
@@ -51,41 +49,6 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     except ModelError as error:
         return LinearModel.without_equilibrium(str(error), **_signals(model, point))
     return _of_part(model, part, point, rest.output).judged(rest.is_stable)
-
-
-@taking(model=instance(NarxModel))
-def linearise_posterior(
-    model: NarxModel,
-    operating_input: float | None,
-    rng: np.random.Generator,
-    count: int,
-    progress: Progress | None = None,
-) -> tuple[LinearModel, ...]:
-    """Linearise samples of a model's posterior, each about its own equilibrium, followed from the model's.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model with the covariance of its parameters (normal, or Student-t if ``theta_dof`` is finite).
-    operating_input : float or None
-        Constant input, in its unit; the centre of the training data if None.
-    rng : numpy.random.Generator
-        Source of the samples.
-    count : int
-        Number of samples.
-    progress : callable, optional
-        Callback that receives the completed share, from 0 to 1.
-
-    Returns
-    -------
-    tuple of LinearModel, length count
-        Linear models; a sample without equilibrium says so in its status. `linearise_many` returns all samples as a
-        `LinearFamily`.
-    """
-    family = linearise_many(model, operating_input_of(model, operating_input), draw(model, rng, count))
-    if progress is not None:
-        progress(1.0)
-    return tuple(family.at(0, number) for number in range(count))
 
 
 def _of_part(model: NarxModel, part: LinearPart, operating_input: float, output: float) -> LinearModel:

@@ -111,38 +111,6 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     return tuple(plant.with_values(problem.values(coordinates)) for coordinates in drawn)
 
 
-@taking(time=number)
-def linearise_calibrated(
-    calibrated: CalibratedPlant, operating_input: float, rng: np.random.Generator, count: int, *, time: float = 0.0
-) -> tuple[LinearModel, ...]:
-    """Linearise samples of a calibrated plant, each about its own state of rest.
-
-    Parameters
-    ----------
-    calibrated : CalibratedPlant
-        Calibrated plant with the covariance of its parameters.
-    operating_input : float
-        Constant command, in its unit.
-    rng : numpy.random.Generator
-        Source of the samples.
-    count : int
-        Number of samples.
-    time : float
-        Clock time at which slowly drifting quantities are evaluated, s.
-
-    Returns
-    -------
-    tuple of LinearModel, length count
-        Linear models; a sample without equilibrium says so in its status.
-
-    Raises
-    ------
-    ModelError
-        If the operating input or the time is not finite.
-    """
-    return tuple(_models(plant, [operating_input], None, time)[0] for plant in draw_plants(calibrated, rng, count))
-
-
 @taking(plants=each(instance(Plant)), time=number)
 def linearise_plants(
     plants: tuple[Plant, ...], operating_inputs: ArrayLike, *, time: float = 0.0, progress: Progress | None = None

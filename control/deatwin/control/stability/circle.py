@@ -19,7 +19,6 @@ from deatwin.control.stability.polynomials import jet
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
-Bool = NDArray[np.bool_]
 Cells = tuple[Index, Index]
 Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 

@@ -3,7 +3,6 @@
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison, Difference, Drift, compare
 from deatwin.ident.frequency.comparison.records import compare_records
 from deatwin.ident.frequency.dc import Equilibrium, equilibrium, remove_dc
-from deatwin.ident.frequency.direct import direct_output
 from deatwin.ident.frequency.drawing import bode
 from deatwin.ident.frequency.frf import frf
 from deatwin.ident.frequency.gfrf import frequency_grid, gfrf
@@ -51,7 +50,6 @@ __all__ = [
     "compare",
     "compare_records",
     "design_excitation",
-    "direct_output",
     "equilibrium",
     "frequency_grid",
     "frf",

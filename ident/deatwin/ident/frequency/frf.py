@@ -13,12 +13,12 @@ from deatwin.ident.frequency.gfrf import checked_frequencies
 from deatwin.ident.frequency.many import Evaluated, stable_polynomials
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.linear import LinearModel
-from deatwin.ident.narx.linear.frequency import transfer, transfer_gradient
 from deatwin.ident.narx.linear.polynomials import Orders
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 
 def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyResponse:
@@ -52,13 +52,13 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     return FrequencyResponse(
         symbol="H",
         order=1,
-        values=transfer(model.orders, model.theta, angle, channel),
+        values=_transfer(model.orders, model.theta, angle, channel),
         omega=frequencies,
         point=point,
         status=FrequencyStatus.at(point),
         unit="/".join(units) if all(units) else "",
         theta_cov=model.theta_cov,
-        differentiate=Pointwise(partial(transfer_gradient, model.orders, model.theta, channel=channel), angle),
+        differentiate=Pointwise(partial(_transfer_gradient, model.orders, model.theta, channel=channel), angle),
         evaluate=Pointwise(partial(_of_many, model.orders, channel), angle),
     )
 
@@ -70,7 +70,7 @@ def _of_many(orders: Orders, channel: int, angle: Array, thetas: Array) -> Evalu
     ones = np.ones((len(thetas), 1))
     stable = [stable_polynomials(np.hstack([ones, thetas[:, ends[i] : ends[i + 1]]])) for i in feedbacks]
     return Evaluated(
-        values=transfer(orders, thetas, angle, channel),
+        values=_transfer(orders, thetas, angle, channel),
         exists=np.ones(len(thetas), dtype=np.bool_),
         stable=np.all(stable, axis=0),
     )
@@ -87,3 +87,46 @@ def _at_rest(model: LinearModel) -> Equilibrium:
         stable=np.array([model.is_stable]),
         chosen=0,
     )
+
+
+def _transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
+    """Return B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); returns
+    (..., n).
+    """
+    a, b, f = _rows(orders, theta, angle, channel)
+    return np.asarray(b / (a * f))
+
+
+def _transfer_gradient(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
+    """Return the derivative of B_i/(A F_i) by the parameters. Shapes: `theta` (n_theta,); `angle` (n,); returns (n,
+    n_theta).
+    """
+    a, b, f = (values[:, None] for values in _rows(orders, theta, angle, channel))
+    in_a, in_b, in_f = _slots(orders, channel)
+    gradient = np.zeros((angle.size, orders.n_theta), dtype=np.complex128)
+    gradient[:, in_a] = -b / (a**2 * f) * _powers(angle, 1, orders.na)
+    gradient[:, in_b] = _powers(angle, orders.nk[channel], orders.nb[channel]) / (a * f)
+    gradient[:, in_f] = -b / (a * f**2) * _powers(angle, 1, orders.nf[channel])
+    return gradient
+
+
+def _rows(orders: Orders, theta: Array, angle: Array, channel: int) -> tuple[Complex, Complex, Complex]:
+    """A, B_i and F_i on the unit circle, each of shape (..., n)."""
+    in_a, in_b, in_f = _slots(orders, channel)
+    a = 1.0 + theta[..., in_a] @ _powers(angle, 1, orders.na).T
+    b = theta[..., in_b] @ _powers(angle, orders.nk[channel], orders.nb[channel]).T
+    f = 1.0 + theta[..., in_f] @ _powers(angle, 1, orders.nf[channel]).T
+    return a, b, f
+
+
+def _slots(orders: Orders, channel: int) -> tuple[slice, slice, slice]:
+    """Where the coefficients of A, B_i and F_i stand in the parameter vector."""
+    ends = np.cumsum((0, *orders.sizes))
+    m = len(orders.nb)
+    a, b, f = (slice(int(ends[i]), int(ends[i + 1])) for i in (0, 1 + channel, 1 + m + channel))
+    return a, b, f
+
+
+def _powers(angle: Array, first: int, count: int) -> Complex:
+    """q^-k on the unit circle, shape (n, count)."""
+    return np.asarray(np.exp(-1j * angle[:, None] * np.arange(first, first + count)))

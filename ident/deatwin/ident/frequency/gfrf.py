@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.blocks import blocks_of
-from deatwin.ident.frequency.checks import real_numbers, whole_order
+from deatwin.ident.frequency.checks import polynomial_model, real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.hierarchy import products_of, solve_parts
 from deatwin.ident.frequency.many import gfrf_of_many
@@ -118,8 +118,7 @@ def frequency_grid(*axes: ArrayLike) -> Array:
 
 def require_one_input(model: NarxModel) -> None:
     """Raise ModelError unless a model is polynomial and has one input."""
-    if not isinstance(model, NarxModel):
-        raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
+    polynomial_model(model)
     if len(model.input_names) != 1:
         raise ModelError(
             f"the model has {len(model.input_names)} inputs; frequency responses are computed for one input"

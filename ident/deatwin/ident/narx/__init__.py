@@ -29,7 +29,7 @@ from deatwin.ident.narx.reliance import Reliance, assess_reliance
 from deatwin.ident.narx.residual import Residual, free_run_residual
 from deatwin.ident.narx.residual_tests import CorrelationTest
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus
-from deatwin.ident.narx.robust import robust, robust_covariance
+from deatwin.ident.narx.robust import robust
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.semp_search import SempStep
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
@@ -93,6 +93,5 @@ __all__ = [
     "prune",
     "refine",
     "robust",
-    "robust_covariance",
     "validate",
 ]

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -20,13 +19,13 @@ from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.free_run import free_run, innovations
 from deatwin.ident.narx.horizon import require_steps, steps_ahead
 from deatwin.ident.narx.operating import Array, OperatingRange, read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.ident.narx.values import require_terms, require_values
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -37,7 +36,7 @@ def _variance_unit(model: NarxModel) -> str:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NarxModel(Described):
+class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), with one or several outputs.
 
     In the terms, y and u are the signals minus their origins. Powers of a signal that is far from zero compared with
@@ -318,7 +317,7 @@ class NarxModel(Described):
             return self._predict_further(recording, steps)
         signals = self.about_origin(recording.inputs, recording.outputs)
         outputs = recording.outputs - innovations(self.table, self.theta, *signals, self.equations)
-        return self._response(recording, outputs, first)
+        return response_over(recording, outputs, first, self.output_units)
 
     def _predict_further(self, recording: Recording, steps: int) -> NarxResponse:
         """Predict more than one step ahead."""
@@ -333,9 +332,9 @@ class NarxModel(Described):
         first = self.table.max_lag + steps - 1
         outputs = np.concatenate([recording.outputs[:, :first], found + self.output_origin[:, None]], axis=1)
         if not failed.any():
-            return self._response(recording, outputs, first)
+            return response_over(recording, outputs, first, self.output_units)
         when = float(recording.timepts[first + int(np.argmax(failed))])
-        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
+        return response_over(recording, outputs, first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(self, recording: Recording | ArrayLike, *, initial: ArrayLike | None = None) -> NarxResponse:
         """Simulate in free run, from the inputs and the outputs before the first computed sample, with zero noise.
@@ -375,9 +374,9 @@ class NarxModel(Described):
         outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
         outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
         if failed is None:
-            return self._response(drive, outputs, drive.first)
+            return response_over(drive, outputs, drive.first, self.output_units)
         when = float(drive.timepts[start + failed])
-        return self._response(drive, outputs, drive.first, ResponseStatus.DIVERGED, when)
+        return response_over(drive, outputs, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def _drive(self, given: Recording | ArrayLike, initial: ArrayLike | None) -> Drive:
         """Return what drives a free run, after checking that it suits."""
@@ -399,32 +398,6 @@ class NarxModel(Described):
             fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
         )
 
-    def save(self, path: str | Path) -> None:
-        """Write the model as JSON ("deatwin/narx/1"), beside the target first and then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
-
     def _check(self, recording: Recording, n_outputs: int | None) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
         require_suits(
@@ -435,22 +408,3 @@ class NarxModel(Described):
             fewest=self.table.max_lag + 1,
         )
         return self.table.max_lag
-
-    def _response(
-        self,
-        run: Recording | Drive,
-        outputs: Array,
-        first: int,
-        status: ResponseStatus = ResponseStatus.OK,
-        failed_at_s: float | None = None,
-    ) -> NarxResponse:
-        outputs.setflags(write=False)
-        return NarxResponse(
-            outputs=outputs,
-            measured=run.outputs if isinstance(run, Recording) else run.measured,
-            timepts=run.timepts,
-            first=first,
-            status=status,
-            failed_at_s=failed_at_s,
-            units=self.output_units,
-        )

@@ -71,7 +71,17 @@ class PruningStep(Described):
         -------
         matplotlib Axes
         """
-        return draw_relevance(self, ax)
+        axes = axes_or_new(ax)
+        kept = self.relevance > self.threshold
+        for chosen, style, label in ((kept, "o", "kept"), (~kept, "x", "pruned")):
+            axes.plot(self.indices[chosen], self.relevance[chosen], style, markersize=4, label=label)
+        axes.axhline(self.threshold, color="0.4", linestyle="--", label="threshold")
+        axes.set_yscale("log")
+        axes.set_xlabel("candidate")
+        axes.set_ylabel("relevance 1/E[α]")
+        axes.set_title(f"{len(self.terms)} terms")
+        axes.legend()
+        return axes
 
 
 def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
@@ -93,36 +103,6 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
     )
     axes.set_xlabel("pruning step")
     axes.set_ylabel("lower bound (nats)")
-    axes.legend()
-    return axes
-
-
-def draw_iterations(step: PruningStep, ax: Axes | None = None) -> Axes:
-    """Draw the lower bound over the updates of one step."""
-    axes = axes_or_new(ax)
-    axes.plot(np.arange(1, len(step.bounds) + 1), step.bounds, marker=".")
-    axes.set_xlabel("update")
-    axes.set_ylabel("lower bound (nats)")
-    axes.set_title(f"{len(step.terms)} terms")
-    return axes
-
-
-def draw_relevance(step: PruningStep, ax: Axes | None = None, *, truth: Sequence[Term] = ()) -> Axes:
-    """Draw the relevance of each term of a step, with the threshold and those that it prunes."""
-    axes = axes_or_new(ax)
-    kept = step.relevance > step.threshold
-    for chosen, style, label in ((kept, "o", "kept"), (~kept, "x", "pruned")):
-        axes.plot(step.indices[chosen], step.relevance[chosen], style, markersize=4, label=label)
-    true = np.array([term in set(truth) for term in step.terms])
-    if true.any():
-        axes.plot(
-            step.indices[true], step.relevance[true], "s", markersize=10, fillstyle="none", color="C2", label="true"
-        )
-    axes.axhline(step.threshold, color="0.4", linestyle="--", label="threshold")
-    axes.set_yscale("log")
-    axes.set_xlabel("candidate")
-    axes.set_ylabel("relevance 1/E[α]")
-    axes.set_title(f"{len(step.terms)} terms")
     axes.legend()
     return axes
 

@@ -211,10 +211,10 @@ class _Walk:
     def likelihood(self, ratios: Array) -> tuple[float, Array]:
         """Log likelihood at the best variance of the noise, and its gradient by the ratios."""
         filtered = self.filtered(ratios)
-        back = adjoint(filtered)
+        vectors, matrices = adjoint(filtered)
         weights = np.ones(len(self.phi) - 1) if self.intervals is None else self.intervals
-        squares = weights @ back.vectors[1:] ** 2 / filtered.variance_factor
-        return filtered.scaled_log_likelihood, 0.5 * (squares - weights @ np.einsum("kii->ki", back.matrices[1:]))
+        squares = weights @ vectors[1:] ** 2 / filtered.variance_factor
+        return filtered.scaled_log_likelihood, 0.5 * (squares - weights @ np.einsum("kii->ki", matrices[1:]))
 
 
 def _intervals(data: Regression) -> Array | None:

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.operating import OperatingRange
+from deatwin.ident.narx.drive import Drive
+from deatwin.ident.narx.operating import OperatingRange, read_only
 from deatwin.plant.datasets import Described, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,9 +110,24 @@ class NarxResponse(Described):
         return axes
 
 
-def _one(units: tuple[str, ...]) -> str:
-    """The unit of all outputs; empty where they differ."""
-    return units[0] if len(set(units)) == 1 else ""
+def response_over(
+    run: Recording | Drive,
+    outputs: Array,
+    first: int,
+    units: tuple[str, ...],
+    status: ResponseStatus = ResponseStatus.OK,
+    failed_at_s: float | None = None,
+) -> NarxResponse:
+    """Return the response of a model to what it ran over. Shapes: `outputs` (n_outputs, n)."""
+    return NarxResponse(
+        outputs=read_only(outputs),
+        measured=run.outputs if isinstance(run, Recording) else run.measured,
+        timepts=run.timepts,
+        first=first,
+        status=status,
+        failed_at_s=failed_at_s,
+        units=units,
+    )
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:

@@ -143,8 +143,8 @@ def pseudovalues(
     return np.asarray((n_blocks - 1) * solve_triangular(r, found.T).T * data.term_scales, dtype=np.float64)
 
 
-def robust_covariance(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> Array:
-    """Estimate the covariance of least-squares parameters without assumptions on the residuals (block jackknife).
+def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
+    """Return a model whose covariance assumes nothing of the residuals of least squares (block jackknife).
 
     The estimate is valid even if the terms cannot describe the plant: it is then the scatter, over records of similar
     excitation, about the parameters that fit an endless record best. The missing terms do not average out, so
@@ -161,35 +161,9 @@ def robust_covariance(model: NarxModel, recordings: Recordings, *, n_blocks: int
 
     Returns
     -------
-    ndarray, shape (n_terms, n_terms)
-        Covariance of the t distribution of `robust`, as used for ``theta_cov``. Its rank is at most n_blocks - 1, so
-        use it for a few combinations of the parameters at a time.
-
-    Raises
-    ------
-    ModelError
-        If the model has several outputs or noise terms, ``n_blocks`` is below 2, there are too few samples, or the
-        parameters are not determined without one of the blocks.
-    """
-    return robust(model, recordings, n_blocks=n_blocks).theta_cov
-
-
-def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
-    """Return a model with the covariance of its parameters that `robust_covariance` estimates.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model with one output and no noise terms, fitted by least squares to ``recordings``.
-    recordings : Recording, Experiment, or several
-        Recordings to which the model was fitted.
-    n_blocks : int
-        Number of blocks, at least 2; see `robust_covariance`.
-
-    Returns
-    -------
     NarxModel
         Model with this ``theta_cov`` and, as ``theta_dof``, the n_blocks - 1 degrees of freedom of its t distribution.
+        The covariance's rank is at most n_blocks - 1, so use it for a few combinations of the parameters at a time.
 
     Raises
     ------

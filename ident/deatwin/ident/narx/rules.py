@@ -1,6 +1,6 @@
-"""Rules that say which products are candidate terms.
+"""A rule that says which products are candidate terms.
 
-Any callable that takes a `Term` and returns a bool will do; these print, so that a model's provenance names them.
+Any callable that takes a `Term` and returns a bool will do; this one prints, so that a model's provenance names it.
 
 >>> from deatwin.ident.narx import generate_terms
 >>> from deatwin.ident.narx.rules import AtMost
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from deatwin.ident.narx.terms import Rule, Term
+from deatwin.ident.narx.terms import Term
 
 
 def _degree(term: Term, kind: str) -> int:
@@ -30,40 +30,3 @@ class AtMost:
     def __call__(self, term: Term) -> bool:
         bounds = (("y", self.output), ("u", self.input), ("e", self.noise))
         return all(bound is None or _degree(term, kind) <= bound for kind, bound in bounds)
-
-
-@dataclass(frozen=True)
-class NoConstant:
-    """Drops the constant term."""
-
-    def __call__(self, term: Term) -> bool:
-        return term.degree > 0
-
-
-@dataclass(frozen=True)
-class SameSignal:
-    """Drops products of different signals: each term holds powers of one channel's lags only."""
-
-    def __call__(self, term: Term) -> bool:
-        return len({(variable.kind, variable.channel) for variable, _ in term.factors}) <= 1
-
-
-@dataclass(frozen=True, kw_only=True)
-class WithinLags:
-    """Drops products whose factors lie far apart in time."""
-
-    spread: int
-
-    def __call__(self, term: Term) -> bool:
-        lags = [variable.lag for variable, _ in term.factors]
-        return not lags or max(lags) - min(lags) <= self.spread
-
-
-@dataclass(frozen=True)
-class AllOf:
-    """Keeps what every one of several rules keeps."""
-
-    rules: tuple[Rule, ...]  # Each takes a `Term`
-
-    def __call__(self, term: Term) -> bool:
-        return all(rule(term) for rule in self.rules)

@@ -8,10 +8,12 @@ true term for a false one an improvement. Where this fails, the truth is not eve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from deatwin.plant.records import UNBOUNDED
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -21,8 +23,8 @@ Indices = NDArray[np.intp]
 class Margin:
     """Thresholds from `false` up to `true` make a draw come out exactly right."""
 
-    true: float
-    false: float
+    true: float = field(metadata=UNBOUNDED)
+    false: float = field(metadata=UNBOUNDED)
 
 
 def full_margin(rows: Array, target: Array, true: Indices) -> Margin:

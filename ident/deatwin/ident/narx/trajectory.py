@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -18,7 +17,7 @@ from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -32,7 +31,13 @@ _QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ThetaTrajectory(Described):
+class ThetaTrajectory(
+    Described,
+    Saved,
+    schema=SCHEMA,
+    document=lambda trajectory: _document(trajectory),
+    fields=lambda document: _fields_of(document),
+):
     """NARX model with fixed terms and parameters that change with time.
 
     Parameters
@@ -229,44 +234,6 @@ class ThetaTrajectory(Described):
         panels[-1].set_xlabel("time (s)")
         return panels
 
-    def save(self, path: str | Path) -> None:
-        """Write the trajectory as JSON ("deatwin/theta/1"); thin a long one first.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        lower = np.tril_indices(len(self.terms))
-        write_document(
-            path,
-            {
-                "schema": SCHEMA,
-                "model": to_document(self.model),
-                "time_s": self.timepts.tolist(),
-                "theta": self.theta.tolist(),
-                "theta_cov_lower": self.theta_cov[:, lower[0], lower[1]].tolist(),
-                "drift_variance": self.drift_variance.tolist(),
-                "log_likelihood": self.log_likelihood,
-            },
-        )
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a trajectory that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**_fields_of(document)))
-
     @cached_property
     def _driven(self) -> NarxModel:
         """The model with its parameters as further inputs: what marches a model marches it with theta(t) too."""
@@ -312,6 +279,19 @@ class ThetaTrajectory(Described):
         if self.timepts.size == 1:
             return np.zeros(times.size, dtype=np.intp)
         return after - (times - self.timepts[after - 1] <= self.timepts[after] - times)
+
+
+def _document(trajectory: ThetaTrajectory) -> dict[str, Any]:
+    first, second = np.tril_indices(len(trajectory.terms))
+    return {
+        "schema": SCHEMA,
+        "model": to_document(trajectory.model),
+        "time_s": trajectory.timepts.tolist(),
+        "theta": trajectory.theta.tolist(),
+        "theta_cov_lower": trajectory.theta_cov[:, first, second].tolist(),
+        "drift_variance": trajectory.drift_variance.tolist(),
+        "log_likelihood": trajectory.log_likelihood,
+    }
 
 
 def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from deatwin.plant.datasets import (
     status_of,
     variable,
 )
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError, nearest
 
 if TYPE_CHECKING:
@@ -92,7 +91,13 @@ def _correlations(found: Validation) -> Variables:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Validation(Described):
+class Validation(
+    Described,
+    Saved,
+    schema=SCHEMA,
+    document=lambda found: found.to_json(),
+    fields=lambda document: _fields_of(document),
+):
     """Result of `validate`: errors of a model on recordings, and tests of its residuals.
 
     Parameters
@@ -151,16 +156,6 @@ class Validation(Described):
         "status": status_of(),
         "diverged_at_s": attribute(of=lambda found: [time for _, time in found.diverged]),
     }
-
-    @property
-    def mspe(self) -> Array:
-        """Mean squared prediction error of each output, one step ahead, in squared units; shape (n_outputs,)."""
-        return self.one_step.mean_square
-
-    @property
-    def msse(self) -> Array:
-        """Mean squared simulation error of each output, in free run, in squared units; shape (n_outputs,)."""
-        return self.free_run.mean_square
 
     @property
     def failed(self) -> tuple[CorrelationTest, ...]:
@@ -317,32 +312,6 @@ class Validation(Described):
                 for w in self.whiteness
             ],
         }
-
-    def save(self, path: str | Path) -> None:
-        """Write the validation as JSON ("deatwin/validation/1").
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        write_document(path, self.to_json())
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a validation that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**_fields_of(document)))
 
 
 def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, level: float = 0.05) -> Validation:

@@ -1,1 +1,1 @@
-"""One implicit step of a plant over a sample: collocation, Newton's method, compiled code; and a SUNDIALS reference."""
+"""One implicit step of a plant over a sample: collocation, Newton's method, compiled code."""

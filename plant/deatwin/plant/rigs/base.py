@@ -47,9 +47,9 @@ class StartProcedure:
         Time for which the first command is then held, s.
     """
 
-    rest_command: float
-    ramp: float
-    hold: float
+    rest_command: float = 0.0
+    ramp: float = 0.0
+    hold: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,13 +97,13 @@ class Rig(ABC):
         """Return the parameters of the base plant."""
 
     @property
-    @abstractmethod
     def start(self) -> StartProcedure:
-        """Return how an experiment starts.
+        """Return how an experiment starts: by default with its first command, from rest at 0.
 
         If a recording begins at an unknown state, let each state start from a parameter,
         ``build.state(..., start=build.parameter("level_at_start"))``, which a calibration finds like any other.
         """
+        return StartProcedure()
 
     @abstractmethod
     def write(self, build: Builder) -> Any:

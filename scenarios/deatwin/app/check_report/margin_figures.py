@@ -17,7 +17,7 @@ from deatwin.control.checking.specification import Limit
 from deatwin.control.controllers.base import Controller
 from deatwin.plant.amplitudes import amount
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.panels import Hue, plain_numbers
 from deatwin.studies.report.svg import draw
 
 if TYPE_CHECKING:
@@ -128,15 +128,11 @@ def _draw_source(axes: Axes, view: View, source: str, places: Array, own: Array,
 
 
 def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     axes.axhline(limit.good, color=Hue.INK, linestyle="--", linewidth=0.9, label="good from here on")
     axes.axhline(limit.poor, color=Hue.INK, linestyle=":", linewidth=1.1, label="fails below")
     if low > 0.0:
         axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        plain_numbers(axes.yaxis, 1.0, 2.0, 5.0)
     axes.set_ylim(low, high)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from deatwin.app.check_report.view import View, header, thinned
 from deatwin.control import ClosedLoop
 from deatwin.control.checking.verdict import late_rms_error
+from deatwin.plant.amplitudes import axis_label
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw
@@ -31,20 +32,10 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
-        upper.plot(
-            *envelope(steps.timepts, steps.measured / view.size),
-            color=Hue.MEASURED,
-            linewidth=0.5,
-            alpha=0.6,
-            label="simulated reading",
-        )
+        faint = {"linewidth": 0.5, "alpha": 0.6}
+        _draw(upper, view, steps, steps.measured, color=Hue.MEASURED, label="simulated reading", **faint)
         _draw_reference(upper, view, steps)
-        upper.plot(
-            *envelope(steps.timepts, steps.output / view.size),
-            color=Hue.BEFORE,
-            linewidth=1.3,
-            label="on the physics plant",
-        )
+        _draw(upper, view, steps, steps.output, color=Hue.BEFORE, linewidth=1.3, label="on the physics plant")
         upper.set_ylabel(view.reading)
         _draw_command(lower, steps, Hue.BEFORE)
         _draw_limits(lower, view, steps)
@@ -74,7 +65,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         for name, run in others.items():
             look = view.looks[name]
             style = {"color": look.colour, "linestyle": look.line, "linewidth": 1.2}
-            upper.plot(*envelope(run.timepts, run.output / view.size), label=look.label, **style)
+            _draw(upper, view, run, run.output, label=look.label, **style)
             lower.plot(*envelope(run.timepts, run.command), **style)
         upper.set_ylabel(view.reading)
         lower.set(xlabel=_TIME, ylabel=view.command)
@@ -96,27 +87,22 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
     with draw((7.0, 5.2)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.5))
         _draw_reference(upper, view, sine)
-        upper.plot(*envelope(sine.timepts, sine.output / view.size), color=Hue.BEFORE, label="on the physics plant")
+        _draw(upper, view, sine, sine.output, color=Hue.BEFORE, label="on the physics plant")
         middle.plot(*envelope(sine.timepts, error), color=Hue.BEFORE, linewidth=0.9)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
         caption = "A sine at a fifth of the bandwidth asked for, what the physics plant made of it, and the error."
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
-                middle.axhline(
-                    sign * size,
-                    color=Hue.AFTER,
-                    linestyle="--",
-                    linewidth=0.9,
-                    label="predicted amplitude" if sign > 0 else "_",
-                )
+                label = "predicted amplitude" if sign > 0 else "_"
+                middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
                 f" Predicted {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
                 + f" rms, achieved {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
                 + " rms over the last two thirds."
             )
         upper.set_ylabel(view.reading)
-        middle.set_ylabel(f"error ({unit})" if unit not in ("", "1") else "error")
+        middle.set_ylabel(axis_label("error", unit))
         _draw_command(lower, sine, Hue.BEFORE)
         lower.set(xlabel=_TIME, ylabel=view.command)
         figure.align_ylabels()
@@ -145,13 +131,11 @@ def _draw_prediction(axes: Axes, view: View) -> None:
 
 
 def _draw_reference(axes: Axes, view: View, run: ClosedLoop) -> None:
-    axes.plot(
-        *envelope(run.timepts, run.reference / view.size),
-        color=Hue.INK,
-        linestyle="--",
-        linewidth=0.8,
-        label="reference",
-    )
+    _draw(axes, view, run, run.reference, color=Hue.INK, linestyle="--", linewidth=0.8, label="reference")
+
+
+def _draw(axes: Axes, view: View, run: ClosedLoop, values: Array, **style: Any) -> None:
+    axes.plot(*envelope(run.timepts, values / view.size), **style)
 
 
 def _draw_command(axes: Axes, run: ClosedLoop, colour: str) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from deatwin.control import Check, Specification
 from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
+from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.studies.report.panels import Hue
 
@@ -75,12 +75,12 @@ class View:
     @property
     def reading(self) -> str:
         """Label of an axis of outputs."""
-        return with_unit(self.model.output_names[0].replace("_", " "), self.shown_unit)
+        return axis_label(self.model.output_names[0].replace("_", " "), self.shown_unit)
 
     @property
     def command(self) -> str:
         """Label of an axis of commands."""
-        return with_unit(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
+        return axis_label(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
 
     def rows(self, along_time: bool) -> dict[str, list[MarginRow]]:
         """Margins of each source over operating points, or along time."""
@@ -89,11 +89,6 @@ class View:
             if (row.time is not None) is along_time:
                 found.setdefault(row.source, []).append(row)
         return found
-
-
-def with_unit(name: str, unit: str) -> str:
-    """A name with its unit in brackets, where it has one."""
-    return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def header(name: str, unit: str) -> str:

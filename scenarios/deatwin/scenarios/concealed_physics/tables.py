@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -18,6 +16,7 @@ from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
+from deatwin.studies.report.tables import csv_text
 
 KINDS = {
     "clean": "clean",
@@ -65,7 +64,7 @@ class Confusion:
     def csv(self) -> str:
         """Write a line for each truth: its name and its counts."""
         lines = ((truth, *map(int, line)) for truth, line in zip(self.truths, self.counts, strict=True))
-        return csv_of(("truth", *self.answers), lines)
+        return csv_text(("truth", *self.answers), lines)
 
 
 def by_effect(study: Opened) -> Confusion:
@@ -275,11 +274,11 @@ def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
         (r["name"], r["true"], r["low"], r["high"], int(r["low"] <= r["true"] <= r["high"])) for r in study.intervals
     ]
     return {
-        "goals.csv": csv_of(("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met"), numbers),
-        "cases.csv": csv_of(tuple(_COLUMNS), cases),
+        "goals.csv": csv_text(("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met"), numbers),
+        "cases.csv": csv_text(tuple(_COLUMNS), cases),
         "confusion_effect.csv": by_effect(study).csv(),
         "confusion_family.csv": by_family(study).csv(),
-        "intervals.csv": csv_of(("parameter", "true", "low", "high", "covered"), held),
+        "intervals.csv": csv_text(("parameter", "true", "low", "high", "covered"), held),
     }
 
 
@@ -305,12 +304,3 @@ _COLUMNS: dict[str, Callable[[Case], object]] = {
     "processor_s": lambda case: case.result.get("seconds_in_all", ""),
 }
 """Columns of ``cases.csv``."""
-
-
-def csv_of(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """Write a CSV file whose cells may hold commas; None is empty."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
-    return buffer.getvalue()

@@ -8,6 +8,7 @@ diagnosis; and random rigs with random designs: how often a verdict keeps its wo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
@@ -152,7 +153,7 @@ def _summary(study: Study) -> dict[str, Any]:
             "passed_sound": _rate(sound(outcomes)),
             "unsound_not_passed": _rate(caught(outcomes)),
         },
-        "trials": [outcome.to_dict() for outcome in outcomes],
+        "trials": [asdict(outcome) for outcome in outcomes],
     }
 
 

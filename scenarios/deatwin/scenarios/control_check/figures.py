@@ -17,7 +17,7 @@ from deatwin.scenarios.control_check.tables import MICRO, trials_csv, verdicts_s
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracking
 from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, filled, titled
+from deatwin.studies.report.panels import Hue, filled, numbers_of_decades, titled
 from deatwin.studies.report.svg import COLOURS, draw, legend_above
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -194,7 +194,7 @@ def _models(matters: Matters) -> Drawing:
                 axes.plot(p.value, row, "|", color=Hue.AFTER, markersize=10, markeredgewidth=2)
                 axes.plot(promise.achieved, row, "D", color=Hue.INK if promise.kept else Hue.BEFORE, markersize=5)
             axes.set(xscale="log", xlabel=quantity.label)
-            _decades(axes)
+            numbers_of_decades(axes.xaxis, 50.0)
             axes.margins(x=0.12)
         panels[0].set_yticks(range(len(names)), names)
         panels[0].set_ylim(len(names) - 0.5, -0.5)
@@ -221,16 +221,6 @@ def _handles() -> list[object]:
         Line2D([], [], linestyle="", marker="D", color=Hue.INK, markersize=5, label="achieved, inside"),
         Line2D([], [], linestyle="", marker="D", color=Hue.BEFORE, markersize=5, label="achieved, outside"),
     ]
-
-
-def _decades(axes: Axes) -> None:
-    """Label 1, 10 and 100 instead of powers, and 2 and 5 of each where the axis is short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 50 else (1.0,)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _trials(outcomes: Sequence[Outcome]) -> Drawing:
@@ -282,7 +272,7 @@ def _draw_times(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]
             axes.plot([], [], marker, color=colour, markersize=6, linestyle="", label=words)
     axes.set(xscale="log", xlabel="closed-loop time asked for (s)", ylim=(len(verdicts) - 0.5, -0.5))
     axes.set_yticks(range(len(verdicts)), verdicts)
-    _decades(axes)
+    numbers_of_decades(axes.xaxis, 50.0)
     axes.grid(axis="y", visible=False)
     for edge in range(1, len(verdicts)):
         axes.axhline(edge - 0.5, color=COLOURS["grid"][0], linewidth=0.8)

@@ -23,6 +23,7 @@ from deatwin.control.loop.sine_response import sine_response
 from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
 from deatwin.ident.narx.residual import free_run_residual
+from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.excitation import band_limited_noise
@@ -81,7 +82,7 @@ class Quantity:
     @property
     def label(self) -> str:
         """Name and unit."""
-        return f"{self.name} ({self.unit})" if self.unit else self.name
+        return axis_label(self.name, self.unit)
 
     @property
     def column(self) -> str:

@@ -26,6 +26,7 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import TOLERANCES, specification
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.studies.missing_physics.case import experiment_of
 
 WIDER = 2.0
 """Multiple of the tolerances of the fleet, which is of one batch: these rigs are not."""
@@ -74,16 +75,8 @@ def random_bench(rng: np.random.Generator) -> Bench:
 
 def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generator) -> Recording:
     """Record one sequence of commands from rest. Shapes: `commands` (n,)."""
-    bare = Recording.from_arrays(
-        commands,
-        np.zeros_like(commands),
-        plant.rig.sample_time,
-        input_names=[plant.rig.input_name],
-        output_names=[plant.rig.output_name],
-        input_units=[plant.rig.input_unit],
-        output_units=[plant.rig.output_unit],
-    )
-    return plant.record(Experiment(recordings=(bare,)), rng).recordings[0]
+    silent = experiment_of(plant.rig, commands, np.zeros_like(commands))
+    return plant.record(silent, rng).recordings[0]
 
 
 def fabricated(rng: np.random.Generator) -> Plant:

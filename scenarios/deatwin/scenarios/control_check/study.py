@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -65,4 +65,4 @@ def _trials(folder: Path, count: int, seed: int, jobs: int, tell: Progress) -> t
 
 
 def _try(seed: int, number: int) -> dict[str, Any]:
-    return try_one(number, seed).to_dict()
+    return asdict(try_one(number, seed))

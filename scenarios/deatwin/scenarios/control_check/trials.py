@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,16 +15,11 @@ from deatwin.control.checking.result import Check
 from deatwin.control.checking.specification import Specification, Verdict
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import judge_runs, worst
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.inverse import static_curve, with_inverse
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.design.loop_shaping import loop_shaping
-from deatwin.control.design.lqg import lqg
-from deatwin.control.design.pid import Limits
-from deatwin.control.linear.model import LinearModel
+from deatwin.control.design.named import Wanted, design_named
 from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.errors import DeatwinError
+from deatwin.plant.records import read
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
 from deatwin.studies.rates import Rate
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
@@ -40,30 +35,8 @@ PASS = Verdict.PASS.value
 _NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
 
 
-def _pi(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=time)
-
-
-def _shaped(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return loop_shaping(linear, command_limits=command_limits, crossover_Hz=1.0 / (2 * np.pi * time))
-
-
-def _lqg(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    return lqg(linear, command_limits=command_limits, closed_loop_time=time)
-
-
-def _inverse(model: NarxModel, time: float, linear: LinearModel, *, command_limits: Limits) -> Controller:
-    curve = static_curve(model, command_limits)
-    return with_inverse(linear, curve, partial(lambda_tuning, closed_loop_time=time), command_limits=command_limits)
-
-
-DESIGNS: Mapping[str, Callable[..., Controller]] = {
-    "lambda tuning": _pi,
-    "loop shaping": _shaped,
-    "LQG": _lqg,
-    "inverse": _inverse,
-}
-"""Each takes the NARX model, the closed-loop time in s, and the arguments of a design of a check."""
+DESIGNS = {"lambda tuning": "pi", "loop shaping": "shaped", "LQG": "lqg", "inverse": "inverse"}
+"""Designs that are tried, by what the page calls them, as `design_named` knows them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +54,6 @@ class Outcome:
     sound: bool | None  # True if the true rig kept every limit on its runs; None where there was no controller
     truth: str  # The worst finding on the true rig
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Outcome:
-        """Read what `to_dict` made."""
-        return cls(**data)
-
 
 def try_one(number: int, seed: int) -> Outcome:
     """Fabricate a rig, identify and calibrate it, design, check, and run the design on the truth."""
@@ -97,28 +61,33 @@ def try_one(number: int, seed: int) -> Outcome:
     bench = random_bench(rng)
     name, closed_loop_time = str(rng.choice(list(DESIGNS))), float(10 ** rng.uniform(-1.3, 0.0))
     operating_input = float(rng.uniform(1.9, 3.1))
-    told = {
-        "number": number,
-        "concealed": "+".join(bench.concealed),
-        "design": name,
-        "closed_loop_time": closed_loop_time,
-        "band_Hz": bench.band_Hz,
-    }
+    told = partial(
+        Outcome,
+        number=number,
+        concealed="+".join(bench.concealed),
+        design=name,
+        closed_loop_time=closed_loop_time,
+        band_Hz=bench.band_Hz,
+    )
     try:
         model, known = identified(bench.recording), calibrated(bench.recording)
     except DeatwinError as error:
-        return Outcome.from_dict({**told, "verdict": NO_MODEL, "reason": str(error), **_NOTHING})
+        return told(verdict=NO_MODEL, reason=str(error), **_NOTHING)
+    reading = bench.plant.rig.reading
+    wanted = Wanted(
+        model=model, reading=reading, closed_loop_time=closed_loop_time, band_Hz=None, operating_range=LIMITS
+    )
     found = check(
         model,
         known,
         rng=rng,
-        design=partial(DESIGNS[name], model, closed_loop_time),
+        design=design_named(DESIGNS[name], wanted),
         operating_input=operating_input,
         command_limits=LIMITS,
         recording=bench.recording,
     )
     truth = _truth(found, bench, model, rng)
-    return Outcome.from_dict({**told, "verdict": found.verdict.value, "reason": found.reason, **truth})
+    return told(verdict=found.verdict.value, reason=found.reason, **truth)
 
 
 def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generator) -> dict[str, Any]:
@@ -155,17 +124,7 @@ class Trials(CaseStore[SweepSeal]):
 
     def outcomes(self, numbers: Iterable[int]) -> tuple[Outcome, ...]:
         """Read trials."""
-        return tuple(self._outcome(name_of(number)) for number in numbers)
-
-    def _outcome(self, name: str) -> Outcome:
-        found = self.get(name)
-        content = {key: value for key, value in found.items() if key not in self.seal.stamp(name)}
-        try:
-            return Outcome.from_dict(content)
-        except TypeError as error:
-            raise DataError(
-                f"{self.path(name)}: it must hold a trial ({error}); delete it, and it is run again"
-            ) from None
+        return tuple(self.read(name_of(number), partial(read, Outcome), "trial") for number in numbers)
 
 
 def name_of(number: int) -> str:

@@ -156,16 +156,8 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
                 columns[f"{data.name}_{kind}"] = values
             for i, method in enumerate(methods):
                 if own[method].failure:
-                    axes.text(
-                        0.97,
-                        i,
-                        "diverges",
-                        transform=axes.get_yaxis_transform(),
-                        ha="right",
-                        va="center",
-                        color=Hue.BEFORE,
-                        fontsize="small",
-                    )
+                    how = {"ha": "right", "va": "center", "color": Hue.BEFORE, "fontsize": "small"}
+                    axes.text(0.97, i, "diverges", transform=axes.get_yaxis_transform(), **how)
             axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])
             axes.set_title(data.title, loc="left", fontsize="medium")
             axes.set_yticks(range(len(methods)), methods)

@@ -22,7 +22,7 @@ from deatwin.plant.effects.smooth import smooth_magnitude
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.columns import hdf5_vectors, require_samples
@@ -63,10 +63,6 @@ class LinearOscillator(Rig):
             Parameter(name="damping", value=10.0, unit="N s/m", lower=0.1, upper=1e4, scale=log),
             Parameter(name="stiffness", value=9e4, unit="N/m", lower=1e3, upper=1e7, scale=log),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=1e-3))

@@ -23,7 +23,7 @@ from deatwin.plant.effects.smooth import soft_excess
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data
 from deatwin.studies.public.sources import data_folder
@@ -67,10 +67,6 @@ class Tanks(Rig):
             Parameter(name="upper_start", value=5.0, unit="V", lower=0.0, upper=15.0),
             Parameter(name="lower_start", value=5.0, unit="V", lower=0.0, upper=15.0),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         upper = build.watch("upper_level", build.state("upper", scale=5.0, start=build.parameter("upper_start")))

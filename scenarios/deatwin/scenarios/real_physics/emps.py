@@ -21,7 +21,7 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
@@ -70,10 +70,6 @@ class ControlledCarriage(Rig):
             ),
             Parameter(name="motor", value=35.15, unit="N/V", lower=1.0, upper=1e3, known=True, source=source),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=0.1))

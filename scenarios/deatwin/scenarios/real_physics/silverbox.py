@@ -21,7 +21,7 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
@@ -63,10 +63,6 @@ class LinearOscillator(Rig):
             Parameter(name="stiffness", value=2e5, unit="1/s2", lower=1e4, upper=1e7, scale=log),
             Parameter(name="zero", value=0.0, unit="V", lower=-0.1, upper=0.1),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.watch("displacement", build.state("position", scale=0.1))

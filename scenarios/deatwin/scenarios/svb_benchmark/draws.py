@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structur
 from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
 from deatwin.plant.errors import DeatwinError
+from deatwin.plant.records import UNBOUNDED
 from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS
 from deatwin.studies.rates import LEVEL, Rate
 
@@ -43,12 +43,6 @@ class Trial:
     false: int  # False terms that were kept
     seconds: float  # Processor time of the fit
     failure: str = ""  # Error of the method
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read what `dataclasses.asdict` made, from a file too."""
-        given: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items()}
-        return cls(**given)
 
     @property
     def kept(self) -> bool:
@@ -124,12 +118,7 @@ class Contrast:
     near: Margin  # Among the neighbours of the true terms
     redraws: int  # Runs that diverged before the draw
     snr_db: float  # Variance of the output over that of e(k), dB
-    condition: float  # Condition number of the candidates, each scaled to length 1
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read what `dataclasses.asdict` made."""
-        return cls(**{**data, "full": Margin(**data["full"]), "near": Margin(**data["near"])})
+    condition: float = field(metadata=UNBOUNDED)  # Condition number of the candidates, each scaled to length 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,13 +185,6 @@ class Comparison:
     mass_given: Array  # shape (common,): The same given the chosen structure
     seconds: float  # Processor time of variational Bayes
     sampled_seconds: float  # Processor time of one chain
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read plain data."""
-        names = {key: tuple(data[key]) for key in ("terms", "sampled", "chosen")}
-        numbers = {k: np.array(v, dtype=float) for k, v in data.items() if isinstance(v, list) and k not in names}
-        return cls(**{**data, **numbers, **names})
 
     @property
     def common(self) -> tuple[str, ...]:

@@ -54,7 +54,11 @@ def _dot(axes: Axes, rate: Rate, place: float, colour: str, marker: str) -> None
     """Draw a rate and its interval beside a place on the vertical axis."""
     share, *ends = _percent(rate)
     axes.plot(ends, [place, place], color=colour, linewidth=1.0, alpha=0.6)
-    axes.plot(share, place, marker, color=colour, markersize=9 if marker == "*" else 5)
+    axes.plot(share, place, marker, color=colour, markersize=_size(marker))
+
+
+def _size(marker: str) -> int:
+    return 9 if marker == "*" else 5
 
 
 def _names(axes: Axes, names: Sequence[str], **style: Any) -> None:
@@ -189,16 +193,8 @@ def _sweep(study: Study) -> Drawing:
 def _line(axes: Axes, places: Sequence[float], rates: Sequence[Rate], label: str, colour: str, marker: str) -> None:
     """Draw rates and their intervals over the levels."""
     shares, *ends = np.array([_percent(rate) for rate in rates]).T
-    size = 9 if marker == "*" else 5
-    style: dict[str, Any] = {
-        "color": colour,
-        "label": label,
-        "fmt": f"{marker}-",
-        "markersize": size,
-        "capsize": 2,
-        "elinewidth": 0.9,
-    }
-    axes.errorbar(places, shares, np.abs(np.array(ends) - shares), **style)
+    style: dict[str, Any] = {"color": colour, "label": label, "fmt": f"{marker}-", "capsize": 2, "elinewidth": 0.9}
+    axes.errorbar(places, shares, np.abs(np.array(ends) - shares), markersize=_size(marker), **style)
 
 
 def _sampler(study: Study) -> Drawing:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +21,7 @@ from deatwin.plant.recording import Recording
 VARIATIONAL = "variational Bayes"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Method:
     """A way to choose the structure."""
 
@@ -37,56 +38,38 @@ class Method:
         return self.make(**lags, degree=system.degree, **given)
 
 
-def _told(**given: Any) -> NarxIdentifier:
-    return Frols(**given, criterion="none")
-
-
-def _published(**given: Any) -> NarxIdentifier:
-    return SvbNarx(**given, clean_up="none")
-
-
-def _cleaned(**given: Any) -> NarxIdentifier:
-    return SvbNarx(**given, clean_up="evidence")
-
-
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "fro": Method(
-            label="FRO",
-            line="forward regression by error reduction, number of terms by extended BIC",
-            make=Frols,
-            effort=(0.004, 0.013),
+            "FRO", "forward regression by error reduction, number of terms by extended BIC", Frols, (0.004, 0.013)
         ),
         "fro-told": Method(
-            label="FRO, told the number",
-            line="the same, told how many terms are true, so that only its order is judged",
-            make=_told,
-            effort=(0.004, 0.013),
+            "FRO, told the number",
+            "the same, told how many terms are true, so that only its order is judged",
+            partial(Frols, criterion="none"),
+            (0.004, 0.013),
             told=True,
         ),
         "lasso": Method(
-            label="LASSO",
-            line="the LASSO's path, refitted, chosen by free-run error on held-out data",
-            make=Lasso,
-            effort=(0.12, 0.13),
+            "LASSO", "the LASSO's path, refitted, chosen by free-run error on held-out data", Lasso, (0.12, 0.13)
         ),
         "semp": Method(
-            label="SEMP",
-            line="least free-run error with pruning, and tests of the package beside the published rules",
-            make=Semp,
-            effort=(0.015, 0.05),
+            "SEMP",
+            "least free-run error with pruning, and tests of the package beside the published rules",
+            Semp,
+            (0.015, 0.05),
         ),
         "svb": Method(
-            label="SVB",
-            line="variational Bayes with automatic relevance determination, as published",
-            make=_published,
-            effort=(0.06, 0.85),
+            "SVB",
+            "variational Bayes with automatic relevance determination, as published",
+            partial(SvbNarx, clean_up="none"),
+            (0.06, 0.85),
         ),
         "svb-clean": Method(
-            label="SVB with clean-up",
-            line="the same, its last steps set right by exact evidence",
-            make=_cleaned,
-            effort=(0.06, 0.85),
+            "SVB with clean-up",
+            "the same, its last steps set right by exact evidence",
+            partial(SvbNarx, clean_up="evidence"),
+            (0.06, 0.85),
         ),
     }
 )

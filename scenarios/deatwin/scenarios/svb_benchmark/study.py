@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.errors import DataError
+from deatwin.plant.records import plain, read
 from deatwin.scenarios.svb_benchmark.draws import (
     Comparison,
     Contrast,
@@ -74,26 +74,6 @@ class Answer:
     covered: Mapping[str, Flags] = field(default_factory=dict)  # By estimator
     comparison: Comparison | None = None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data."""
-        sampled = {} if self.comparison is None else asdict(self.comparison)
-        return {
-            "trials": [asdict(trial) for trial in self.trials],
-            "contrast": None if self.contrast is None else asdict(self.contrast),
-            "covered": {name: flags.tolist() for name, flags in self.covered.items()},
-            "comparison": {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in sampled.items()} or None,
-        }
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read what `to_dict` made."""
-        return cls(
-            trials=tuple(map(Trial.from_dict, data["trials"])),
-            contrast=None if data["contrast"] is None else Contrast.from_dict(data["contrast"]),
-            covered={name: np.array(flags, dtype=bool) for name, flags in data["covered"].items()},
-            comparison=None if data["comparison"] is None else Comparison.from_dict(data["comparison"]),
-        )
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
@@ -144,13 +124,7 @@ class Draws(CaseStore[SweepSeal]):
 
     def answer(self, name: str) -> Answer:
         """Read a case."""
-        found = self.get(name)
-        try:
-            return Answer.from_dict(found)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DataError(
-                f"{self.path(name)}: it must hold a case ({error!r}); delete it, and it is run again"
-            ) from None
+        return self.read(name, partial(read, Answer))
 
 
 def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:
@@ -173,7 +147,7 @@ def cases_of(plan: Plan) -> list[Case]:
 
 
 def _answered(seed: int, case: Case) -> dict[str, Any]:
-    return case.answer(seed).to_dict()
+    return dict(plain(case.answer(seed)))
 
 
 def _seconds(system: str, methods: Sequence[str]) -> float:

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
-from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.errors import ModelError
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import Actuator, fleet, specification
 from deatwin.plant.model import Plant
@@ -36,7 +36,6 @@ EFFORT = 12.0
 """Work of a diagnosis; a run of the argument takes 1."""
 
 Work = Callable[[], dict[str, Any]]
-Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,24 +128,15 @@ class Answers(CaseStore[SweepSeal]):
 
     def files(self, name: str) -> tuple[str, ...]:
         """List the files that the diagnosis of a case has written."""
-        return self._read(name, lambda found: tuple(f"diagnoses/{name}/{file}" for file in found["files"]))
+        return self.read(name, lambda found: tuple(f"diagnoses/{name}/{file}" for file in found["files"]))
 
     def finding(self, name: str) -> Finding:
         """Read a case that is a diagnosis."""
-        return self._read(name, lambda found: Finding.from_dict(found["finding"]))
+        return self.read(name, lambda found: Finding.from_dict(found["finding"]))
 
     def drift(self, name: str) -> Drift:
         """Read a case that is a run of the argument."""
-        return self._read(name, lambda found: Drift(**found["drift"]))
-
-    def _read(self, name: str, build: Callable[[dict[str, Any]], Content]) -> Content:
-        found = self.get(name)
-        try:
-            return build(found)
-        except (ModelError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise DataError(
-                f"{self.path(name)}: it must hold a case ({error!r}); delete it, and it is run again"
-            ) from None
+        return self.read(name, lambda found: Drift(**found["drift"]))
 
 
 def carry_out(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from deatwin.plant import Builder, Parameter, Place, Plant, Rig, Scale, Sizes, StartProcedure
+from deatwin.plant import Builder, Parameter, Place, Plant, Rig, Scale, Sizes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,10 +31,6 @@ class QuarterCar(Rig):
             Parameter(name="damper", value=1e3, unit="N s/m", lower=10.0, upper=1e5, scale=log),
             Parameter(name="tyre", value=150e3, unit="N/m", lower=1e4, upper=1e6, scale=log),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         body, wheel = build.state("body", scale=0.02), build.state("wheel", scale=0.02)

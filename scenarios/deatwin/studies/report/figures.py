@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.plant.amplitudes import axis_label
 from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import numbers_of_decades
 from deatwin.studies.report.svg import COLOURS, draw, inline
 from deatwin.studies.report.tracks import envelope
 
@@ -138,24 +139,14 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
             ylabel=axis_label("residual", f"{view.unit}/√Hz" if view.unit else "1/√Hz"),
             xlim=(low, high),
         )
-        _plain_numbers(axes)
+        for axis in (axes.xaxis, axes.yaxis):
+            numbers_of_decades(axis, 300.0)
         figure.legend(loc="outside upper left", ncols=3)
         svg = inline(figure, "frequency", "Residual over frequency")
     caption = "Amplitude spectral density of the residual. Ochre: bands above the sensor's noise."
     return Drawing(
         name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
     )
-
-
-def _plain_numbers(axes: Axes) -> None:
-    """0.1, 1 and 10 instead of powers; also 2 and 5 of each decade where the axis is short."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    for axis in (axes.xaxis, axes.yaxis):
-        low, high = axis.get_view_interval()
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 300 else (1.0,)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
 
 
 def _spectrum(view: _View, suffix: str) -> dict[str, Array]:

@@ -83,6 +83,12 @@ def plain_numbers(axis: Axis, *steps: float) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def numbers_of_decades(axis: Axis, short: float) -> None:
+    """Write 0.1, 1 and 10, and 2 and 5 of each decade if the axis ends below `short` times where it begins."""
+    low, high = axis.get_view_interval()
+    plain_numbers(axis, *((1.0, 2.0, 5.0) if high / low < short else (1.0,)))
+
+
 def key_of(name: str) -> str:
     """The name of an actuator as it begins the names of columns and files."""
     return name.replace(" ", "")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -19,8 +21,10 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> lis
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """The text of a CSV file; cells hold no comma, quote or line break."""
-    return "\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n"
+    """The text of a CSV file whose cells may hold commas; None is empty."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
+    return text.getvalue()
 
 
 def parameters_by_term(*models: NarxModel) -> list[list[str]]:

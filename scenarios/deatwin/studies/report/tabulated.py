@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from deatwin.studies.report.tables import csv_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,19 +22,17 @@ Rows = Iterator[tuple[str, str, Any]]
 
 def drawn_table(figure: Figure) -> str:
     """The points of all that is drawn in a figure."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(HEADER)
     figure.draw_without_rendering()  # so that ticks have their texts
-    for number, axes in enumerate(figure.axes, start=1):
-        across, up = _names(axes.xaxis), _names(axes.yaxis)
-        for series, kind, points in _series(axes):
-            shown = "" if series.startswith("_") else series
-            for x, y in np.asarray(points, dtype=float).reshape(-1, 2).tolist():
-                writer.writerow(
-                    [number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)]
-                )
-    return text.getvalue()
+    return csv_text(HEADER, (row for number, axes in enumerate(figure.axes, start=1) for row in _rows(number, axes)))
+
+
+def _rows(number: int, axes: Axes) -> Iterator[tuple[object, ...]]:
+    """The points of a panel."""
+    across, up = _names(axes.xaxis), _names(axes.yaxis)
+    for series, kind, points in _series(axes):
+        shown = "" if series.startswith("_") else series
+        for x, y in np.asarray(points, dtype=float).reshape(-1, 2).tolist():
+            yield number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)
 
 
 def _series(axes: Axes) -> Rows:

@@ -7,12 +7,12 @@ import json
 import os
 import re
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
@@ -30,6 +30,7 @@ SHARDS = tuple(f"{number:02x}" for number in range(256))
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,199}")
 
 S = TypeVar("S", bound=Sealed)
+Content = TypeVar("Content")
 
 
 class CaseStore(Generic[S]):
@@ -131,6 +132,31 @@ class CaseStore(Generic[S]):
         if stamped != self.seal.stamp(name):
             raise DataError(f"{path}: this case was run under another seal than {SEAL_FILE} states")
         return found
+
+    def read(self, name: str, build: Callable[[dict[str, Any]], Content], noun: str = "case") -> Content:
+        """Read a case, and make of it what it describes.
+
+        Parameters
+        ----------
+        name : str
+            Name of the case.
+        build : callable
+            Function of what `get` returns.
+        noun : str
+            Word for a case in the error.
+
+        Raises
+        ------
+        DataError
+            For the reasons given in `get`, or if the file describes no such thing.
+        """
+        found = self.get(name)
+        try:
+            return build(found)
+        except (ModelError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DataError(
+                f"{self.path(name)}: it must hold a {noun} ({error!r}); delete it, and it is run again"
+            ) from None
 
     def has(self, name: str) -> bool:
         """Test if a case is through.

@@ -42,7 +42,15 @@ def test_balanced_states_leave_out_what_cancels(sampled):
 def test_closed_loop_poles_are_those_of_regulator_and_observer(linear, around):
     found = lqg(linear, command_limits=LIMITS, closed_loop_time=0.5, noise=2.0, drift=5.0)
     gains = lqg_gains(linear, 0.5, 5.0 * np.sqrt(H) / 2.0)
-    both = np.concatenate([gains.regulator_poles, gains.observer_poles])
+    states, one = gains.states, np.ones((1, 1))
+    rest = np.zeros((1, states.b.size))
+    summed, drifting = (
+        np.block([[states.a, states.b[:, None]], [rest, one]]),
+        np.block([[states.a, rest.T], [rest, one]]),
+    )
+    regulated = summed - np.outer(np.append(states.b, 1.0), gains.regulator)
+    observed = drifting - np.outer(drifting @ gains.observer, np.append(states.c, 1.0))
+    both = np.concatenate([np.linalg.eigvals(regulated), np.linalg.eigvals(observed)])
     # As polynomials: poles of the delay lie many at zero, where a pole moves by the root of rounding.
     closed = np.poly(np.linalg.eigvals(around(linear, found).A)).real
     np.testing.assert_allclose(closed, np.poly(both).real, atol=1e-8)

@@ -7,7 +7,7 @@ import pytest
 
 from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.control.linear.model import LinearStatus
-from deatwin.control.linear.narx import linearise, linearise_posterior
+from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime
 
@@ -91,15 +91,6 @@ def test_a_model_of_inputs_alone_has_no_poles():
     many = linearise_many(model, [1.0])
     np.testing.assert_allclose(many.numerators[0, 0], [1.0, 2.5])
     assert many.poles.shape == (1, 1, 0) and many.stable.all()
-
-
-def test_samples_of_the_posterior_are_members_of_the_family(model):
-    heard: list[float] = []
-    samples = linearise_posterior(model, 2.0, np.random.default_rng(3), 4, heard.append)
-    family = linearise_many(model, [2.0], draw(model, np.random.default_rng(3), 4))
-    for k, sample in enumerate(samples):
-        np.testing.assert_array_equal(sample.numerator, family.numerators[0, k])
-    assert heard[-1] == 1.0
 
 
 def test_models_of_different_length_are_filled_up():

@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from deatwin.control import LinearStatus, linearise, linearise_posterior
+from deatwin.control import LinearStatus, draw, linearise, linearise_many
 from deatwin.ident.frequency import equilibrium, gfrf
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, ReadingTime, Recording
@@ -48,11 +48,11 @@ def test_it_has_the_frequency_response_and_the_band_of_the_gain(model):
 
 def test_samples_of_the_posterior_have_its_covariance(model):
     linear = linearise(model)
-    samples = linearise_posterior(model, None, np.random.default_rng(2), 2000)
-    drawn = np.array([np.concatenate([s.numerator, s.denominator[1:]]) for s in samples])
+    family = linearise_many(model, [linear.operating_input], draw(model, np.random.default_rng(2), 2000))
+    drawn = np.concatenate([family.numerators[0], family.denominators[0, :, 1:]], axis=1)
     scale = np.sqrt(np.diag(linear.covariance))
     np.testing.assert_allclose(drawn.std(axis=0), scale, rtol=0.1)
-    gains = np.array([s.static_gain for s in samples])
+    gains = family.static_gains[0]
     assert gains.std() == pytest.approx(linear.static_gain_deviation, rel=0.1)
     assert gains.mean() == pytest.approx(linear.static_gain, abs=0.1 * linear.static_gain_deviation)
 

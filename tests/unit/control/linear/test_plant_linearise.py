@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import deatwin.control.linear.plant as plant_module
 from deatwin.control.linear.model import LinearStatus
-from deatwin.control.linear.plant import draw_plants, linearise_calibrated, linearise_plant, linearise_plants
+from deatwin.control.linear.plant import draw_plants, linearise_plant, linearise_plants
 from deatwin.control.linear.realisation import Realisation
 from deatwin.plant import (
     AmplifierSlew,
@@ -271,13 +271,13 @@ def test_plants_are_drawn_with_the_covariance_of_the_calibration(calibrated):
 
 def test_samples_of_a_calibration_spread_as_the_derivative_of_the_gain_says(calibrated):
     position, voltage = 0.1, gap_voltage(0.1)
-    models = linearise_calibrated(calibrated, voltage, np.random.default_rng(2), 200)
-    gains = np.array([m.static_gain for m in models])
+    family = linearise_plants(draw_plants(calibrated, np.random.default_rng(2), 200), [voltage])
+    gains = family.static_gains[0]
     nearby = [linearise_plant(calibrated.plant.with_values({"stiffness": 1 + s}), voltage) for s in (-1e-4, 1e-4)]
     slope = (nearby[1].static_gain - nearby[0].static_gain) / 2e-4
     # 200 draws: 5 % of a deviation; the damping has no part in the static gain.
     assert gains.std() == pytest.approx(abs(slope) * 0.02, rel=0.15)
-    assert position == pytest.approx(np.mean([m.operating_output for m in models]), abs=1e-3)
+    assert position == pytest.approx(family.operating_outputs.mean(), abs=1e-3)
 
 
 def test_logarithmic_parameters_are_drawn_in_their_coordinate_and_stay_in_range():

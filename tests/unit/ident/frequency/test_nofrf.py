@@ -9,10 +9,10 @@ from functools import partial
 import matplotlib
 import numpy as np
 import pytest
+from direct import direct_output
 from made_narx import trained_on
 
 from deatwin.ident.frequency import gfrf, output_orders, output_spectrum, propagate
-from deatwin.ident.frequency.direct import direct_output
 from deatwin.ident.frequency.output_responses.estimate import nofrf, nofrf_exact
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.output_responses.levels import chebyshev_levels

@@ -4,10 +4,10 @@ from itertools import product
 
 import numpy as np
 import pytest
+from direct import direct_output
 from made_narx import trajectory_of
 
 from deatwin.ident.frequency import equilibrium, gfrf, output_orders, output_spectrum
-from deatwin.ident.frequency.direct import direct_output
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
@@ -152,17 +152,8 @@ def test_gradient_against_differences():
 
 
 def test_no_input_no_output():
-    for response in (output_spectrum(model(), np.zeros(8), 3), direct_output(model(), np.zeros(8), 3)):
-        assert response.values.shape == (5,) and not response.values.any() and not response.gradient.any()
-
-
-def test_too_many_combinations_are_counted():
-    excitation = np.random.default_rng(0).normal(size=512)
-    with pytest.raises(ModelError, match=r"512 excited lines .* 22500864 combinations of order 3, more than 3000000"):
-        direct_output(model(), excitation, 3)
-    with pytest.raises(ModelError, match="make 36 combinations of order 2, more than 35"):
-        direct_output(model(), excitation[:8], 2, most=35)
-    direct_output(model(), excitation[:8], 2, most=36)
+    response = output_spectrum(model(), np.zeros(8), 3)
+    assert response.values.shape == (5,) and not response.values.any() and not response.gradient.any()
 
 
 def test_lines_and_coefficients():
@@ -174,7 +165,7 @@ def test_lines_and_coefficients():
 HOSTILE = {"a number": 1.0, "one sample": [1.0], "empty": [], "two rows": np.ones((2, 4))}
 
 
-@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders])
 def test_what_is_no_period_is_said(compute):
     for excitation in HOSTILE.values():
         with pytest.raises(ModelError, match=r"shape .* one period of at least two samples"):
@@ -192,7 +183,7 @@ def test_what_is_no_period_is_said(compute):
         compute(NarxModel.from_terms({"u1(k)": 1.0, "u2(k)": 1.0}, sample_time=1.0), np.ones(4), 1)
 
 
-@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders])
 def test_an_excitation_of_another_sample_time_is_refused(compute):
     signal = design_excitation((0.0, 5.0), 0.02, amplitude=1.0, period=0.2)
     with pytest.raises(ModelError, match=r"sample time of 0.02 s, the model one of 0.1 s"):
@@ -209,7 +200,7 @@ def test_an_excitation_of_another_sample_time_is_refused_along_time(compute):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("compute", [output_spectrum, output_orders, direct_output])
+@pytest.mark.parametrize("compute", [output_spectrum, output_orders])
 def test_orders_that_overflow_are_said(compute):
     with pytest.raises(ModelError, match="so large that order 2 of the output overflows"):
         compute(model(), 1e200 * np.array([1.0, -1.0, 0.5, 0.0]), 2)

@@ -9,7 +9,7 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate, survey
 from deatwin.ident.greybox.identifiability import profile
 from deatwin.ident.greybox.minimum import minimise
-from deatwin.plant import Experiment, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Experiment, Parameter, Plant, Recording, Rig
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
 
@@ -33,10 +33,6 @@ class Scales(Rig):
             Parameter(name="gain", value=1.0, unit="V/N", lower=-10.0, upper=10.0),
             Parameter(name="offset", value=0.0, unit="V", lower=-10.0, upper=10.0),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         lagged = build.state("lagged", scale=1.0)

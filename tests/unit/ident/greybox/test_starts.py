@@ -9,7 +9,7 @@ import pytest
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate, starts
 from deatwin.ident.greybox.minimum import Minimum
-from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Rig, Scale, StartProcedure
+from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Rig, Scale
 from deatwin.plant.builder import Builder
 
 H, COUNT, NOISE = 0.02, 450, 0.02
@@ -36,10 +36,6 @@ class Rotor(Rig):
             Parameter(name="damping", value=1.0, unit="1/s", lower=0.02, upper=50.0, scale=log),
             Parameter(name="stiffness", value=12.0, unit="1/s2", lower=1.0, upper=300.0, scale=log),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         angle, rate = build.state("angle", scale=1.0), build.state("rate", scale=5.0)

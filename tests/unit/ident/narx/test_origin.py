@@ -13,7 +13,7 @@ import pytest
 from deatwin.ident.frequency import equilibrium, gfrf, hold_equilibrium, linear_part, remove_dc
 from deatwin.ident.narx import Fixed, Frols, Lasso, Narmax, NarxModel, Semp, SvbNarx, ThetaSmoother, refine
 from deatwin.ident.narx.predictive import free_run_band, one_step_band
-from deatwin.ident.narx.robust import robust_covariance
+from deatwin.ident.narx.robust import robust
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -297,7 +297,7 @@ def test_refits_keep_the_origin():
     start = replace(about_origin(), theta=about_origin().theta * 1.02)
     refined = refine(start, recording)
     assert refined.simulate(recording).rms_error <= start.simulate(recording).rms_error
-    assert robust_covariance(refined, recording).shape == (5, 5)
+    assert robust(refined, recording).theta_cov.shape == (5, 5)
     smoothed = ThetaSmoother(terms=about_origin()).fit(recording).trajectory_
     assert smoothed.predict(recording).rms_error < 0.012
     held = hold_equilibrium(smoothed, Y0 + 0.1, U0)

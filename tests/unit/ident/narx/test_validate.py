@@ -180,7 +180,6 @@ def test_fit_measures_over_several_recordings():
         assert fit.nrmse[0] == pytest.approx(nrmse, rel=1e-12)
         assert fit.percent[0] == pytest.approx(100 * (1 - nrmse), rel=1e-12)
     assert found.n_samples == 79 + 49
-    assert found.mspe[0] == found.one_step.mean_square[0] and found.msse[0] == found.free_run.mean_square[0]
 
 
 def test_a_mean_that_is_left_shows():
@@ -194,7 +193,7 @@ def test_a_free_run_that_diverges_is_a_status_with_its_time():
     found = validate(unstable, [record(6, n=100), record(7, n=100, start=50.0)])
     assert found.status is ValidationStatus.DIVERGED and not found.status.ok
     assert [i for i, _ in found.diverged] == [0, 1] and 50.0 < found.diverged[1][1] < 60.0
-    assert found.msse[0] == math.inf and math.isfinite(found.mspe[0])
+    assert found.free_run.mean_square[0] == math.inf and math.isfinite(found.one_step.mean_square[0])
     assert f"recording 2 diverged at {found.diverged[1][1]:g} s" in str(found)
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from sundials import reference_outputs
 
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.integrator.reference import reference_outputs
 from deatwin.plant.integrator.rosenbrock import integrate
 
 STEP = 0.02

@@ -14,7 +14,6 @@ offset = 0
 """
 
 from deatwin.ident.narx.linear.estimators import Armax, Arx, BoxJenkins, LinearIdentifier, OutputError
-from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse
 from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 
@@ -22,7 +21,6 @@ __all__ = [
     "Armax",
     "Arx",
     "BoxJenkins",
-    "LinearFrequencyResponse",
     "LinearIdentifier",
     "LinearModel",
     "Orders",

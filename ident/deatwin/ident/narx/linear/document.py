@@ -3,51 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.datasets import Variables
 
+if TYPE_CHECKING:
+    from deatwin.ident.narx.linear.model import LinearModel
+
 Array = NDArray[np.float64]
 SCHEMA = "deatwin/linear/1"
 
 
-class Fields(Protocol):
-    """The fields of a linear model."""
-
-    @property
-    def a(self) -> Array: ...
-    @property
-    def b(self) -> tuple[Array, ...]: ...
-    @property
-    def c(self) -> Array: ...
-    @property
-    def d(self) -> Array: ...
-    @property
-    def f(self) -> tuple[Array, ...]: ...
-    @property
-    def sample_time(self) -> float: ...
-    @property
-    def offset(self) -> float: ...
-    @property
-    def theta_cov(self) -> Array: ...
-    @property
-    def noise_variance(self) -> float: ...
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def output_names(self) -> tuple[str, ...]: ...
-    @property
-    def input_units(self) -> tuple[str, ...]: ...
-    @property
-    def output_units(self) -> tuple[str, ...]: ...
-    @property
-    def provenance(self) -> Mapping[str, str]: ...
-
-
-def to_document(model: Fields) -> dict[str, Any]:
+def to_document(model: LinearModel) -> dict[str, Any]:
     """Return a model as plain data."""
 
     def signals(names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, str]]:
@@ -89,12 +59,12 @@ def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def length(model: Fields) -> int:
+def length(model: LinearModel) -> int:
     """Coefficients of the longest polynomial."""
     return max(p.size for p in (model.a, model.c, model.d, *model.b, *model.f))
 
 
-def by_power(model: Fields) -> Variables:
+def by_power(model: LinearModel) -> Variables:
     """All polynomials over the same powers."""
 
     def whole(polynomial: Array) -> Array:

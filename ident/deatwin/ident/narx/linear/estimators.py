@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Self
 
@@ -25,7 +24,7 @@ Array = NDArray[np.float64]
 Counts = int | Sequence[int]
 
 
-class LinearIdentifier(Identifier, ABC):
+class LinearIdentifier(Identifier):
     """Base class of the estimators of linear models.
 
     Attributes
@@ -78,9 +77,9 @@ class LinearIdentifier(Identifier, ABC):
         self.model_ = self._model(orders, data, found)
         return self
 
-    @abstractmethod
     def _orders(self, n_inputs: int) -> Orders:
         """Return the orders for so many inputs, or raise ModelError."""
+        return _orders(n_inputs, **self.get_params())
 
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
         """Minimise the prediction errors from several starts and return the lowest minimum."""
@@ -148,9 +147,6 @@ class Arx(LinearIdentifier):
         self.nk = nk
         self.offset = offset
 
-    def _orders(self, n_inputs: int) -> Orders:
-        return _orders(n_inputs, na=self.na, nb=self.nb, nk=self.nk, offset=self.offset)
-
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
         found = LeastSquares()(*data.matrix())
         progress(1.0, "least squares")
@@ -189,9 +185,6 @@ class Armax(LinearIdentifier):
         self.nk = nk
         self.offset = offset
 
-    def _orders(self, n_inputs: int) -> Orders:
-        return _orders(n_inputs, na=self.na, nb=self.nb, nc=self.nc, nk=self.nk, offset=self.offset)
-
 
 class OutputError(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
@@ -221,9 +214,6 @@ class OutputError(LinearIdentifier):
         self.nf = nf
         self.nk = nk
         self.offset = offset
-
-    def _orders(self, n_inputs: int) -> Orders:
-        return _orders(n_inputs, nb=self.nb, nf=self.nf, nk=self.nk, offset=self.offset)
 
 
 class BoxJenkins(LinearIdentifier):
@@ -260,9 +250,6 @@ class BoxJenkins(LinearIdentifier):
         self.nf = nf
         self.nk = nk
         self.offset = offset
-
-    def _orders(self, n_inputs: int) -> Orders:
-        return _orders(n_inputs, nb=self.nb, nc=self.nc, nd=self.nd, nf=self.nf, nk=self.nk, offset=self.offset)
 
 
 def _orders(

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,12 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
 from deatwin.ident.narx.linear.document import SCHEMA, by_power, fields_of, length, to_document
-from deatwin.ident.narx.linear.frequency import LinearFrequencyResponse, frequency_response
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
-from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit
+from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import (
     Described,
@@ -33,7 +31,7 @@ from deatwin.plant.datasets import (
     squared,
     variable,
 )
-from deatwin.plant.documents import read_document, write_document
+from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -46,7 +44,7 @@ _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls wi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModel(Described):
+class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Linear model with one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
     Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
@@ -216,9 +214,9 @@ class LinearModel(Described):
             self.orders, self.polynomials, recording.inputs, recording.outputs[0], warmup, steps
         )
         if failed is None:
-            return self._response(recording, outputs, first)
+            return response_over(recording, outputs[None], first, self.output_units)
         when = float(recording.timepts[failed])
-        return self._response(recording, outputs, first, ResponseStatus.SOME_DIVERGED, when)
+        return response_over(recording, outputs[None], first, self.output_units, ResponseStatus.SOME_DIVERGED, when)
 
     def simulate(
         self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
@@ -259,8 +257,10 @@ class LinearModel(Described):
         limit = measured_limit(output) if np.all(np.isfinite(drive.measured)) else divergence_limit(None, output)
         outputs, first, failed = free_run(self.polynomials, lag, drive.inputs, output, drive.first - lag, limit)
         if failed is None:
-            return self._response(drive, outputs, first)
-        return self._response(drive, outputs, first, ResponseStatus.DIVERGED, float(drive.timepts[failed]))
+            return response_over(drive, outputs[None], first, self.output_units)
+        return response_over(
+            drive, outputs[None], first, self.output_units, ResponseStatus.DIVERGED, float(drive.timepts[failed])
+        )
 
     def _drive(self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None) -> Drive:
         """Return what drives a free run, after checking that it suits."""
@@ -286,22 +286,6 @@ class LinearModel(Described):
             sample_time=self.sample_time,
             first=lag + poles,
             fewest=poles,
-        )
-
-    def frequency_response(self, omega: ArrayLike) -> LinearFrequencyResponse:
-        """Return the frequency response from each input to the output, with its covariance.
-
-        Parameters
-        ----------
-        omega : array_like, shape (n,)
-            Angular frequencies in rad/s.
-
-        Returns
-        -------
-        LinearFrequencyResponse
-        """
-        return frequency_response(
-            self.orders, self.polynomials, self.theta_cov, np.asarray(omega, dtype=np.float64), self.sample_time
         )
 
     def to_control(self) -> TransferFunction:
@@ -345,32 +329,6 @@ class LinearModel(Described):
             provenance=self.provenance,
         )
 
-    def save(self, path: str | Path) -> None:
-        """Write the model as JSON ("deatwin/linear/1"), beside the target first and then renamed.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to write.
-        """
-        write_document(path, to_document(self))
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a model that `save` wrote.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the file to read.
-
-        Raises
-        ------
-        ModelError
-            If the file is missing, not JSON, of another schema, or malformed.
-        """
-        return read_document(path, SCHEMA, lambda document: cls(**fields_of(document)))
-
     def _require(self, recording: Recording, outputs: int | None = 1) -> None:
         """Raise ModelError unless the recording suits."""
         require_suits(
@@ -384,24 +342,6 @@ class LinearModel(Described):
     def _warmup(self, recording: Recording, states: int) -> int:
         self._require(recording)
         return max(states, min(_WARMUP_PER_STATE * states, recording.n_samples // 3))
-
-    def _response(
-        self,
-        run: Recording | Drive,
-        outputs: Array,
-        first: int,
-        status: ResponseStatus = ResponseStatus.OK,
-        failed_at_s: float | None = None,
-    ) -> NarxResponse:
-        return NarxResponse(
-            outputs=read_only(outputs[None]),
-            measured=run.outputs if isinstance(run, Recording) else run.measured,
-            timepts=run.timepts,
-            first=first,
-            status=status,
-            failed_at_s=failed_at_s,
-            units=self.output_units,
-        )
 
 
 def _written(polynomial: Array) -> str:

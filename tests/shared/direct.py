@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, combinations_with_replacement, islice
-from math import comb, factorial
+from math import factorial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,6 @@ from deatwin.ident.frequency.gfrf import HIGHEST_ORDER, gradient_at, require_one
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.frequency.spectrum import excited_lines, line_frequencies, one_period, representable
 from deatwin.ident.narx.model import NarxModel
-from deatwin.plant.errors import ModelError
 
 Complex = NDArray[np.complex128]
 
@@ -25,48 +24,12 @@ _BLOCK = 1 << 16  # combinations at a time
 
 
 def direct_output(
-    model: NarxModel,
-    excitation: ArrayLike,
-    order: int,
-    *,
-    operating_input: ArrayLike | None = None,
-    most: int = 3_000_000,
+    model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """Compute the n-th order of the output by summing over all combinations of input lines.
+    """Compute the n-th order of the output by summing over all combinations of input lines, which is slow.
 
     Y_n(k) = sum of H_n(w_k1, ..., w_kn) U(k1) ... U(kn) over all k1 + ... + kn = k, including lines of negative
-    frequency; in discrete time the sum is taken modulo the number of samples, so frequencies beyond half the sampling
-    rate fold back. `output_orders` gives the same result by products in the time domain, much faster. This sum uses
-    only the frequency response: it serves as a check, and for inputs with few lines.
-
-    Parameters
-    ----------
-    model : NarxModel
-        Model of one input and one output.
-    excitation : array_like, shape (n_samples,)
-        One period of the input as deviations from the operating input, at the model's sampling time, in the input's
-        unit.
-    order : int
-        Order n, from 1 to 8.
-    operating_input : float, optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default.
-    most : int
-        Largest number of combinations; more raise an error. Three million take some seconds at order 3.
-
-    Returns
-    -------
-    FrequencyResponse
-        Spectrum Y_n in the form of `output_orders`.
-
-    Raises
-    ------
-    ModelError
-        For the reasons given in `output_orders`, or if the input's lines have too many combinations.
-
-    References
-    ----------
-    Lang, Billings, "Output frequency characteristics of nonlinear systems", Int. J. Control 64 (1996) 1049-1067,
-    doi:10.1080/00207179608921674.
+    frequency; the sum is taken modulo the number of samples. Lang, Billings, Int. J. Control 64 (1996) 1049-1067.
     """
     order = whole_order(order, HIGHEST_ORDER)
     require_one_input(model)
@@ -74,12 +37,6 @@ def direct_output(
     period = one_period(excitation, model.sample_time)
     spectrum = np.fft.fft(period) / period.size
     lines = np.flatnonzero(excited_lines(spectrum))
-    count = comb(lines.size + order - 1, order)
-    if count > most:
-        raise ModelError(
-            f"{lines.size} excited lines (of positive and negative frequency) make {count} combinations of order "
-            f"{order}, more than {most}; take `output_orders`, fewer lines or a larger `most`"
-        )
     total = _Sum(spectrum=spectrum, lines=lines, order=order)
     return FrequencyResponse(
         symbol="Y",
