@@ -15,6 +15,7 @@ from deatwin.app.commands.doctor import doctor
 from deatwin.app.commands.export import export
 from deatwin.app.commands.frequency import frequency
 from deatwin.app.commands.identify import identify
+from deatwin.app.commands.look import look
 from deatwin.app.commands.scenario import scenario, scenarios
 from deatwin.app.commands.simulate import simulate
 from deatwin.app.commands.view import view
@@ -44,7 +45,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for command in (demo, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, view, doctor):
+for command in (demo, look, simulate, identify, frequency, diagnose, check, export, scenario, scenarios, view, doctor):
     app.command(cls=Command, help=unwrapped(command.__doc__))(command)
 
 

@@ -14,12 +14,13 @@ from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import Link, links_of
 from deatwin.ident.mismatch.gate import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
+from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
 from deatwin.ident.narx.preprocess.findings import with_unit
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.drawing import axes_or_new, envelope
+from deatwin.plant.drawing import envelope
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
@@ -184,7 +185,7 @@ class Look:
         -------
         sequence of matplotlib Axes
         """
-        chosen = axes_or_new(None).figure.subplots(3, 1) if axes is None else axes
+        chosen = panels_or_new(axes, 3, height=1.8)
         for record in self.recordings:
             unit, size = written_amplitude(record.output_units[0])
             chosen[0].plot(*envelope(record.timepts, record.inputs[0]), color="C0", linewidth=0.8)
@@ -199,6 +200,9 @@ class Look:
         for low, high in () if self.excitations[0] is None else self.excitations[0].bands:
             chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)
         chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence", ylim=(0.0, 1.02))
+        for panel in chosen[1:]:
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(fontsize="small", ncols=3)
         return chosen
 
     def _mark(self, axes: Axes) -> None:

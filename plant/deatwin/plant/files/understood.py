@@ -68,6 +68,7 @@ class Column:
     unit: str  # As the file or an option gives it; empty where none does
     si: str  # Unit of its values in the recording
     how: str  # What gave it its role
+    numbers: bool  # True if it can be an input or an output
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,14 +87,22 @@ class Understood:
     @property
     def options(self) -> tuple[str, ...]:
         """Words of a command that read the file."""
-        found: list[str] = []
-        for name, value in {**self.asked, **self.further}.items():
-            flag = f"--{name.replace('_', '-')}"
-            if value is True:
-                found.append(flag)
-            elif value is not None and value is not False:
-                found += [flag, f"{value:.12g}" if isinstance(value, float) else str(value)]
-        return (*found, *self.placeholders)
+        return (*_words({**self.asked, **self.further}), *self.placeholders)
+
+    def with_column(self, role: str, place: int) -> tuple[str, ...]:
+        """Return words of a command that read another column, by its place from 1, as ``input`` or ``output``."""
+        return _words({**self.asked, **self.further, f"{role}_column": f"#{place}"})
+
+
+def _words(options: Mapping[str, Any]) -> tuple[str, ...]:
+    found: list[str] = []
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            found.append(flag)
+        elif value is not None and value is not False:
+            found += [flag, f"{value:.12g}" if isinstance(value, float) else str(value)]
+    return tuple(found)
 
 
 def understand(
@@ -241,7 +250,8 @@ def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
         own = unit if k == times else read.own_unit(k)
         si = "s" if k == times else read.unit(k).si
         how = _how(table, role, found) if role else "passed over"
-        made.append(Column(place=k + 1, header=header, role=role, unit=own, si=si, how=how))
+        numbers = role in ("input", "output", "extra") or works(table, k)
+        made.append(Column(place=k + 1, header=header, role=role, unit=own, si=si, how=how, numbers=numbers))
     return tuple(made)
 
 
