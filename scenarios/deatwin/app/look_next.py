@@ -10,8 +10,8 @@ from deatwin.ident.look import InputShape, LinkStatus, Look
 from deatwin.ident.narx.preprocess import SamplingStatus
 from deatwin.plant.files.understood import Understood
 
-LEAST = 50
-"""Samples of a recording of which `deatwin identify` fits 35 and keeps 15: fewer leave nothing to judge a model by."""
+LEAST = 20
+"""Samples of which `deatwin identify` fits 14 and keeps 6: fewer leave nothing to judge a model by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +63,9 @@ def _fault(file: Understood, look: Look) -> Next | None:
         return _other_columns(file, "the input never moves: name another column, or record with an input that does")
     if look.n_samples < LEAST:
         return Next(sentence=f"{look.n_samples} samples are too few for a model: record {LEAST} and more")
-    if all(link.status in (LinkStatus.UNSEEN, LinkStatus.UNTOLD) for link in look.links):
+    if all(channel.low == channel.high for channel in look.channels if channel.role == "output"):
+        return _other_columns(file, "the output never moves: name another column, or check the sensor")
+    if all(link.status is LinkStatus.UNSEEN for link in look.links):
         return _other_columns(file, "the output does not follow the input: name other columns, or check the wiring")
     return None
 

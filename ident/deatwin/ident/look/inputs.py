@@ -21,6 +21,8 @@ _SIGMAS = 4.0
 """Standard deviations of its noise within which a measured level counts as held: 1 value in 16 000 lies farther off."""
 _MOSTLY = 0.5
 """Share of the samples that holds make up where the signal consists of them."""
+_HELD = 3
+"""Changes of nothing in a row from which on it is a hold; shorter ones come of coarse readings, too."""
 _PURE = 0.9
 """Share of the speeds, or of the power, that the same few make up where a signal consists of them."""
 _CLEAR, _SAME_SPEED = 30.0, 0.1
@@ -44,6 +46,7 @@ class InputShape(Enum):
     RAMPS = "straight ramps"
     TONES = "one tone or a few"
     NOISE = "many frequencies, as noise has"
+    SHORT = "too few samples for its shape to be told"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +90,7 @@ class InputPattern:
 def pattern_of(name: str, values: Array, sample_time: float) -> InputPattern:
     """Return the shape and the period of an input. `values` (n,); `sample_time` s."""
     shape, levels, hold = _shape(values)
-    period = None if shape is InputShape.CONSTANT else period_of(values)
+    period = None if shape in (InputShape.CONSTANT, InputShape.SHORT) else period_of(values)
     return InputPattern(
         name=name,
         shape=shape,
@@ -104,11 +107,14 @@ def _shape(values: Array) -> tuple[InputShape, int, float | None]:
     if not span > 0.0:
         return InputShape.CONSTANT, 1, None
     if values.size < _FEWEST:
-        return InputShape.NOISE, 0, None
+        return InputShape.SHORT, 0, None
     noise = noise_of_bends(values)
     exact = noise <= _STILL * span
     still = _STILL * span if exact or noise > _NOISY * span else _SIGMAS * noise
     holds = [run for run in runs(np.abs(np.diff(values)) <= 2.0 * still) if np.ptp(values[run]) <= 2.0 * still]
+    if exact and few_levels(values, 2).size == 2:
+        return InputShape.TWO_LEVEL, 2, float(np.median([run.size + 1 for run in holds] or [1]))
+    holds = [run for run in holds if run.size >= _HELD]
     if sum(run.size for run in holds) > _MOSTLY * values.size:
         hold = float(np.median([run.size + 1 for run in holds]))
         centre = 0.5 * (values.max() + values.min())
@@ -116,8 +122,6 @@ def _shape(values: Array) -> tuple[InputShape, int, float | None]:
         if max(spreads) <= 2.0 * still:
             return InputShape.TWO_LEVEL, 2, hold
         return InputShape.STEPS, few_levels(values, values.size // 2).size if exact else 0, hold
-    if exact and few_levels(values, 2).size == 2:
-        return InputShape.TWO_LEVEL, 2, 1.0
     if _straight(values, noise):
         return InputShape.RAMPS, 0, None
     return InputShape.TONES if _tonal(values) else InputShape.NOISE, 0, None

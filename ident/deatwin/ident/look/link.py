@@ -21,6 +21,12 @@ _SEGMENTS = 15
 _INDEPENDENT = _SEGMENTS / (1.0 + 2.0 / 36.0 * (1.0 - 1.0 / _SEGMENTS))
 """As many independent segments: neighbours have (1/6)^2 of their power in common (Welch, 1967)."""
 _CHANCE = 0.01
+_BESIDE = 1.5
+"""Lines behind a Hann window that tell as much as one independent line: its noise bandwidth."""
+LINE_CHANCE = 1.0 - _CHANCE ** (1.0 / (_INDEPENDENT - 1.0))
+"""Coherence that one line of unlinked signals exceeds in 1 of 100 recordings."""
+_FEWEST_LINES = 3
+"""Excited lines from which on a mean over them is one; slower inputs move once or twice in a segment."""
 _SHORTEST = 16
 """Samples of a segment, of which 8 lines remain."""
 
@@ -30,9 +36,11 @@ class LinkStatus(Enum):
 
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
-    LOOP = "the output follows the input, and the input follows the output: a loop is suspected"
+    LOOP = "the output follows the input, and the input seems to answer to the output, as in a loop"
     UNSEEN = "nothing in the output follows the input beyond chance: check the columns and the wiring"
-    UNTOLD = "not tested: the input or the output is constant, or the recording is too short"
+    SLOW = "the input moves too slowly, or too few times, for a link to be distinguished from a drift"
+    SHORT = "not tested: the recording is too short"
+    STILL = "not tested: the input or the output is constant"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,9 +58,9 @@ class Link:
     coherence, coherence_squared : ndarray, shape (n_lines,)
         Coherence of the output with the input, and with its square, from 0 to 1.
     chance : float
-        Coherence that none of the lines of unlinked signals exceeds, but for 1 in 100 recordings.
+        Mean coherence over the excited band that unlinked signals exceed in 1 of 100 recordings.
     in_band : float or None
-        Median coherence over the excited band; None without lines there.
+        Mean coherence over the excited band; None without lines there.
     dead_time : DeadTime or None
         Estimated dead time; None where it could not be looked for.
     """
@@ -70,7 +78,7 @@ class Link:
     def __str__(self) -> str:
         text = f"{self.input_name} to {self.output_name}: {self.status.value}"
         if self.in_band is not None:
-            text += f"; coherence {self.in_band:.2g} in the excited band (median; chance reaches {self.chance:.2g})"
+            text += f"; coherence {self.in_band:.2g} in the excited band (chance makes up to {self.chance:.2g})"
         if self.dead_time is not None and self.dead_time.samples is not None and self.dead_time.interval is not None:
             low, high = self.dead_time.interval
             text += f"; dead time {self.dead_time.samples} samples, {self.dead_time.seconds:.4g} s ({low} to {high} samples)"
@@ -95,21 +103,26 @@ def links_of(records: Sequence[Recording], excitations: Sequence[Excitation | No
 
 def _link(record: Recording, column: int, row: int, excited: Excitation | None, dead_time: DeadTime | None) -> Link:
     u, y = record.inputs[column], record.outputs[row]
+    moves = np.ptp(u) > 0.0 and np.ptp(y) > 0.0
     frequencies = plain = squared = np.empty(0)
-    chance, in_band = 1.0, None
-    inside = np.empty(0, dtype=bool)
-    if u.size // ((_SEGMENTS + 1) // 2) >= _SHORTEST and np.ptp(u) > 0.0 and np.ptp(y) > 0.0:
+    chance, in_band, in_band_squared = 1.0, None, 0.0
+    if moves and u.size // ((_SEGMENTS + 1) // 2) >= _SHORTEST:
         frequencies, plain = _coherence(u, y, record.sample_time)
         squared = _coherence(u**2, y, record.sample_time)[1] if np.ptp(u**2) > 0.0 else np.zeros_like(plain)
-        bands = ((0.0, np.inf),) if excited is None else excited.bands
-        inside = np.any([(frequencies >= low) & (frequencies <= high) for low, high in bands], axis=0)
-        inside = inside if inside.any() else np.ones_like(inside)
-        chance = 1.0 - (_CHANCE / inside.sum()) ** (1.0 / (_INDEPENDENT - 1.0))
-        in_band = float(np.median(plain[inside]))
+        bands = () if excited is None else excited.bands
+        inside = np.zeros(plain.size, dtype=bool)
+        for low, high in bands:
+            inside |= (frequencies >= low) & (frequencies <= high)
+        if inside.sum() >= _FEWEST_LINES:
+            chance = _mean_by_chance(inside.sum() / _BESIDE)
+            in_band, in_band_squared = float(plain[inside].mean()), float(squared[inside].mean())
+    status = _status(dead_time, None if in_band is None else in_band > chance, in_band_squared > chance)
+    if status is LinkStatus.UNSEEN and in_band is None:
+        status = LinkStatus.SLOW if frequencies.size else LinkStatus.SHORT
     return Link(
         input_name=record.input_names[column],
         output_name=record.output_names[row],
-        status=_status(plain[inside], squared[inside], chance, dead_time),
+        status=status if moves else LinkStatus.STILL,
         frequencies=frequencies,
         coherence=plain,
         coherence_squared=squared,
@@ -117,6 +130,16 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
         in_band=in_band,
         dead_time=dead_time,
     )
+
+
+def _mean_by_chance(lines: float) -> float:
+    """Return the mean coherence that so many independent lines of unlinked signals exceed once in 100 times.
+
+    A line's coherence is then nearly exponential with the mean 1 / segments, and their mean a gamma variable.
+    """
+    from scipy.special import gammainccinv
+
+    return float(gammainccinv(lines, _CHANCE) / (lines * _INDEPENDENT))
 
 
 def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array]:
@@ -129,14 +152,11 @@ def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array]:
     return frequencies[1:], np.nan_to_num(found[1:])
 
 
-def _status(plain: Array, squared: Array, chance: float, dead_time: DeadTime | None) -> LinkStatus:
-    """Return what coherence and regression say together: each of them sees links that the other does not."""
-    found = None if dead_time is None else dead_time.status
-    if found is DeadTimeStatus.LOOP and dead_time is not None and dead_time.samples is not None:
+def _status(dead_time: DeadTime | None, plain: bool | None, squared: bool) -> LinkStatus:
+    """Return what regression and coherence say together: each of them sees links that the other does not."""
+    acts = dead_time is not None and dead_time.samples is not None
+    if acts and dead_time is not None and dead_time.status is DeadTimeStatus.LOOP:
         return LinkStatus.LOOP
-    if found in (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE) or np.any(plain > chance):
+    if acts or plain:
         return LinkStatus.LINKED
-    if np.any(squared > chance):
-        return LinkStatus.EVEN
-    tested = plain.size or found is DeadTimeStatus.UNSEEN
-    return LinkStatus.UNSEEN if tested else LinkStatus.UNTOLD
+    return LinkStatus.EVEN if squared else LinkStatus.UNSEEN

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.look.inputs import InputPattern, pattern_of
-from deatwin.ident.look.link import Link, links_of
+from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
 from deatwin.ident.mismatch.gate import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
@@ -31,7 +31,9 @@ Array = NDArray[np.float64]
 
 _FEWEST = 64
 """Samples of a record from which the top of its spectrum is the median of some lines."""
-_MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", FindingKind.CONSTANT: "stuck"}
+_SHOWN = 3.0
+"""Times the highest excited frequency up to which the coherence is drawn."""
+_MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", FindingKind.CONSTANT: "stands still"}
 """Findings that are marked in the picture, as it calls them."""
 
 
@@ -68,6 +70,7 @@ class ChannelLook:
 
     def __str__(self) -> str:
         text = f"{self.name}: {with_unit(self.low, self.unit)} to {with_unit(self.high, self.unit)}"
+        text += f", a range of {with_unit(self.high - self.low, self.unit)}"
         if self.role != "input":
             if self.noise is not None and self.noise > 0.0:
                 text += f"; noise at most {with_unit(self.noise, self.unit)} rms"
@@ -196,9 +199,11 @@ class Look:
         link = self.links[0]
         chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="with the input")
         chosen[2].plot(link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="with its square")
-        chosen[2].axhline(link.chance, color="0.5", linestyle=":", linewidth=1.0, label="chance")
-        for low, high in () if self.excitations[0] is None else self.excitations[0].bands:
-            chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)
+        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="chance")
+        if (excited := self.excitations[0]) is not None:
+            for low, high in excited.bands:
+                chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)
+            chosen[2].set_xlim(0.0, min(_SHOWN * excited.highest_Hz, 0.5 / self.sample_time))
         chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence", ylim=(0.0, 1.02))
         for panel in chosen[1:]:
             if panel.get_legend_handles_labels()[0]:
@@ -294,7 +299,8 @@ def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | Non
     """Return the noise of a channel as the diagnosis estimates that of a residual: the channel holds the motion, too."""
     if max(piece.size for piece in pieces) < _FEWEST:
         return None
-    return noise_level(pieces, records[0].sample_time, 0.0, [record.inputs[0] for record in records]).level
+    level = noise_level(pieces, records[0].sample_time, 0.0, [record.inputs[0] for record in records]).level
+    return max(level, resolution(np.concatenate(pieces)) / np.sqrt(12.0))  # steps hide what is smaller
 
 
 def _excited(record: Recording, row: int) -> Excitation | None:
@@ -305,14 +311,19 @@ def _excited(record: Recording, row: int) -> Excitation | None:
 
 
 def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
-    """Return what `inspect_recordings` finds in the pieces that are long enough for it."""
+    """Return what `inspect_recordings` finds in the pieces that are long enough for it.
+
+    A slow command is no fault, and outputs that move slowly as it does are none either.
+    """
     found: list[Finding] = []
     for record in records:
         try:
             found += inspect_recordings(record)
         except DataError:
             continue
-    return tuple(found)
+    inputs, slow = set(records[0].input_names), (FindingKind.TREND, FindingKind.DRIFT)
+    moved = {finding.kind for finding in found if finding.signal in inputs}
+    return tuple(one for one in found if one.kind not in slow or one.kind not in moved)
 
 
 def _sampling(record: Recording) -> SamplingChoice | None:

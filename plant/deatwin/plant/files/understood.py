@@ -1,6 +1,7 @@
 """How a file is understood: the role and the unit of each column and why, and the options that would read it."""
 
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -156,6 +157,8 @@ def _unread(table: Table, found: Understood, remaining: str) -> Understood:
         else:
             found = replace(found, placeholders=("--dt", "SECONDS"))
             return replace(found, columns=_columns(table, found))
+    words = shlex.join(_words(found.further))
+    remaining = f"with {words}: {remaining}" if words else ""
     return replace(found, columns=_columns(table, found), further={}, remaining=remaining)
 
 

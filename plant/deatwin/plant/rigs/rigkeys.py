@@ -154,7 +154,12 @@ RIG_KEYS: Mapping[str, Keys] = {
     },
     "drive": {
         "gain": NumberKey(
-            field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt", example=800.0
+            field="gain",
+            lower=1.0,
+            upper=1e5,
+            slips=_KV,
+            about="film volts a command volt, 1 where the film's own volts were recorded",
+            example=800.0,
         ),
         "start_ramp_s": NumberKey(
             field="start_ramp",

@@ -116,8 +116,8 @@ def _seen(path: Path, asked: dict[str, Any], voice: Voice) -> Seen:
         voice.say(f"  these options read it, and were taken here: {shlex.join(file.options)}")
     if not file.recordings:
         complain(file.refused)
-        if file.remaining and file.remaining != file.refused:
-            complain(f"with columns named, too: {file.remaining}")
+        if file.remaining:
+            complain(file.remaining)
         return Seen(file=file)
     try:
         found = look_at(file.recordings)

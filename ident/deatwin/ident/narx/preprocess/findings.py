@@ -336,6 +336,7 @@ def _moves(record: Recording) -> Array:
 
 def with_unit(value: float, unit: str) -> str:
     """Return a value with a prefix to its unit: 1.2e-5 m is 12 µm."""
+    value = float(f"{value:.3g}")  # what is shown decides the prefix: 0.9999 mm is 1 mm
     if unit not in _PREFIXED or value == 0.0 or not np.isfinite(value):
         return amount(f"{value:.3g}", unit)
     power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -4, 3))
