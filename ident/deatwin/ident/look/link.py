@@ -20,11 +20,16 @@ _SEGMENTS = 15
 """Behind Hann windows that overlap by half; so many tell a coherence of 0.5 from none at each of a hundred lines."""
 _INDEPENDENT = _SEGMENTS / (1.0 + 2.0 / 36.0 * (1.0 - 1.0 / _SEGMENTS))
 """As many independent segments: neighbours have (1/6)^2 of their power in common (Welch, 1967)."""
-_CHANCE = 0.01
+_CHANCE = 0.002
+"""Of each of the two coherences; with the regression, whose chance is 1 %, 1.4 % together."""
 _BESIDE = 1.5
 """Lines behind a Hann window that tell as much as one independent line: its noise bandwidth."""
 LINE_CHANCE = 1.0 - _CHANCE ** (1.0 / (_INDEPENDENT - 1.0))
-"""Coherence that one line of unlinked signals exceeds in 1 of 100 recordings."""
+"""Coherence that one line of unlinked signals exceeds in 1 of 500 recordings."""
+_FAINT = 0.1
+"""Share of the mean power of the excited lines below which a line holds what leaks from others, as between harmonics."""
+_EVEN = 2.0
+"""Times the coherence with the input that that with its square must be: with an offset both follow, and alike."""
 _FEWEST_LINES = 3
 """Excited lines from which on a mean over them is one; slower inputs move once or twice in a segment."""
 _SHORTEST = 16
@@ -58,7 +63,7 @@ class Link:
     coherence, coherence_squared : ndarray, shape (n_lines,)
         Coherence of the output with the input, and with its square, from 0 to 1.
     chance : float
-        Mean coherence over the excited band that unlinked signals exceed in 1 of 100 recordings.
+        Mean coherence over the excited band that unlinked signals exceed in 1 of 500 recordings.
     in_band : float or None
         Mean coherence over the excited band; None without lines there.
     dead_time : DeadTime or None
@@ -107,16 +112,17 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
     frequencies = plain = squared = np.empty(0)
     chance, in_band, in_band_squared = 1.0, None, 0.0
     if moves and u.size // ((_SEGMENTS + 1) // 2) >= _SHORTEST:
-        frequencies, plain = _coherence(u, y, record.sample_time)
+        frequencies, plain, power = _coherence(u, y, record.sample_time)
         squared = _coherence(u**2, y, record.sample_time)[1] if np.ptp(u**2) > 0.0 else np.zeros_like(plain)
         bands = () if excited is None else excited.bands
         inside = np.zeros(plain.size, dtype=bool)
         for low, high in bands:
             inside |= (frequencies >= low) & (frequencies <= high)
+        inside &= power > _FAINT * power[inside].mean() if inside.any() else inside
         if inside.sum() >= _FEWEST_LINES:
             chance = _mean_by_chance(inside.sum() / _BESIDE)
             in_band, in_band_squared = float(plain[inside].mean()), float(squared[inside].mean())
-    status = _status(dead_time, None if in_band is None else in_band > chance, in_band_squared > chance)
+    status = _status(dead_time, in_band or 0.0, in_band_squared, chance)
     if status is LinkStatus.UNSEEN and in_band is None:
         status = LinkStatus.SLOW if frequencies.size else LinkStatus.SHORT
     return Link(
@@ -133,7 +139,7 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
 
 
 def _mean_by_chance(lines: float) -> float:
-    """Return the mean coherence that so many independent lines of unlinked signals exceed once in 100 times.
+    """Return the mean coherence that so many independent lines of unlinked signals exceed once in 500 times.
 
     A line's coherence is then nearly exponential with the mean 1 / segments, and their mean a gamma variable.
     """
@@ -142,21 +148,23 @@ def _mean_by_chance(lines: float) -> float:
     return float(gammainccinv(lines, _CHANCE) / (lines * _INDEPENDENT))
 
 
-def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array]:
-    """Return frequencies above 0 Hz in Hz, and the coherence there. Shapes: `u, y` (n,); returns (n_lines,) each."""
-    from scipy.signal import coherence
+def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array, Array]:
+    """Return frequencies above 0 Hz in Hz, the coherence and the input's power there. Shapes: `u, y` (n,); returns
+    (n_lines,) each.
+    """
+    from scipy.signal import coherence, welch
 
-    length = 2 * u.size // (_SEGMENTS + 1)
+    about = {"fs": 1.0 / sample_time, "nperseg": 2 * u.size // (_SEGMENTS + 1), "detrend": "linear"}
     with np.errstate(invalid="ignore", divide="ignore"):
-        frequencies, found = coherence(u, y, 1.0 / sample_time, nperseg=length, detrend="linear")
-    return frequencies[1:], np.nan_to_num(found[1:])
+        frequencies, found = coherence(u, y, **about)
+    return frequencies[1:], np.nan_to_num(found[1:]), welch(u, **about)[1][1:]
 
 
-def _status(dead_time: DeadTime | None, plain: bool | None, squared: bool) -> LinkStatus:
-    """Return what regression and coherence say together: each of them sees links that the other does not."""
+def _status(dead_time: DeadTime | None, plain: float, squared: float, chance: float) -> LinkStatus:
+    """Return what regression and mean coherences say together: each of them sees links that the others do not."""
     acts = dead_time is not None and dead_time.samples is not None
     if acts and dead_time is not None and dead_time.status is DeadTimeStatus.LOOP:
         return LinkStatus.LOOP
-    if acts or plain:
-        return LinkStatus.LINKED
-    return LinkStatus.EVEN if squared else LinkStatus.UNSEEN
+    if not acts and squared > chance and squared > _EVEN * plain:
+        return LinkStatus.EVEN
+    return LinkStatus.LINKED if acts or plain > chance else LinkStatus.UNSEEN
