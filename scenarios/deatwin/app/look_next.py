@@ -5,7 +5,9 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
+from deatwin.app.thinning import long_enough
 from deatwin.ident.look import InputShape, LinkStatus, Look
 from deatwin.ident.narx.preprocess import SamplingStatus
 from deatwin.plant.files.understood import Understood
@@ -43,17 +45,43 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     if not usable:
         return _fault(*read[0]) or Next(sentence="")
     first, look = usable[0]
-    alike = [file for file, other in usable if file.options == first.options and _alike(other, look)]
-    words = [*(file.path for file in alike), *first.options]
+    alike = [(file, other) for file, other in usable if file.options == first.options and _alike(other, look)]
     left_out = "" if len(alike) == len(seen) else f" ({len(seen) - len(alike)} of the files left out: they differ)"
     if rig is not None:
-        sentence = f"fill in {rig}, then find what physics the plant leaves out{left_out}"
-        return Next(sentence=sentence, command=shlex.join(["deatwin", "diagnose", rig, *words, "--out", "found"]))
-    fast = look.sampling is not None and look.sampling.status is SamplingStatus.DECIMATE
-    words += ["--decimate", "auto"] if fast and look.n_samples >= LEAST * look.sampling.factor else []
+        return _diagnosis(rig, alike, left_out)
+    records = [record for _, other in alike for record in other.recordings]
+    words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
+    if choice is not None and choice.status is SamplingStatus.DECIMATE and long_enough(records, choice.factor):
+        words += ["--decimate", "auto"]
     return Next(
         sentence=f"identify a model from the data alone{left_out}",
         command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]),
+    )
+
+
+def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
+    """Return the diagnosis of recordings: of one experiment where they follow one another on one clock."""
+    file, look = alike[0]
+    for role, names, units, wanted in (
+        ("input", look.recordings[0].input_names, look.recordings[0].input_units, "V"),
+        ("output", look.recordings[0].output_names, look.recordings[0].output_units, "m"),
+    ):
+        if units[0] != wanted:
+            said = f"is in {units[0]}" if units[0] else "gives no unit"
+            like = "mm" if wanted == "m" else wanted
+            return Next(
+                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the column that is meant, with "
+                f"its unit: --{role}-column NAME={like}"
+            )
+    ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
+    follow = all(
+        one.recordings[-1].end <= other.recordings[0].start + one.sample_time for one, other in pairwise(ordered)
+    )
+    paths = [one.path for one, _ in alike]
+    given = paths if follow else [word for path in paths for word in ("--experiment", path)]
+    command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
+    return Next(
+        sentence=f"fill in {rig}, then find what physics the plant leaves out{left_out}", command=shlex.join(command)
     )
 
 

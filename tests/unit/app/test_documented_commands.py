@@ -74,7 +74,19 @@ LONG = {
     **{command: [] for command in DATA},
 }
 """Under the mark `study`, with the options that are added to make them shorter: tiny studies in place of days."""
-STAGES = ("doctor", "scenarios", "identify", "frequency", "diagnose", "simulate", "check", "export", "demo", "scenario")
+STAGES = (
+    "doctor",
+    "scenarios",
+    "look",
+    "identify",
+    "frequency",
+    "diagnose",
+    "simulate",
+    "check",
+    "export",
+    "demo",
+    "scenario",
+)
 MADE_BY = {
     "narx.json": "identify noise.csv --method svb --out narx.json",
     "found": "diagnose rig.toml noise.csv steps.csv --out found",

@@ -88,6 +88,27 @@ def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys:
     assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
 
 
+@pytest.mark.parametrize(("start", "given"), [(40.0, "a.csv b.csv"), (0.0, "--experiment a.csv --experiment b.csv")])
+def test_recordings_on_one_clock_are_one_experiment(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], start: float, given: str
+) -> None:
+    for name, begins in (("a.csv", 0.0), ("b.csv", start)):
+        times, u, y = motion()
+        table(name, "time_s,command_V,displacement_mm", [times + begins, u, y])
+    found = told(capsys, "a.csv", "b.csv", "--rig", "diaphragm", "--out", "looked")
+    assert found["next"]["command"] == f"deatwin diagnose looked/rig.toml {given} --out found"
+
+
+def test_a_rig_needs_the_units_of_its_columns(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table("a.csv", "time_s,command_V,x", motion())
+    found = told(capsys, "a.csv", "--rig", "diaphragm", "--out", "looked")
+    assert "x gives no unit" in found["next"]["sentence"] and found["next"]["command"] == ""
+    assert (
+        "diagnose"
+        in told(capsys, "a.csv", "--output-column", "x=mm", "--rig", "diaphragm", "--out", "b")["next"]["command"]
+    )
+
+
 def test_columns_that_are_not_linked_lead_to_others(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times, u, y = motion()
     table("a.csv", "time_s,u,y,z", [times, u, RNG.normal(size=400), y])
