@@ -66,6 +66,8 @@ def look(
 
     With a rig file to fill in: deatwin look lab.csv --rig diaphragm --out looked
     """
+    from contextlib import nullcontext
+
     from deatwin.app.look_next import next_step
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord, hashes
@@ -80,21 +82,22 @@ def look(
         )
     voice = Voice(as_json=as_json, quiet=quiet)
     record = RunRecord(command=context.obj or [], inputs=hashes(files), seed=0, jobs=1)
-    asked = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
-    seen = [_seen(path, {**asked, "allow_gaps": allow_gaps, "dt": dt, "resample": resample}, voice) for path in files]
-    following = next_step(seen, None if place is None else str(place))
-    voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
-    result = _result(seen, following)
-    if out is not None:
-        with ResultFolder(out) as folder:
+    asked: dict[str, Any] = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
+    asked |= {"allow_gaps": allow_gaps, "dt": dt, "resample": resample}
+    with nullcontext() if out is None else ResultFolder(out) as folder:
+        seen = [_seen(path, asked, voice) for path in files]
+        following = next_step(seen, None if place is None else str(place))
+        voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
+        result = _result(seen, following)
+        if folder is not None and any(one.look is not None for one in seen):
             _draw(folder, [one.look for one in seen if one.look is not None])
             if place is not None:
                 folder.text(place.name, _rig_file(seen))
             end_run(folder, record, "look", result)
             voice.say(folder.summary)
-    voice.result(result)
-    if any(one.look is None for one in seen):
-        raise typer.Exit(1)
+        voice.result(result)
+        if any(one.look is None for one in seen):
+            raise typer.Exit(1)
 
 
 def _seen(path: Path, asked: dict[str, Any], voice: Voice) -> Seen:
