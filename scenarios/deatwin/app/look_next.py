@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from deatwin.app.thinning import long_enough
-from deatwin.ident.look import InputShape, LinkStatus, Look
+from deatwin.ident.look import Look
+from deatwin.ident.look.inputs import InputShape
+from deatwin.ident.look.link import LinkStatus
 from deatwin.ident.narx.preprocess import SamplingStatus
 from deatwin.plant.files.understood import Understood
 

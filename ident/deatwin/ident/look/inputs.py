@@ -51,30 +51,14 @@ class InputShape(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class InputPattern:
-    """Shape and period of an input.
-
-    Parameters
-    ----------
-    name : str
-        Name of the input.
-    shape : InputShape
-        Shape over time.
-    levels : int
-        Number of levels of an input that is constant, has two levels or holds them without noise; 0 otherwise.
-    hold_s : float or None
-        Median time for which a level is held, in s; None where none is held.
-    period_s : float or None
-        Time after which the input repeats itself, in s; None where it does not, for two periods at least.
-    periods : int
-        Number of whole periods; 0 where it does not repeat itself.
-    """
+    """Shape and period of an input."""
 
     name: str
     shape: InputShape
-    levels: int
-    hold_s: float | None
-    period_s: float | None
-    periods: int
+    levels: int  # Of an input that is constant, has two levels, or holds them without noise; else 0
+    hold_s: float | None  # Median time for which a level is held, s; None where none is
+    period_s: float | None  # Time after which the input repeats itself, twice at least, s
+    periods: int  # Whole ones; 0 where it does not repeat itself
 
     def __str__(self) -> str:
         text = self.shape.value

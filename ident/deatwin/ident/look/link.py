@@ -50,35 +50,17 @@ class LinkStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link:
-    """What ties an output to an input.
-
-    Parameters
-    ----------
-    input_name, output_name : str
-        Names of the two signals.
-    status : LinkStatus
-        Whether there is a link.
-    frequencies : ndarray, shape (n_lines,)
-        Lines at which the coherence was estimated, in Hz; empty where the recording is too short.
-    coherence, coherence_squared : ndarray, shape (n_lines,)
-        Coherence of the output with the input, and with its square, from 0 to 1.
-    chance : float
-        Mean coherence over the excited band that unlinked signals exceed in 1 of 500 recordings.
-    in_band : float or None
-        Mean coherence over the excited band; None without lines there.
-    dead_time : DeadTime or None
-        Estimated dead time; None where it could not be looked for.
-    """
+    """What ties an output to an input."""
 
     input_name: str
     output_name: str
     status: LinkStatus
-    frequencies: Array
-    coherence: Array
-    coherence_squared: Array
-    chance: float
-    in_band: float | None
-    dead_time: DeadTime | None
+    frequencies: Array  # shape (n_lines,): where the coherence was estimated, Hz; empty where that was not possible
+    coherence: Array  # shape (n_lines,): with the input
+    coherence_squared: Array  # shape (n_lines,): with its square
+    chance: float  # Mean over the excited band that unlinked signals exceed in 1 of 500 recordings
+    in_band: float | None  # Mean over the excited band; None without lines there
+    dead_time: DeadTime | None  # None where it could not be looked for
 
     def __str__(self) -> str:
         text = f"{self.input_name} to {self.output_name}: {self.status.value}"

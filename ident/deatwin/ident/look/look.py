@@ -39,34 +39,17 @@ _MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", 
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelLook:
-    """Size of one channel.
-
-    Parameters
-    ----------
-    name : str
-        Name of the channel.
-    role : str
-        ``"input"``, ``"output"`` or ``"extra"``.
-    unit : str
-        Unit of the values; empty if unknown.
-    low, high, mean, deviation : float
-        Smallest and largest value, mean and standard deviation.
-    noise : float or None
-        Largest standard deviation that white noise in the channel can have: what changes faster than the channel's
-        motion, or while the input rests. None for inputs and short recordings.
-    step : float
-        Step of which all differences are multiples; 0 where there is none.
-    """
+    """Size of one channel, in its unit."""
 
     name: str
-    role: str
-    unit: str
+    role: str  # ``input``, ``output`` or ``extra``
+    unit: str  # Empty if unknown
     low: float
     high: float
     mean: float
     deviation: float
-    noise: float | None
-    step: float
+    noise: float | None  # Largest that white noise can be, rms; None for inputs and short recordings
+    step: float  # Of which all differences are multiples; 0 where there is none
 
     def __str__(self) -> str:
         text = f"{self.name}: {with_unit(self.low, self.unit)} to {with_unit(self.high, self.unit)}"

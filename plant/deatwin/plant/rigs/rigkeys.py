@@ -19,7 +19,6 @@ class NumberKey:
     required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
-    example: float = 0.0
 
     @property
     def allowed(self) -> str:
@@ -64,7 +63,6 @@ class TextKey:
     choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
     required: bool = True  # True if the key must be present
     about: str = ""
-    example: str = ""
 
     @property
     def allowed(self) -> str:
@@ -100,9 +98,9 @@ _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 Keys = Mapping[str, NumberKey | TextKey]
 RIG_KEYS: Mapping[str, Keys] = {
     "film": {
-        "material": TextKey(field="material", about="a name in the table of materials", example="VHB 4905"),
+        "material": TextKey(field="material", about="a name in the table of materials"),
         "thickness_mm": NumberKey(
-            field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching", example=0.5
+            field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching"
         ),
         "prestretch": NumberKey(
             field="prestretch",
@@ -110,113 +108,52 @@ RIG_KEYS: Mapping[str, Keys] = {
             upper=10.0,
             slips=_STRETCH,
             about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
-            example=3.5,
         ),
         "frame_diameter_mm": NumberKey(
-            field="frame_diameter",
-            lower=1.0,
-            upper=1e3,
-            per_si=1e3,
-            slips=_MM,
-            about="inside of the ring that holds the film",
-            example=80.0,
+            field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM, about="of the ring, inside"
         ),
         "electrode_diameter_mm": NumberKey(
-            field="electrode_diameter",
-            lower=0.1,
-            upper=1e3,
-            per_si=1e3,
-            slips=_MM,
-            about="on the stretched film, below the frame's",
-            example=35.0,
+            field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM, about="on the stretched film"
         ),
         "ball": TextKey(
             field="ball",
             choices=("bonded", "sliding"),
             required=False,
             about="left out where it is not known: both are fitted",
-            example="sliding",
         ),
     },
     "load": {
-        "mass_g": NumberKey(
-            field="mass", lower=0.0, upper=1e3, per_si=1e3, slips=_MG, about="of the ball", example=3.0
-        ),
+        "mass_g": NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, slips=_MG, about="of the ball"),
         "contact_diameter_mm": NumberKey(
-            field="contact_diameter",
-            lower=0.01,
-            upper=1e3,
-            per_si=1e3,
-            slips=_MM,
-            about="of the film that the ball touches, below the electrode's",
-            example=6.0,
+            field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3, slips=_MM, about="of ball and film"
         ),
     },
     "drive": {
-        "gain": NumberKey(
-            field="gain",
-            lower=1.0,
-            upper=1e5,
-            slips=_KV,
-            about="film volts a command volt, 1 where the film's own volts were recorded",
-            example=800.0,
-        ),
+        "gain": NumberKey(field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt"),
         "start_ramp_s": NumberKey(
             field="start_ramp",
             lower=0.0,
             upper=86400.0,
             slips=_MS,
             about="before time 0 the first command was ramped on from 0 V in this time",
-            example=2.0,
         ),
         "start_hold_s": NumberKey(
-            field="start_hold",
-            lower=0.0,
-            upper=86400.0,
-            slips=_MS,
-            about="and held for this time",
-            example=3.0,
+            field="start_hold", lower=0.0, upper=86400.0, slips=_MS, about="and held for this time"
         ),
         "command_min_V": NumberKey(
-            field="command_min",
-            lower=-1e3,
-            upper=1e3,
-            required=False,
-            slips=_MV,
-            about="what the drive may give",
-            example=0.0,
+            field="command_min", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
         ),
         "command_max_V": NumberKey(
-            field="command_max",
-            lower=-1e3,
-            upper=1e3,
-            required=False,
-            slips=_MV,
-            about="what the drive may give",
-            example=3.75,
+            field="command_max", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
         ),
     },
     "sensor": {
-        "sample_rate_Hz": NumberKey(
-            field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings", example=50.0
-        ),
-        "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms", example=2.0),
+        "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
+        "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
         "resolution_um": NumberKey(
-            field="resolution",
-            lower=0.0,
-            upper=1e4,
-            per_si=1e6,
-            required=False,
-            slips=_UM,
-            about="0 if left out",
-            example=0.5,
+            field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
         ),
-        "zero": TextKey(
-            field="zero",
-            choices=("displacement at zero volts",),
-            about="which displacement reads 0",
-            example="displacement at zero volts",
-        ),
+        "zero": TextKey(field="zero", choices=("displacement at zero volts",), about="of the readings"),
     },
 }
 

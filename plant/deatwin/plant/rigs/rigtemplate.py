@@ -16,6 +16,25 @@ _SECTIONS = {
     "drive": "the amplifier, and how the film came to its first voltage",
     "sensor": "what measures the displacement",
 }
+_EXAMPLES: Mapping[str, float | str] = {
+    "material": "VHB 4905",
+    "thickness_mm": 0.5,
+    "prestretch": 3.5,
+    "frame_diameter_mm": 80.0,
+    "electrode_diameter_mm": 35.0,
+    "ball": "sliding",
+    "mass_g": 3.0,
+    "contact_diameter_mm": 6.0,
+    "gain": 800.0,
+    "start_ramp_s": 2.0,
+    "start_hold_s": 3.0,
+    "command_min_V": 0.0,
+    "command_max_V": 3.75,
+    "sample_rate_Hz": 50.0,
+    "noise_um": 2.0,
+    "resolution_um": 0.5,
+    "zero": "displacement at zero volts",
+}
 
 
 def rig_template(known: Mapping[str, tuple[float, str]]) -> str:
@@ -36,6 +55,6 @@ def _entry(name: str, key: NumberKey | TextKey, known: tuple[float, str] | None)
     only = isinstance(key, TextKey) and len(key.choices) == 1
     if known is not None:
         said.append(known[1])
-    value = known[0] if known is not None else key.example
+    value = known[0] if known is not None else _EXAMPLES[name]
     written = f'"{value}"' if isinstance(value, str) else repr(float(f"{value:.6g}"))
     return ["; ".join(filter(None, said)), f"{'' if only or known is not None else '#'}{name} = {written}"]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import chirp, lfilter, sawtooth, square
 
-from deatwin.ident.look import InputShape, LinkStatus, look_at
-from deatwin.ident.look.inputs import pattern_of
-from deatwin.ident.look.link import links_of
+from deatwin.ident.look import look_at
+from deatwin.ident.look.inputs import InputShape, pattern_of
+from deatwin.ident.look.link import LinkStatus, links_of
 from deatwin.ident.narx.excited import excitation
 from deatwin.ident.narx.preprocess import FindingKind
 from deatwin.plant import DataError, Recording
