@@ -40,7 +40,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)
         if file is None:
-            return Next(sentence="mend the file, or give another one")
+            return Next(sentence="change what the error names, and look again")
         command = shlex.join(["deatwin", "look", file.path, *file.options])
         return Next(sentence="the file does not say its sample time: put it in place of SECONDS", command=command)
     usable = [(file, look) for file, look in read if not _fault(file, look)]

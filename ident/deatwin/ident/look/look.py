@@ -115,7 +115,8 @@ class Look:
         uneven = [said for record in self.recordings if (said := record.provenance.get("resampled"))]
         asked = [said for record in self.recordings if (said := record.provenance.get("clock"))]
         if self.gaps:
-            text += f"; {len(self.gaps)} gaps, the longest {max(end - start for start, end in self.gaps):.4g} s"
+            longest = max(end - start for start, end in self.gaps)
+            text += f"; {len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''}, the longest {longest:.4g} s"
         return "; ".join([text, *(["uneven times, resampled: " + uneven[0]] if uneven else ["evenly"]), *asked[:1]])
 
     @property

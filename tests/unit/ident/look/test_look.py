@@ -82,10 +82,11 @@ def test_link_dead_time_and_noise() -> None:
 
 
 def test_an_even_plant_is_linked_by_the_square() -> None:
-    rng = np.random.default_rng(2)
-    u = coloured(rng, 3000, 0.5)
-    y = lfilter([0.2], [1.0, -0.8], u**2) + 0.01 * rng.normal(size=3000)
-    assert look_at(Recording.from_arrays(u, y, STEP)).links[0].status is LinkStatus.EVEN
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        u = coloured(rng, 1000, 0.5)
+        y = lfilter([0.2], [1.0, -0.8], u**2) + 0.01 * rng.normal(size=1000)
+        assert look_at(Recording.from_arrays(u, y, STEP)).links[0].status is LinkStatus.EVEN
 
 
 def test_nothing_is_linked_by_chance() -> None:
@@ -122,7 +123,7 @@ def test_pieces_between_gaps_are_one_look() -> None:
     found = look_at([record.section(0, 500), record.section(1000, 1500)])
     assert found.n_samples == 1000
     assert found.gaps == (pytest.approx((5.0, 10.0)),)
-    assert "1 gaps, the longest 5 s" in found.clock
+    assert "1 gap, the longest 5 s" in found.clock
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 17, 63, 130])
