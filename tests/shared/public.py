@@ -8,6 +8,7 @@ PUBLIC = (
     "deatwin.plant.files",
     "deatwin.plant.laws",
     "deatwin.ident",
+    "deatwin.ident.look",
     "deatwin.ident.narx",
     "deatwin.ident.narx.linear",
     "deatwin.ident.narx.preprocess",

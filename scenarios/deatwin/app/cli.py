@@ -15,6 +15,7 @@ from deatwin.app.commands.doctor import doctor
 from deatwin.app.commands.export import export
 from deatwin.app.commands.frequency import frequency
 from deatwin.app.commands.identify import identify
+from deatwin.app.commands.look import look
 from deatwin.app.commands.plan import plan
 from deatwin.app.commands.scenario import scenario, scenarios
 from deatwin.app.commands.simulate import simulate
@@ -45,7 +46,21 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-for command in (demo, simulate, identify, frequency, diagnose, plan, check, export, scenario, scenarios, view, doctor):
+for command in (
+    demo,
+    look,
+    simulate,
+    identify,
+    frequency,
+    plan,
+    diagnose,
+    check,
+    export,
+    scenario,
+    scenarios,
+    view,
+    doctor,
+):
     app.command(cls=Command, help=unwrapped(command.__doc__))(command)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
+from deatwin.plant.drawing import envelope
 from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
@@ -19,7 +20,6 @@ from deatwin.studies.report.panels import Hue, plain_numbers
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
-from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation

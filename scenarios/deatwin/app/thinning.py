@@ -40,7 +40,7 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     if wanted == "auto":
         made = [decimate(record, choice.factor, reading=reading) for record in records]
         return Thinned(records=made, notes=[f"{_done(choice.factor, made)}: {reason}"])
-    if any(record.n_samples < (LEAST + _ENDS) * choice.factor for record in records):
+    if not long_enough(records, choice.factor):
         return Thinned(records=records, notes=[])
     return Thinned(
         records=records,
@@ -49,6 +49,11 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
             f"regressors are all but the same; --decimate auto goes to {slower:g} s"
         ],
     )
+
+
+def long_enough(records: Sequence[Recording], factor: int) -> bool:
+    """Return whether each recording may be decimated by a factor and still gives and judges a model."""
+    return all(record.n_samples >= (LEAST + _ENDS) * factor for record in records)
 
 
 def _choice(records: Sequence[Recording]) -> SamplingChoice | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from deatwin.app.demo import NOISE_SECONDS, SHARES, conceal
 from deatwin.plant import Creep, Diaphragm, Plant
-from deatwin.studies.report.tracks import envelope
+from deatwin.plant.drawing import envelope
 
 
 def test_the_film_is_not_quite_the_nominal_one_and_has_the_effect() -> None:

@@ -67,6 +67,7 @@ LONG = {
 STAGES = (
     "doctor",
     "scenarios",
+    "look",
     "identify",
     "frequency",
     "diagnose",

@@ -419,7 +419,8 @@ def test_what_is_wrong_is_said_in_one_line(
     out, error = capsys.readouterr()
     assert re.fullmatch(row.pattern, said(error)), said(error)
     assert status == row.status
-    assert out == "" and "Traceback" not in error
+    # A look tells the columns of a file that cannot be read all the same.
+    assert (out == "" or (row.arguments[0], status) == ("look", 1)) and "Traceback" not in error
     if status == 1:
         assert error.startswith("error: ") and error.count("\n") == 1
     assert not any((at_desk / "new").glob("*")) and not (at_desk / "new").is_file()

@@ -107,8 +107,8 @@ def read_recordings(
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
-    return _recordings(
-        _table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+    return recordings_of_table(
+        table_of_file(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
     )
 
 
@@ -144,7 +144,7 @@ def read_csv(
     """
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
-    return _recordings(
+    return recordings_of_table(
         read_table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
     )
 
@@ -178,8 +178,8 @@ def read_commands(
         Same as for `read_recordings`.
     """
     asked, units = {"input": input_column, "time": time_column}, {"input": input_unit}
-    return _recordings(
-        _table(path), asked, units, allow_gaps=False, dt=dt, resample=resample, reading=reading, rig=rig
+    return recordings_of_table(
+        table_of_file(path), asked, units, allow_gaps=False, dt=dt, resample=resample, reading=reading, rig=rig
     )[0]
 
 
@@ -366,12 +366,12 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     return ways[ending]
 
 
-def _table(path: str | Path) -> Table:
+def table_of_file(path: str | Path) -> Table:
     """Return the table of a file in the format that its name says."""
     return _by_ending(path, _READERS, "read")(path)
 
 
-def _recordings(
+def recordings_of_table(
     table: Table,
     asked: Mapping[str, str | None],
     units: Mapping[str, str | None],

@@ -109,8 +109,12 @@ RIG_KEYS: Mapping[str, Keys] = {
             slips=_STRETCH,
             about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
         ),
-        "frame_diameter_mm": NumberKey(field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM),
-        "electrode_diameter_mm": NumberKey(field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM),
+        "frame_diameter_mm": NumberKey(
+            field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM, about="of the ring, inside"
+        ),
+        "electrode_diameter_mm": NumberKey(
+            field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM, about="on the stretched film"
+        ),
         "ball": TextKey(
             field="ball",
             choices=("bonded", "sliding"),
@@ -120,7 +124,9 @@ RIG_KEYS: Mapping[str, Keys] = {
     },
     "load": {
         "mass_g": NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, slips=_MG, about="of the ball"),
-        "contact_diameter_mm": NumberKey(field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3, slips=_MM),
+        "contact_diameter_mm": NumberKey(
+            field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3, slips=_MM, about="of ball and film"
+        ),
     },
     "drive": {
         "gain": NumberKey(field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt"),
@@ -142,12 +148,12 @@ RIG_KEYS: Mapping[str, Keys] = {
         ),
     },
     "sensor": {
-        "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6),
+        "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
         "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
         "resolution_um": NumberKey(
             field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
         ),
-        "zero": TextKey(field="zero", choices=("displacement at zero volts",)),
+        "zero": TextKey(field="zero", choices=("displacement at zero volts",), about="of the readings"),
     },
 }
 

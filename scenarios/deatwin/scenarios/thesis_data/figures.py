@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from deatwin.ident.curves import linear_share, local_gain, mean_curve, straight_line
 from deatwin.ident.drifts import at_same_input, fast_part, moving_mean
+from deatwin.plant.drawing import envelope
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.measures import RIDGE
 from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, complete, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tracks import envelope
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:

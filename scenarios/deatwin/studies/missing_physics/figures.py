@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.drawing import envelope
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw, legend_above
-from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
     from deatwin.plant.model import Plant

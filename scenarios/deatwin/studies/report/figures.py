@@ -10,10 +10,10 @@ import numpy as np
 
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.drawing import envelope
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import numbers_of_decades
 from deatwin.studies.report.svg import COLOURS, draw, inline
-from deatwin.studies.report.tracks import envelope
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -163,7 +163,7 @@ class _Channel:
 
     def amount(self, value: float) -> str:
         """Return a value with its unit as people write it."""
-        return _with_unit(value, self.unit)
+        return with_unit(value, self.unit)
 
 
 def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
@@ -334,8 +334,9 @@ def _moves(record: Recording) -> Array:
     return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)
 
 
-def _with_unit(value: float, unit: str) -> str:
+def with_unit(value: float, unit: str) -> str:
     """Return a value with a prefix to its unit: 1.2e-5 m is 12 µm."""
+    value = float(f"{value:.3g}")  # what is shown decides the prefix: 0.9999 mm is 1 mm
     if unit not in _PREFIXED or value == 0.0 or not np.isfinite(value):
         return amount(f"{value:.3g}", unit)
     power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -4, 3))

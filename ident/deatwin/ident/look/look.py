@@ -1,0 +1,331 @@
+"""What is in a recording before any model: clock, channels, excitation, faults, and the link of outputs to inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.look.inputs import InputPattern, pattern_of
+from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
+from deatwin.ident.mismatch.gate import noise_level
+from deatwin.ident.narx.excited import Excitation, excitation
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
+from deatwin.ident.narx.preprocess.findings import with_unit
+from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.soundness import resolution
+from deatwin.plant.amplitudes import axis_label, written_amplitude
+from deatwin.plant.drawing import envelope
+from deatwin.plant.errors import DataError
+from deatwin.plant.recording import Recording, label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+_FEWEST = 64
+"""Samples of a record from which the top of its spectrum is the median of some lines."""
+_SHOWN = 3.0
+"""Times the highest excited frequency up to which the coherence is drawn."""
+_MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", FindingKind.CONSTANT: "stands still"}
+"""Findings that are marked in the picture, as it calls them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelLook:
+    """Size of one channel, in its unit."""
+
+    name: str
+    role: str  # ``input``, ``output`` or ``extra``
+    unit: str  # Empty if unknown
+    low: float
+    high: float
+    mean: float
+    deviation: float
+    noise: float | None  # Largest that white noise can be, rms; None for inputs and short recordings
+    step: float  # Of which all differences are multiples; 0 where there is none
+
+    def __str__(self) -> str:
+        text = f"{self.name}: {with_unit(self.low, self.unit)} to {with_unit(self.high, self.unit)}"
+        text += f", a range of {with_unit(self.high - self.low, self.unit)}"
+        if self.role != "input":
+            if self.noise is not None and self.noise > 0.0:
+                text += f"; noise at most {with_unit(self.noise, self.unit)} rms"
+            if self.step:
+                text += f"; steps of {with_unit(self.step, self.unit)}"
+        return text
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """What `look_at` sees in one recording, or in the pieces of one between gaps.
+
+    Parameters
+    ----------
+    recordings : tuple of Recording
+        The recording, or its pieces.
+    channels : tuple of ChannelLook
+        Inputs, outputs and further channels.
+    patterns : tuple of InputPattern
+        Shape and period of each input, in the longest piece.
+    excitations : tuple of Excitation or None
+        Excited bands of each input, in the longest piece; None where its spectrum cannot be told.
+    links : tuple of Link
+        Of each input to each output, those of the first output first.
+    findings : tuple of Finding
+        Trends, drifts, outliers, steps, limits, stuck stretches.
+    sampling : SamplingChoice or None
+        Whether the sample time suits a NARX model; None where that cannot be told.
+    """
+
+    recordings: tuple[Recording, ...]
+    channels: tuple[ChannelLook, ...]
+    patterns: tuple[InputPattern, ...]
+    excitations: tuple[Excitation | None, ...]
+    links: tuple[Link, ...]
+    findings: tuple[Finding, ...]
+    sampling: SamplingChoice | None
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples of all pieces."""
+        return sum(record.n_samples for record in self.recordings)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between two samples, s."""
+        return self.recordings[0].sample_time
+
+    @property
+    def gaps(self) -> tuple[tuple[float, float], ...]:
+        """Ends of the gaps between pieces, s."""
+        return tuple((before.end, after.start) for before, after in pairwise(self.recordings))
+
+    @property
+    def clock(self) -> str:
+        """Clock of the recording, in words."""
+        first, last = self.recordings[0], self.recordings[-1]
+        text = f"{self.n_samples} samples, every {self.sample_time:.6g} s, from {first.start:.6g} to {last.end:.6g} s"
+        uneven = [said for record in self.recordings if (said := record.provenance.get("resampled"))]
+        asked = [said for record in self.recordings if (said := record.provenance.get("clock"))]
+        if self.gaps:
+            longest = max(end - start for start, end in self.gaps)
+            text += f"; {len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''}, the longest {longest:.4g} s"
+        return "; ".join([text, *(["uneven times, resampled: " + uneven[0]] if uneven else ["evenly"]), *asked[:1]])
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """All that was seen, in lines of plain text."""
+        found = [self.clock, *map(str, self.channels)]
+        for pattern, excited in zip(self.patterns, self.excitations, strict=True):
+            bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)
+            found.append(f"{pattern.name}: {pattern}" + (f"; excites {bands}" if bands else ""))
+        found += [str(link) for link in self.links]
+        found += [f"{finding.signal}: {finding.text}" for finding in self.findings]
+        return tuple(found)
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all findings as plain data for JSON; times in s, values in the channels' units.
+
+        Returns
+        -------
+        dict
+        """
+        return {
+            "file": label(self.recordings[0]),
+            "samples": self.n_samples,
+            "sample_time_s": self.sample_time,
+            "start_s": self.recordings[0].start,
+            "end_s": self.recordings[-1].end,
+            "gaps_s": [list(gap) for gap in self.gaps],
+            "clock": self.clock,
+            "channels": [asdict(channel) for channel in self.channels],
+            "inputs": [
+                asdict(pattern)
+                | {"shape": pattern.shape.name.lower()}
+                | {"excited_Hz": None if excited is None else [list(band) for band in excited.bands]}
+                for pattern, excited in zip(self.patterns, self.excitations, strict=True)
+            ],
+            "links": [_link(link) for link in self.links],
+            "findings": [asdict(finding) | {"kind": finding.kind.name.lower()} for finding in self.findings],
+            "sampling": None if self.sampling is None else self.sampling.status.name.lower(),
+        }
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw the first input, the first output with what is at fault in it, and their coherence.
+
+        Parameters
+        ----------
+        axes : sequence of three matplotlib Axes, optional
+            Axes to draw on; created if omitted.
+
+        Returns
+        -------
+        sequence of matplotlib Axes
+        """
+        chosen = panels_or_new(axes, 3, height=1.8)
+        for record in self.recordings:
+            unit, size = written_amplitude(record.output_units[0])
+            chosen[0].plot(*envelope(record.timepts, record.inputs[0]), color="C0", linewidth=0.8)
+            chosen[1].plot(*envelope(record.timepts, record.outputs[0] / size), color="C0", linewidth=0.8)
+            chosen[0].set(xlabel="time (s)", ylabel=axis_label(record.input_names[0], record.input_units[0]))
+            chosen[1].set(xlabel="time (s)", ylabel=axis_label(record.output_names[0], unit))
+        self._mark(chosen[1])
+        link = self.links[0]
+        chosen[2].plot(link.frequencies, link.coherence, color="C0", linewidth=1.0, label="with the input")
+        chosen[2].plot(link.frequencies, link.coherence_squared, color="C1", linewidth=1.0, label="with its square")
+        chosen[2].axhline(LINE_CHANCE, color="0.5", linestyle=":", linewidth=1.0, label="chance")
+        if (excited := self.excitations[0]) is not None:
+            for low, high in excited.bands:
+                chosen[2].axvspan(low, high, color="0.5", alpha=0.15, linewidth=0.0)
+            chosen[2].set_xlim(0.0, min(_SHOWN * excited.highest_Hz, 0.5 / self.sample_time))
+        chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence", ylim=(0.0, 1.02))
+        for panel in chosen[1:]:
+            if panel.get_legend_handles_labels()[0]:
+                panel.legend(fontsize="small", ncols=3)
+        return chosen
+
+    def _mark(self, axes: Axes) -> None:
+        """Shade the stretches of the first output that are at fault."""
+        told = set()
+        for finding in self.findings:
+            kind = _MARKED.get(finding.kind)
+            if kind is None or finding.signal != self.recordings[0].output_names[0]:
+                continue
+            width = max(finding.to_s - finding.from_s, self.sample_time)
+            name = None if kind in told else kind
+            colour = f"C{1 + list(_MARKED.values()).index(kind)}"
+            axes.axvspan(finding.from_s, finding.from_s + width, color=colour, alpha=0.3, label=name)
+            told.add(kind)
+
+
+def look_at(recordings: Recordings) -> Look:
+    """Look at a recording before a model is made of it.
+
+    Nothing is fitted but the regression that finds dead times, and nothing is altered. A recording of any length is
+    looked at; what it is too short for is left out.
+
+    Parameters
+    ----------
+    recordings : Recording, Experiment, or several
+        One recording, or its pieces between gaps, with the same signals and sample time.
+
+    Returns
+    -------
+    Look
+
+    Raises
+    ------
+    DataError
+        If there is no output.
+    ModelError
+        If the recordings do not fit together.
+    """
+    records = flatten(recordings)
+    longest = max(records, key=lambda record: record.n_samples)
+    if longest.outputs.shape[0] == 0 or longest.inputs.shape[0] == 0:
+        raise DataError(f"{label(longest)}: a look needs an input and an output")
+    excitations = tuple(_excited(longest, row) for row in range(longest.inputs.shape[0]))
+    return Look(
+        recordings=tuple(records),
+        channels=_channels(records),
+        patterns=tuple(
+            pattern_of(name, values, longest.sample_time)
+            for name, values in zip(longest.input_names, longest.inputs, strict=True)
+        ),
+        excitations=excitations,
+        links=links_of(records, excitations),
+        findings=_findings(records),
+        sampling=_sampling(longest),
+    )
+
+
+def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:
+    first, found = records[0], []
+    for role, names, units, rows in (
+        ("input", first.input_names, first.input_units, [record.inputs for record in records]),
+        ("output", first.output_names, first.output_units, [record.outputs for record in records]),
+        ("extra", tuple(first.extras), tuple(first.extra_units.values()), _extras(records)),
+    ):
+        for k, (name, unit) in enumerate(zip(names, units, strict=True)):
+            pieces = [row[k] for row in rows]
+            values = np.concatenate(pieces)
+            found.append(
+                ChannelLook(
+                    name=name,
+                    role=role,
+                    unit=unit,
+                    low=float(values.min()),
+                    high=float(values.max()),
+                    mean=float(values.mean()),
+                    deviation=float(values.std()),
+                    noise=None if role == "input" else _noise(records, pieces),
+                    step=resolution(values),
+                )
+            )
+    return tuple(found)
+
+
+def _extras(records: Sequence[Recording]) -> list[Array]:
+    return [np.array(list(record.extras.values())) for record in records]
+
+
+def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:
+    """Return the noise of a channel as the diagnosis estimates that of a residual: the channel holds the motion, too."""
+    if max(piece.size for piece in pieces) < _FEWEST:
+        return None
+    level = noise_level(pieces, records[0].sample_time, 0.0, [record.inputs[0] for record in records]).level
+    return max(level, resolution(np.concatenate(pieces)) / np.sqrt(12.0))  # steps hide what is smaller
+
+
+def _excited(record: Recording, row: int) -> Excitation | None:
+    try:
+        return excitation(Recording.from_arrays(record.inputs[row], np.zeros(record.n_samples), record.sample_time))
+    except DataError:
+        return None
+
+
+def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
+    """Return what `inspect_recordings` finds in the pieces that are long enough for it.
+
+    A slow command is no fault, and outputs that move slowly as it does are none either.
+    """
+    found: list[Finding] = []
+    for record in records:
+        try:
+            found += inspect_recordings(record)
+        except DataError:
+            continue
+    inputs, slow = set(records[0].input_names), (FindingKind.TREND, FindingKind.DRIFT)
+    moved = {finding.kind for finding in found if finding.signal in inputs}
+    return tuple(one for one in found if one.kind not in slow or one.kind not in moved)
+
+
+def _sampling(record: Recording) -> SamplingChoice | None:
+    try:
+        return choose_sampling([record])
+    except DataError:
+        return None
+
+
+def _link(link: Link) -> dict[str, Any]:
+    dead = link.dead_time
+    return {
+        "input": link.input_name,
+        "output": link.output_name,
+        "status": link.status.name.lower(),
+        "coherence_in_band": link.in_band,
+        "coherence_by_chance": link.chance,
+        "dead_time_samples": None if dead is None else dead.samples,
+        "dead_time_interval": None if dead is None or dead.interval is None else list(dead.interval),
+        "dead_time_s": None if dead is None else dead.seconds,
+    }

@@ -1,0 +1,270 @@
+"""How a file is understood: the role and the unit of each column and why, and the options that would read it."""
+
+import re
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files.columns import chosen_columns, data_columns, extra_columns, works
+from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.recordings import recordings_of_table, table_of_file
+from deatwin.plant.files.timecolumns import likely_times, time_column
+from deatwin.plant.files.wanted import split_stated, with_stated_units
+from deatwin.plant.recording import Recording
+from deatwin.plant.rigs.base import ReadingTime
+
+_OPTION = re.compile(r'--(input-column|output-column|time-column|resample|dt) ("[^"]+"|[^\s";,()]+)|--(allow-gaps)\b')
+_PLACEHOLDER = re.compile(r"[A-Z]{4,}")  # NAME, PLACE, SECONDS: for the user to fill in
+_REPAIRS = 8
+"""There are seven options, so that more rounds than this add nothing."""
+_WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
+_WORDS = {
+    "input": (
+        *("u", "uin", "vin", "input", "in", "cmd", "command", "control", "excitation", "drive", "voltage", "volt"),
+        *(
+            "v",
+            "reference",
+            "ref",
+            "setpoint",
+            "target",
+            "pwm",
+            "eingang",
+            "soll",
+            "stell",
+            "spannung",
+            "strom",
+            "current",
+            "torque",
+        ),
+    ),
+    "output": (
+        *("y", "out", "output", "displacement", "disp", "position", "pos", "weg", "x", "measured", "response"),
+        *(
+            "encoder",
+            "angle",
+            "speed",
+            "velocity",
+            "level",
+            "ausgang",
+            "ist",
+            "auslenkung",
+            "deflection",
+            "temperature",
+        ),
+    ),
+}
+"""Names that people give their inputs and outputs, the surest first; they only order a guess that is called one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One column of a file, as it is understood."""
+
+    place: int  # From 1
+    header: str
+    role: str  # ``input``, ``output``, ``time``, ``extra``; empty where it is passed over
+    unit: str  # As the file or an option gives it; empty where none does
+    si: str  # Unit of its values in the recording
+    how: str  # What gave it its role
+    numbers: bool  # True if it can be an input or an output
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Understood:
+    """A file, read as it was asked for, else with more options."""
+
+    path: str
+    columns: tuple[Column, ...] = ()
+    recordings: tuple[Recording, ...] = ()  # None where no options were found that read it
+    refused: str = ""  # The error that ends a command without the further options
+    remaining: str = ""  # That which ends it with all options that were found
+    asked: Mapping[str, Any] = field(default_factory=dict)  # By the names of `read_recordings`
+    further: Mapping[str, Any] = field(default_factory=dict)  # What has to be asked for, too
+    placeholders: tuple[str, ...] = ()  # Options whose values only the user knows
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """Words of a command that read the file."""
+        return (*_words({**self.asked, **self.further}), *self.placeholders)
+
+    def with_column(self, role: str, place: int) -> tuple[str, ...]:
+        """Return words of a command that read another column, by its place from 1, as ``input`` or ``output``."""
+        return _words({**self.asked, **self.further, f"{role}_column": f"#{place}"})
+
+
+def _words(options: Mapping[str, Any]) -> tuple[str, ...]:
+    found: list[str] = []
+    for name, value in options.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            found.append(flag)
+        elif value is not None and value is not False:
+            found += [flag, f"{value:.12g}" if isinstance(value, float) else str(value)]
+    return tuple(found)
+
+
+def understand(
+    path: str | Path,
+    *,
+    input_column: str | None = None,
+    output_column: str | None = None,
+    time_column: str | None = None,
+    allow_gaps: bool = False,
+    dt: float | None = None,
+    resample: float | None = None,
+) -> Understood:
+    """Read a file with the options of `read_recordings`, and where that refuses it, look for options that read it.
+
+    Every option that is found was tried.
+    """
+    asked = {
+        "input_column": input_column,
+        "output_column": output_column,
+        "time_column": time_column,
+        "allow_gaps": allow_gaps,
+        "dt": dt,
+        "resample": resample,
+    }
+    found = Understood(path=str(path), asked=asked)
+    try:
+        table = table_of_file(path)
+    except DataError as error:
+        return replace(found, refused=str(error))
+    for _ in range(_REPAIRS):
+        try:
+            read = _read(table, {**asked, **found.further})
+        except DataError as error:
+            refused = found.refused or str(error)
+            more = _repair(table, str(error), {**asked, **found.further})
+            found = replace(found, refused=refused, further={**found.further, **more})
+            if not more:
+                return _unread(table, found, str(error))
+        else:
+            return replace(found, columns=_columns(table, found), recordings=read)
+    return _unread(table, found, found.refused)
+
+
+def _unread(table: Table, found: Understood, remaining: str) -> Understood:
+    """Return what is told of a file that cannot be read: only its sample time may be what is missing."""
+    if found.asked["dt"] is None:
+        try:
+            _read(table, {**found.asked, **found.further, "dt": 1.0})
+        except DataError:
+            pass
+        else:
+            found = replace(found, placeholders=("--dt", "SECONDS"))
+            return replace(found, columns=_columns(table, found))
+    words = shlex.join(_words(found.further))
+    remaining = f"with {words}: {remaining}" if words else ""
+    return replace(found, columns=_columns(table, found), further={}, remaining=remaining)
+
+
+def _read(table: Table, options: Mapping[str, Any]) -> tuple[Recording, ...]:
+    return recordings_of_table(
+        table,
+        _roles(options),
+        {"input": None, "output": None},
+        allow_gaps=options["allow_gaps"],
+        dt=options["dt"],
+        resample=options["resample"],
+        reading=ReadingTime.END_OF_HOLD,
+        rig=None,
+    )
+
+
+def _roles(options: Mapping[str, Any]) -> dict[str, str | None]:
+    return {role: options[f"{role}_column"] for role in ("input", "output", "time")}
+
+
+def _repair(table: Table, error: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options that an error offers, else guessed columns, of those that nobody has asked for yet."""
+    offered: dict[str, Any] = {}
+    for name, value, flag in _OPTION.findall(error):
+        key = (flag or name).replace("-", "_")
+        if options[key] or key in offered or _PLACEHOLDER.fullmatch(value.strip('"').partition("=")[0]):
+            continue
+        try:
+            offered[key] = True if flag else value.strip('"') if key.endswith("column") else float(value)
+        except ValueError:
+            continue
+    if "time_column" in offered:  # instead of a sample time, and what it needs itself is told then
+        offered = {key: value for key, value in offered.items() if key not in ("dt", "resample")}
+    return offered or _guessed(table, options)
+
+
+def _guessed(table: Table, options: Mapping[str, Any]) -> dict[str, str]:
+    """Return columns for the roles that no header gives, by the names that people use, else in their order."""
+    bare, asked = with_stated_units(table, _roles(options))
+    known: dict[str, int] = {}
+    for role in ("input", "output"):
+        try:
+            (known[role],) = data_columns(bare, role, asked[role])
+        except (DataError, ValueError):
+            if asked[role]:
+                return {}  # what the user names is not replaced
+    times = _times(table, set(known.values()), asked["time"])
+    free = [k for k in range(len(table.headers)) if k not in times and k not in known.values() and works(table, k)]
+    free = [k for k in free if len(set(table.texts(k))) > 1] or free  # what never changes is no signal
+    found = {}
+    for role in (role for role in ("input", "output") if role not in known and free):
+        other = _WORDS["output" if role == "input" else "input"]
+        best = min(free, key=lambda k: (_rank(table, k, _WORDS[role]), -_rank(table, k, other), k))
+        free.remove(best)
+        found[f"{role}_column"] = table.unmistakable(best)
+    return found
+
+
+def _rank(table: Table, column: int, words: tuple[str, ...]) -> int:
+    """Return the place of the first word of a header in a list of words; their number where it is not there."""
+    said = [word.lower() for word in _WORD.findall(table.names[column])]
+    return min((words.index(word) for word in said if word in words), default=len(words))
+
+
+def _times(table: Table, taken: set[int], wanted: str | None) -> set[int]:
+    """Return the columns that hold the times, or may."""
+    try:
+        column, _ = time_column(table, taken, wanted)
+    except DataError:
+        column = None
+    return set(likely_times(table, taken)) if column is None else {column}
+
+
+def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
+    """Return all columns with what they were taken for."""
+    options = {**found.asked, **found.further}
+    roles = _roles(options)
+    try:
+        read, bare = with_stated_units(table, roles)
+        chosen = chosen_columns(read, bare, {"input": None, "output": None})
+        taken = {column for columns in chosen.values() for column in columns}
+        times, unit = time_column(read, taken, roles["time"], needed=False)
+        extras = extra_columns(read, {*taken, *([] if times is None else [times])})
+    except DataError:
+        read, chosen, times, unit, extras = table, {}, None, "", []
+    times = None if found.placeholders else times
+    role_of = {column: role for role, columns in chosen.items() for column in columns}
+    role_of |= dict.fromkeys(extras, "extra") | ({} if times is None else {times: "time"})
+    made = []
+    for k, header in enumerate(table.headers):
+        role = role_of.get(k, "")
+        own = unit if k == times else read.own_unit(k)
+        si = "s" if k == times else read.unit(k).si
+        how = _how(table, role, found) if role else "passed over"
+        numbers = role in ("input", "output", "extra") or works(table, k)
+        made.append(Column(place=k + 1, header=header, role=role, unit=own, si=si, how=how, numbers=numbers))
+    return tuple(made)
+
+
+def _how(table: Table, role: str, found: Understood) -> str:
+    """Say what gave a column its role, and its unit if an option did."""
+    key = f"{role}_column"
+    value = found.further.get(key) or found.asked.get(key)
+    if value:
+        said = "guessed" if key in found.further else f"named by --{role}-column"
+        return f"{said}, unit by the option" if split_stated(table, value)[1] else said
+    if role != "time" and table.declared.signals:
+        return "declared by the file"
+    return "by its values" if table.nameless else "by its header"

@@ -1,0 +1,60 @@
+"""A rig file to be filled in: each key with its unit, its meaning and what may be left out."""
+
+from collections.abc import Mapping
+
+from deatwin.plant.material import MATERIALS
+from deatwin.plant.rigs.rigkeys import RIG_KEYS, NumberKey, TextKey
+
+_HEAD = """\
+# A diaphragm rig: a prestrained film in a ring, with a load at its centre.
+# Lines that begin with "# " explain. A line "#key = value" is an example: take its # away and put your value there.
+# Until the required keys have their values, every command that is given this file lists those that are missing.
+"""
+_SECTIONS = {
+    "film": "the membrane",
+    "load": "the ball at the centre of the film",
+    "drive": "the amplifier, and how the film came to its first voltage",
+    "sensor": "what measures the displacement",
+}
+_EXAMPLES: Mapping[str, float | str] = {
+    "material": "VHB 4905",
+    "thickness_mm": 0.5,
+    "prestretch": 3.5,
+    "frame_diameter_mm": 80.0,
+    "electrode_diameter_mm": 35.0,
+    "ball": "sliding",
+    "mass_g": 3.0,
+    "contact_diameter_mm": 6.0,
+    "gain": 800.0,
+    "start_ramp_s": 2.0,
+    "start_hold_s": 3.0,
+    "command_min_V": 0.0,
+    "command_max_V": 3.75,
+    "sample_rate_Hz": 50.0,
+    "noise_um": 2.0,
+    "resolution_um": 0.5,
+    "zero": "displacement at zero volts",
+}
+
+
+def rig_template(known: Mapping[str, tuple[float, str]]) -> str:
+    """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key."""
+    parts = [_HEAD]
+    for section, keys in RIG_KEYS.items():
+        lines = [f"[{section}]  # {_SECTIONS[section]}"]
+        for name, key in keys.items():
+            lines += _entry(name, key, known.get(name))
+        parts.append("\n".join(lines) + "\n")
+    return "\n".join(parts)
+
+
+def _entry(name: str, key: NumberKey | TextKey, known: tuple[float, str] | None) -> list[str]:
+    """Return the lines of a key: what it means, and its value or an example."""
+    allowed = f"one of {', '.join(MATERIALS)}" if name == "material" else key.allowed
+    said = [f"# {name}: {key.about}; {allowed}", "" if key.required else "may be left out"]
+    only = isinstance(key, TextKey) and len(key.choices) == 1
+    if known is not None:
+        said.append(known[1])
+    value = known[0] if known is not None else _EXAMPLES[name]
+    written = f'"{value}"' if isinstance(value, str) else repr(float(f"{value:.6g}"))
+    return ["; ".join(filter(None, said)), f"{'' if only or known is not None else '#'}{name} = {written}"]

@@ -1,0 +1,176 @@
+"""``deatwin look``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from deatwin.app.options import (
+    AllowGaps,
+    InputColumn,
+    Json,
+    OutputColumn,
+    Quiet,
+    Resample,
+    SampleTime,
+    TimeColumn,
+)
+from deatwin.studies.voice import Voice, complain
+
+if TYPE_CHECKING:
+    from deatwin.app.look_next import Next, Seen
+    from deatwin.ident.look import Look
+    from deatwin.studies.folder import ResultFolder
+
+
+class RigKind(StrEnum):
+    """Kind of a rig that a file can describe."""
+
+    DIAPHRAGM = "diaphragm"
+
+
+Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
+OutFolder = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Also write a picture and look.json into this folder.")
+]
+RigOption = Annotated[
+    RigKind | None,
+    typer.Option("--rig", metavar="KIND", help="Also write a rig file to fill in, DIR/rig.toml; KIND is diaphragm."),
+]
+
+
+def look(
+    context: typer.Context,
+    files: Files,
+    out: OutFolder = None,
+    rig: RigOption = None,
+    input_column: InputColumn = None,
+    output_column: OutputColumn = None,
+    time_column: TimeColumn = None,
+    allow_gaps: AllowGaps = False,
+    dt: SampleTime = None,
+    resample: Resample = None,
+    as_json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say what is in recordings before any model is made: columns, clock, noise, faults, excitation, link.
+
+    Where a file is refused by the other commands, the options that read it are looked for, and said.
+
+    Example: deatwin look lab.csv --out looked
+
+    With a rig file to fill in: deatwin look lab.csv --rig diaphragm --out looked
+    """
+    from contextlib import nullcontext
+
+    from deatwin.app.look_next import next_step
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.provenance import RunRecord, hashes
+    from deatwin.studies.report.story import end_run
+
+    if rig is not None and out is None:
+        raise typer.BadParameter("the rig file needs a folder: give --out DIR", param_hint="--rig")
+    place = None if rig is None or out is None else out / "rig.toml"
+    if place is not None and place.exists():
+        raise typer.BadParameter(
+            f"{place} exists: give another folder, so that nothing is overwritten", param_hint="--out"
+        )
+    voice = Voice(as_json=as_json, quiet=quiet)
+    record = RunRecord(command=context.obj or [], inputs=hashes(files), seed=0, jobs=1)
+    asked: dict[str, Any] = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
+    asked |= {"allow_gaps": allow_gaps, "dt": dt, "resample": resample}
+    with nullcontext() if out is None else ResultFolder(out) as folder:
+        seen = [_seen(path, asked, voice) for path in files]
+        following = next_step(seen, None if place is None else str(place))
+        voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
+        result = _result(seen, following)
+        if folder is not None and any(one.look is not None for one in seen):
+            _draw(folder, [one.look for one in seen if one.look is not None])
+            if place is not None:
+                folder.text(place.name, _rig_file(seen))
+            end_run(folder, record, "look", result)
+            voice.say(folder.summary)
+        voice.result(result)
+        if any(one.look is None for one in seen):
+            raise typer.Exit(1)
+
+
+def _seen(path: Path, asked: dict[str, Any], voice: Voice) -> Seen:
+    """Read a file and look at it, and say both."""
+    import shlex
+
+    from deatwin.app.look_next import Seen
+    from deatwin.ident.look import look_at
+    from deatwin.plant.errors import DeatwinError
+    from deatwin.plant.files.understood import understand
+
+    file = understand(path, **asked)
+    voice.say(str(path))
+    for column in file.columns:
+        unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""
+        voice.say(f'  column {column.place} "{column.header}": {column.role or "-"}{unit} ({column.how})')
+    if file.recordings and file.refused:
+        voice.say(f"  other commands refuse it as it is: {file.refused}")
+        voice.say(f"  these options read it, and were taken here: {shlex.join(file.options)}")
+    if not file.recordings:
+        complain(file.refused)
+        if file.remaining:
+            complain(file.remaining)
+        return Seen(file=file)
+    try:
+        found = look_at(file.recordings)
+    except DeatwinError as error:
+        complain(str(error))
+        return Seen(file=file)
+    for line in found.lines:
+        voice.say(f"  {line}")
+    return Seen(file=file, look=found)
+
+
+def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
+    """Content of look.json."""
+    files = [
+        {
+            "file": one.file.path,
+            "columns": [asdict(column) for column in one.file.columns],
+            "refused": one.file.refused or None,
+            "remaining": one.file.remaining or None,
+            "options": list(one.file.options),
+            "look": None if one.look is None else one.look.to_dict(),
+        }
+        for one in seen
+    ]
+    return {"files": files, "next": asdict(following)}
+
+
+def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
+    """Write a picture of each recording."""
+    from deatwin.plant.recording import label
+    from deatwin.studies.report.svg import draw, standalone
+
+    for number, one in enumerate(looks, start=1):
+        with draw((5.4, 6.4)) as figure:
+            panels = one.plot(list(figure.subplots(3, 1)))
+            panels[0].set_title(Path(label(one.recordings[0])).name, loc="left", fontsize="medium")
+            figure.align_ylabels()
+            folder.text("look.svg" if len(looks) == 1 else f"look_{number}.svg", standalone(figure))
+
+
+def _rig_file(seen: Sequence[Seen]) -> str:
+    """Return the rig file to fill in, with what the first recording tells of it."""
+    from deatwin.plant.rigs.rigtemplate import rig_template
+
+    known: dict[str, tuple[float, str]] = {}
+    first = next((one.look for one in seen if one.look is not None), None)
+    if first is not None:
+        known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
+        reading = next(channel for channel in first.channels if channel.role == "output")
+        if reading.unit == "m" and reading.noise:
+            said = "the recording shows at most this: put the data sheet's value here if you have it"
+            known["noise_um"] = (1e6 * reading.noise, said)
+    return rig_template(known)

@@ -1,0 +1,119 @@
+"""What to run after a look, with the exact command."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from deatwin.app.thinning import long_enough
+from deatwin.ident.look import Look
+from deatwin.ident.look.inputs import InputShape
+from deatwin.ident.look.link import LinkStatus
+from deatwin.ident.narx.preprocess import SamplingStatus
+from deatwin.plant.files.understood import Understood
+
+LEAST = 20
+"""Samples of which `deatwin identify` fits 14 and keeps 6: fewer leave nothing to judge a model by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """A file, and the look at it."""
+
+    file: Understood
+    look: Look | None = None  # None where the file could not be read
+
+
+@dataclass(frozen=True, kw_only=True)
+class Next:
+    """One recommendation."""
+
+    sentence: str
+    command: str = ""  # Empty where a better recording comes first
+
+
+def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
+    """Return what to run next. `rig` the rig file that is being filled in, if any."""
+    read = [(one.file, one.look) for one in seen if one.look is not None]
+    if not read:
+        file = next((one.file for one in seen if one.file.placeholders), None)
+        if file is None:
+            return Next(sentence="change what the error names, and look again")
+        command = shlex.join(["deatwin", "look", file.path, *file.options])
+        return Next(sentence="the file does not say its sample time: put it in place of SECONDS", command=command)
+    usable = [(file, look) for file, look in read if not _fault(file, look)]
+    if not usable:
+        return _fault(*read[0]) or Next(sentence="")
+    first, look = usable[0]
+    alike = [(file, other) for file, other in usable if file.options == first.options and _alike(other, look)]
+    left_out = "" if len(alike) == len(seen) else f" ({len(seen) - len(alike)} of the files left out: they differ)"
+    if rig is not None:
+        return _diagnosis(rig, alike, left_out)
+    records = [record for _, other in alike for record in other.recordings]
+    words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
+    if choice is not None and choice.status is SamplingStatus.DECIMATE and long_enough(records, choice.factor):
+        words += ["--decimate", "auto"]
+    return Next(
+        sentence=f"identify a model from the data alone{left_out}",
+        command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]),
+    )
+
+
+def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
+    """Return the diagnosis of recordings: of one experiment where they follow one another on one clock."""
+    file, look = alike[0]
+    for role, names, units, wanted in (
+        ("input", look.recordings[0].input_names, look.recordings[0].input_units, "V"),
+        ("output", look.recordings[0].output_names, look.recordings[0].output_units, "m"),
+    ):
+        if units[0] != wanted:
+            said = f"is in {units[0]}" if units[0] else "gives no unit"
+            like = "mm" if wanted == "m" else wanted
+            return Next(
+                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the column that is meant, with "
+                f"its unit: --{role}-column NAME={like}"
+            )
+    ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
+    follow = all(
+        one.recordings[-1].end <= other.recordings[0].start + one.sample_time for one, other in pairwise(ordered)
+    )
+    paths = [one.path for one, _ in alike]
+    given = paths if follow else [word for path in paths for word in ("--experiment", path)]
+    command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
+    return Next(
+        sentence=f"fill in {rig}, then find what physics the plant leaves out{left_out}", command=shlex.join(command)
+    )
+
+
+def _fault(file: Understood, look: Look) -> Next | None:
+    """Return what to do first where a file gives no model; None where it may."""
+    if all(pattern.shape is InputShape.CONSTANT for pattern in look.patterns):
+        return _other_columns(file, "the input never moves: name another column, or record with an input that does")
+    if look.n_samples < LEAST:
+        return Next(sentence=f"{look.n_samples} samples are too few for a model: record {LEAST} and more")
+    if all(channel.low == channel.high for channel in look.channels if channel.role == "output"):
+        return _other_columns(file, "the output never moves: name another column, or check the sensor")
+    if all(link.status is LinkStatus.UNSEEN for link in look.links):
+        return _other_columns(file, "the output does not follow the input: name other columns, or check the wiring")
+    return None
+
+
+def _other_columns(file: Understood, sentence: str) -> Next:
+    """Return a look at another column that was passed over, if there is one that holds numbers."""
+    other = next((column.place for column in file.columns if column.numbers and not column.role), None)
+    if other is None:
+        return Next(sentence=sentence)
+    constant = "input" if sentence.startswith("the input") else "output"
+    words = ["deatwin", "look", file.path, *file.with_column(constant, other)]
+    return Next(sentence=sentence, command=shlex.join(words))
+
+
+def _alike(one: Look, other: Look) -> bool:
+    """Return whether two recordings can be given to one model."""
+    first, second = one.recordings[0], other.recordings[0]
+    return abs(first.sample_time / second.sample_time - 1.0) < 1e-6 and all(
+        getattr(first, kind) == getattr(second, kind)
+        for kind in ("input_names", "output_names", "input_units", "output_units")
+    )

@@ -1,0 +1,173 @@
+"""``deatwin look``: what is in files, what reads them, and a next command that works."""
+
+import json
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from deatwin.app.cli import main
+
+RNG = np.random.default_rng(0)
+
+
+def table(path: str, header: str, columns: list[np.ndarray], between: str = ",") -> None:
+    rows = "\n".join(between.join(f"{value:.5f}" for value in row) for row in zip(*columns, strict=True))
+    Path(path).write_text(f"{header}\n{rows}\n" if header else f"{rows}\n", encoding="utf-8")
+
+
+def motion(n: int = 400) -> list[np.ndarray]:
+    """Times, white input, output of first order behind it."""
+    u = RNG.normal(size=n)
+    y = np.zeros(n)
+    for k in range(1, n):
+        y[k] = 0.7 * y[k - 1] + 0.5 * u[k - 1]
+    return [0.1 * np.arange(n), u, y + 0.01 * RNG.normal(size=n)]
+
+
+@pytest.fixture
+def at_desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def told(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
+    main(["look", *words, "--json"])
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+FILES = {
+    "as deatwin writes it": ("a.csv", "time_s,command_V,displacement_mm", ",", []),
+    "a stranger's": ("b.csv", "Time (s);U_set (V);Laser (um)", ";", []),
+    "no header": ("c.dat", "", " ", []),
+    "no times": ("d.csv", "k,u,y", ",", ["--dt", "0.1", "--input-column", "u", "--output-column", "y"]),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_the_next_command_works(kind: str, at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    name, header, between, options = FILES[kind]
+    columns = motion()
+    table(name, header, [RNG.permutation(400), *columns[1:]] if kind == "no times" else columns, between)
+    command = shlex.split(told(capsys, name, *options)["next"]["command"])
+    assert command[:2] == ["deatwin", "identify"]
+    assert main([*command[1:], "--method", "frols"]) == 0
+    assert Path("narx.json").is_file()
+
+
+def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table("a.csv", "time_s,u,y", motion())
+    assert main(["look", "a.csv", "--out", "looked"]) == 0
+    said = capsys.readouterr().out
+    assert 'column 2 "u": input, unit not given (guessed)' in said
+    assert 'other commands refuse it as it is: a.csv: no column "command_V"' in said
+    assert "these options read it, and were taken here: --input-column u --output-column y" in said
+    assert "the output follows the input" in said
+    assert "deatwin identify a.csv --input-column u --output-column y --out narx.json" in said
+    picture = Path("looked/look.svg").read_text(encoding="utf-8")
+    assert ElementTree.fromstring(picture).tag.endswith("svg") and "prefers-color-scheme:dark" in picture
+    held = json.loads(Path("looked/look.json").read_text(encoding="utf-8"))
+    assert held["files"][0]["look"]["links"][0]["dead_time_samples"] == 1
+    assert held["files"][0]["look"]["inputs"][0]["shape"] == "noise"
+    assert Path("looked/run.json").is_file()
+
+
+def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("a.csv", "b.csv"):
+        table(name, "time_s,command_V,displacement_mm", motion())
+    times, u, y = motion()
+    table("slower.csv", "time_s,command_V,displacement_mm", [10.0 * times, u, y])
+    found = told(capsys, "a.csv", "b.csv", "slower.csv", "--out", "looked")
+    assert found["next"]["command"] == "deatwin identify a.csv b.csv --out narx.json"
+    assert "1 of the files left out" in found["next"]["sentence"]
+    assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
+
+
+@pytest.mark.parametrize(("start", "given"), [(40.0, "a.csv b.csv"), (0.0, "--experiment a.csv --experiment b.csv")])
+def test_recordings_on_one_clock_are_one_experiment(
+    at_desk: Path, capsys: pytest.CaptureFixture[str], start: float, given: str
+) -> None:
+    for name, begins in (("a.csv", 0.0), ("b.csv", start)):
+        times, u, y = motion()
+        table(name, "time_s,command_V,displacement_mm", [times + begins, u, y])
+    found = told(capsys, "a.csv", "b.csv", "--rig", "diaphragm", "--out", "looked")
+    assert found["next"]["command"] == f"deatwin diagnose looked/rig.toml {given} --out found"
+
+
+def test_a_rig_needs_the_units_of_its_columns(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table("a.csv", "time_s,command_V,x", motion())
+    found = told(capsys, "a.csv", "--rig", "diaphragm", "--out", "looked")
+    assert "x gives no unit" in found["next"]["sentence"] and found["next"]["command"] == ""
+    assert (
+        "diagnose"
+        in told(capsys, "a.csv", "--output-column", "x=mm", "--rig", "diaphragm", "--out", "b")["next"]["command"]
+    )
+
+
+def test_columns_that_are_not_linked_lead_to_others(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    times, u, y = motion()
+    table("a.csv", "time_s,u,y,z", [times, u, RNG.normal(size=400), y])
+    following = told(capsys, "a.csv")["next"]
+    assert following["command"] == "deatwin look a.csv --input-column u --output-column '#4'"
+    assert main(shlex.split(following["command"])[1:]) == 0
+
+
+def test_an_input_that_never_moves_leads_to_no_model(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    times, _, y = motion()
+    table("a.csv", "time_s,command_V,displacement_mm", [times, np.ones(400), y])
+    assert told(capsys, "a.csv")["next"] == {
+        "sentence": "the input never moves: name another column, or record with an input that does",
+        "command": "",
+    }
+
+
+def test_a_rig_file_to_fill_in(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    times, u, y = motion()
+    table("a.csv", "time_s,command_V,displacement_mm", [times, 2.0 + 0.3 * u, 0.05 * y])
+    assert main(["look", "a.csv", "--rig", "diaphragm", "--out", "looked"]) == 0
+    assert "deatwin diagnose looked/rig.toml a.csv --out found" in capsys.readouterr().out
+    path = Path("looked/rig.toml")
+    text = path.read_text(encoding="utf-8")
+    assert "\nsample_rate_Hz = 10.0\n" in text and re.search(r"^noise_um = \d", text, re.MULTILINE)
+    path.write_text(re.sub(r"^#(?=\w)", "", text, flags=re.MULTILINE), encoding="utf-8")
+    assert main(["simulate", str(path), "a.csv", "--out", "predicted.csv"]) == 0
+    assert main(["look", "a.csv", "--rig", "diaphragm", "--out", "looked"]) == 2  # what was filled in stays
+    assert main(["look", "a.csv", "--rig", "diaphragm"]) == 2
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "a letter\n",
+        "time_s,command_V,displacement_mm\n",
+        "time_s,command_V,displacement_mm\n0,1,2\n",
+        "time_s,command_V,displacement_mm\n0,1,2\n0.1,nan,3\n0.2,1,2\n",
+        "time_s,command_V,displacement_mm\n0,1,2\n0.1,2,3\n",
+        "u,y\n" + "1,2\n" * 50,
+        "\x00\x01\x02",
+    ],
+)
+def test_an_odd_file_is_no_traceback(at_desk: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    Path("odd.csv").write_text(text, encoding="utf-8")
+    status = main(["look", "odd.csv", "--out", "looked"])
+    out, error = capsys.readouterr()
+    assert status in (0, 1) and "Traceback" not in error
+    assert (status == 1) == error.startswith("error: odd.csv")
+    assert "next: " in out
+    if status == 1:
+        main(["identify", "odd.csv", "--out", "narx.json"])
+        assert capsys.readouterr().err.splitlines()[-1] in error.splitlines()
+
+
+def test_a_file_that_lacks_its_sample_time(at_desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, u, y = motion()
+    table("a.csv", "u,y", [u, y])
+    assert main(["look", "a.csv"]) == 1
+    said = capsys.readouterr().out
+    assert "deatwin look a.csv --input-column u --output-column y --dt SECONDS" in said

@@ -1,0 +1,112 @@
+"""How a file is understood, and which options read one that is refused."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.plant.files import read_recordings
+from deatwin.plant.files.understood import understand
+
+Write = Callable[[str, str], Path]
+ROWS = "\n".join(f"{0.1 * k:.1f},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40))
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    def made(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return made
+
+
+def uneven(step: float) -> str:
+    times = step * (np.arange(40) + 0.2 * (np.arange(40) % 3))
+    return "\n".join(f"{t:.4f},{np.sin(k):.4f},{np.cos(k):.4f}" for k, t in enumerate(times))
+
+
+FILES = {
+    "as deatwin writes it": ("a.csv", f"time_s,command_V,displacement_mm\n{ROWS}", {}),
+    "other names": ("a.csv", f"time_s,u,y\n{ROWS}", {"input_column": "u", "output_column": "y"}),
+    "names in the other order": ("a.csv", f"t (s),Position,Voltage\n{ROWS}", {"input_column": "Voltage"}),
+    "one name is missing": ("a.csv", f"time_s,command_V,speed (rpm)\n{ROWS}", {"output_column": "speed (rpm)"}),
+    "no header": ("a.dat", ROWS.replace(",", " "), {"input_column": "#2", "output_column": "#3"}),
+    "times of no name": ("a.csv", f"clock,u,y\n{ROWS}", {"time_column": "clock"}),
+    "uneven times": ("a.csv", f"time_s,u,y\n{uneven(0.1)}", {"resample": 0.12}),
+    "a gap": (
+        "a.csv",
+        f"time_s,command_V,displacement_mm\n{ROWS}\n9.0,0.1,0.2\n9.1,0.2,0.1",
+        {"allow_gaps": True},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_options_that_are_told_read_the_file(kind: str, write: Write) -> None:
+    name, text, further = FILES[kind]
+    found = understand(write(name, text))
+    assert further.items() <= found.further.items()
+    assert bool(found.refused) == bool(further)
+    again = read_recordings(write(name, text), **{**found.asked, **found.further})
+    assert [record.n_samples for record in again] == [record.n_samples for record in found.recordings]
+
+
+def test_what_is_refused_says_what_other_commands_say(write: Write) -> None:
+    path = write("a.csv", f"time_s,u,y\n{ROWS}")
+    with pytest.raises(ValueError, match="no column") as told:
+        read_recordings(path)
+    assert understand(path).refused == str(told.value)
+
+
+def test_columns_with_their_units_and_what_tells_them(write: Write) -> None:
+    text = "Zeit (ms);U_cmd (V);Weg (mm);Raum\n" + "\n".join(f"{20 * k};{k % 7},5;{k % 5},25;1" for k in range(40))
+    found = understand(write("lab.csv", text), output_column="Weg (mm)")
+    assert [(c.role, c.unit, c.si, c.how) for c in found.columns] == [
+        ("time", "ms", "s", "by its header"),
+        ("input", "V", "V", "guessed"),
+        ("output", "mm", "m", "named by --output-column"),
+        ("", "", "", "passed over"),
+    ]
+    assert sorted(found.options) == ["--input-column", "--output-column", "U_cmd (V)", "Weg (mm)"]
+
+
+def test_a_sample_time_that_only_the_user_knows(write: Write) -> None:
+    path = write("a.csv", "u,y\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)))
+    found = understand(path)
+    assert found.recordings == () and found.options[-2:] == ("--dt", "SECONDS")
+    assert understand(path, dt=0.1).recordings[0].sample_time == 0.1
+
+
+def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Write) -> None:
+    path = write("a.csv", "u,y,Ts\n0.1,0.2,4\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}," for k in range(40)))
+    (record,) = read_recordings(path, input_column="u", output_column="y", dt=4.0)
+    assert (record.n_samples, record.sample_time) == (41, 4.0)
+    assert understand(path).options[-2:] == ("--dt", "SECONDS")
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.csv", ""),
+        ("a.csv", "a letter to a colleague\nwith two lines\n"),
+        ("a.csv", "time_s,command_V,displacement_mm\n0,1\n"),
+        ("a.csv", "time_s,u,y\n0,1,2\n0,1,2\n0.05,2,1\n-1,2,3\n"),
+        ("a.h5", "no table"),
+    ],
+)
+def test_what_nothing_reads_is_one_line_without_options(write: Write, name: str, text: str) -> None:
+    found = understand(write(name, text))
+    assert found.recordings == () and found.options == ()
+    assert found.refused and "\n" not in found.refused
+
+
+def test_what_the_user_names_is_not_replaced(write: Write) -> None:
+    found = understand(write("a.csv", f"time_s,u,y\n{ROWS}"), input_column="volts")
+    assert found.recordings == () and 'no column "volts"' in found.refused
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    assert "no such file" in understand(tmp_path / "absent.csv").refused
