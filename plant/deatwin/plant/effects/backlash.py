@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 class Backlash(Effect):
     r"""What acts is moved by the command with a clearance: after each reversal it stands still until that is crossed.
 
-    .. math:: u \to m, \qquad T\,\frac{w}{w + w_0}\,\dot m = u - m - C_w(u - m)
+    .. math:: u \to e = u - C_w(u - m), \qquad (t_e - t + \delta)\,\dot m = e - m
 
-    :math:`C_w` cuts off at -w and w, with corners rounded by :math:`10^{-4}w`. One state m (V), which follows the end
-    of the clearance within T, a hundredth of a sample; :math:`w_0` = 1 mV. It starts in the middle of the clearance.
+    :math:`C_w` cuts off at -w and w, with corners rounded by :math:`10^{-6}w`. One state m (V), the transmitted command
+    of the sample before, which moves in a straight line to the new one, e, until the sample ends at :math:`t_e`, to
+    :math:`\delta = 10^{-4}` of a sample: for a command that is held in each sample e is the play operator, exactly.
+    It starts in the middle of the clearance.
     Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: rate-independent loops of
     parallel sides 2w apart along the command, for motions of any size above; smaller ones are lost. With
     `coulomb_friction` the loop is one of force, which the mass of the moved part can cross; a `dead_zone` has no loop.
-    Off at w = 0, where m = u.
+    Off at w = 0.
 
     Parameters
     ----------
@@ -45,14 +47,12 @@ class Backlash(Effect):
     signal: ClassVar[str] = "command"
     strength: ClassVar[str] = "width"
     wording: ClassVar[str] = "The command is transmitted with a backlash of {width} to either side"
-    corner: ClassVar[float] = 1e-4
-    """Of the width: sharp enough that a part at rest in the clearance stays there for 1e5 samples."""
-    pursuit: ClassVar[float] = 0.01
-    """T in samples."""
-    least: ClassVar[float] = 1e-3
-    """:math:`w_0` in V."""
+    corner: ClassVar[float] = 1e-6
+    """Of the width: sharp enough that what rests in the clearance stays there."""
     floor: ClassVar[float] = 1e-9
     """Of the corner in V, so that it has a slope where the width is zero."""
+    late: ClassVar[float] = 1e-4
+    """:math:`\\delta` in samples."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=1.5),)
@@ -60,9 +60,7 @@ class Backlash(Effect):
     def rewrite(self, signal: Any, build: Builder) -> Any:
         width = self.own("width", build)
         moved = build.state("transmitted_command", scale=1.0, start=signal)
-        time = build.constant("backlash_pursuit", self.pursuit * build.signal("sample_time"))
-        corner = self.corner * width + self.floor
-        build.rate(
-            moved, signal - moved - soft_clip(signal - moved, width, corner), mass=time * width / (width + self.least)
-        )
-        return moved
+        transmitted = signal - soft_clip(signal - moved, width, self.corner * width + self.floor)
+        left = build.sample_start - build.time + (1 + self.late) * build.sample_time
+        build.rate(moved, (transmitted - moved) / left)
+        return transmitted
