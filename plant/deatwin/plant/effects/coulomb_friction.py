@@ -71,8 +71,8 @@ class CoulombFriction(Effect):
         trust = slip + self.mobility * force
         trial = (trust * direction + build.signal("velocity")) / (trust + slip)
         build.balance(direction - soft_clip(trial, 1.0, self.corner))
-        return signal - force * self.resistance(direction, build)
+        return signal - force * self._resistance(direction, build)
 
-    def resistance(self, direction: Any, build: Builder) -> Any:
+    def _resistance(self, direction: Any, build: Builder) -> Any:
         """The force in units of its level."""
         return direction

@@ -65,7 +65,7 @@ class DryFriction(CoulombFriction):
             Parameter(name="unevenness", value=self.unevenness, unit="1", lower=-0.9, upper=0.9),
         )
 
-    def resistance(self, direction: Any, build: Builder) -> Any:
+    def _resistance(self, direction: Any, build: Builder) -> Any:
         """The force in units of its level."""
         rising = 1 + self.own("stiction", build) * ca.exp(-((build.signal("velocity") / self.own("speed", build)) ** 2))
         return direction * (1 + self.own("unevenness", build) * direction) * rising
