@@ -23,9 +23,10 @@ class DryFriction(CoulombFriction):
     with the direction :math:`\zeta` of `CoulombFriction`, whose name it has: on rigs that are no film actuators it
     stands in its place. s > 0 is stiction with the Stribeck curve: the part breaks loose at :math:`(1 + s)F_c` and
     slides against :math:`F_c` far above :math:`v_S`. a > 0 is more friction forwards, as in a drive that lifts or a
-    seal with one lip. Typical: s from 0 to 1, :math:`v_S` a few percent of the usual speed, a up to 0.3 to either
-    side. Signature of s: small motion sticks, breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift
-    by :math:`aF_c` while the part moves, which an `amplifier_offset` has at rest, too. Off at :math:`F_c = 0`.
+    seal with one lip. Typical: s from 0 to 1; :math:`v_S` 2 to 40 % of the usual speed, since less is lost in the slip
+    of a part that sticks, and more is viscous damping; a up to 0.3 to either side. Signature of s: small motion sticks,
+    breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift by :math:`aF_c` while the part moves, which
+    an `amplifier_offset` has at rest, too. Off at :math:`F_c = 0`.
 
     Parameters
     ----------
@@ -60,8 +61,8 @@ class DryFriction(CoulombFriction):
         log = Scale.LOGARITHMIC
         return (
             *super().describe(),
-            Parameter(name="stiction", value=self.stiction, unit="1", lower=0.0, upper=3.0),
-            Parameter(name="speed", value=self.speed, unit="m/s", lower=1e-5, upper=0.05, scale=log),
+            Parameter(name="stiction", value=self.stiction, unit="1", lower=0.0, upper=2.0),
+            Parameter(name="speed", value=self.speed, unit="m/s", lower=1e-4, upper=2e-3, scale=log),
             Parameter(name="unevenness", value=self.unevenness, unit="1", lower=-0.9, upper=0.9),
         )
 
