@@ -5,7 +5,8 @@ One is diagnosed in the gate; all four, and each without anything concealed, hav
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -39,10 +40,10 @@ def steps(rng: np.random.Generator, number: int, low: float, high: float, hold: 
     return np.repeat(rng.uniform(low, high, number // hold), hold)
 
 
-def motor_rates(x: Any, u: float, concealed: bool) -> list[float]:
+def motor_rates(x: Any, u: float, concealed: bool, stiction: float = 0.4, unevenness: float = 0.15) -> list[float]:
     ohms, constant, inertia, drag = 2.0, 0.048, 1.1e-4, 1.2e-5
     side = np.tanh(x[0] / 0.05)
-    friction = 6e-3 * side * (1 + 0.15 * side) * (1 + 0.4 * np.exp(-((x[0] / 4.0) ** 2)))
+    friction = 6e-3 * side * (1 + unevenness * side) * (1 + stiction * np.exp(-((x[0] / 4.0) ** 2)))
     torque = constant * (u - constant * x[0]) / ohms
     return [(torque - drag * x[0] - friction * concealed) / inertia]
 
@@ -140,6 +141,18 @@ def test_what_is_concealed_is_named(name: str) -> None:
     for parameter, value in case.found.items():
         interval = found.causes[0].parameters[parameter]
         assert interval.value == pytest.approx(value, rel=0.1), parameter
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("seed", [1, 2])
+def test_plain_friction_is_found_plain(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = partial(motor_rates, stiction=0.0, unevenness=0.0)
+    monkeypatch.setitem(CASES, "motor", replace(CASES["motor"], rates=plain))
+    (cause,) = diagnosis("motor", True, seed).causes
+    assert cause.effect == "coulomb_friction"
+    assert cause.parameters["force"].value == pytest.approx(6e-3, rel=0.02)
+    for shape in ("stiction", "unevenness"):
+        assert cause.parameters[shape].value == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.study
