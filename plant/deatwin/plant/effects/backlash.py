@@ -22,11 +22,10 @@ class Backlash(Effect):
     :math:`C_w` cuts off at -w and w, with corners rounded by :math:`10^{-6}w`. One state m (V), the transmitted command
     of the sample before, which moves in a straight line to the new one, e, until the sample ends at :math:`t_e`, to
     :math:`\delta = 10^{-4}` of a sample: for a command that is held in each sample e is the play operator, exactly.
-    It starts in the middle of the clearance.
-    Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: rate-independent loops of
-    parallel sides 2w apart along the command, for motions of any size above; smaller ones are lost. With
-    `coulomb_friction` the loop is one of force, which the mass of the moved part can cross; a `dead_zone` has no loop.
-    Off at w = 0.
+    It starts in the middle of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke.
+    Signature: rate-independent loops of parallel sides 2w apart along the command, for motions of any size above;
+    smaller ones are lost. With `coulomb_friction` the loop is one of force, which the mass of the moved part can cross;
+    where a position is controlled, the two look alike. A `dead_zone` has no loop. Off at w = 0.
 
     Parameters
     ----------
