@@ -29,6 +29,7 @@ PASSIVE = (
     "end_stop",
     "cubic_stiffness",
     "resonance",
+    "relaxation",
 )
 """Their parameters are constant and they are thermodynamically admissible."""
 NOT_PASSIVE = ("prestretch_relaxation", "permittivity_drift", "thermal_stiffness", "electrode_loss")

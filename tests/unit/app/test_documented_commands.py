@@ -33,6 +33,7 @@ SHAKER = "docs/how-to/own-plant.md"
 """Its commands are for a plant with another sample time."""
 ELSEWHERE = {
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
+    "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",
     "scenario NAME": "a placeholder: each scenario has commands of its own",
     "scenario NAME --out results/NAME": "the same placeholder",
 }

@@ -7,11 +7,17 @@ from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import Any
 
+from deatwin.plant.effects.backlash import Backlash
 from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.dead_zone import DeadZone
+from deatwin.plant.effects.dry_friction import DryFriction
 from deatwin.plant.effects.free_form import FreeForm
+from deatwin.plant.effects.relaxation import Relaxation
 from deatwin.plant.errors import RigError, nearest
 
 GROUP = "deatwin.effects"
+MACHINES: tuple[type[Effect], ...] = (Backlash, DeadZone, DryFriction, Relaxation)
+"""What rigs lack that are no film actuators: a film has creep for relaxation, and neither gears nor valves."""
 
 
 @lru_cache(maxsize=1)
@@ -28,6 +34,12 @@ def catalogue() -> tuple[Effect, ...]:
     tuple of Effect
     """
     return tuple(kind() for kind in _types().values())
+
+
+def machine_catalogue() -> tuple[Effect, ...]:
+    """The effects of the catalogue and those of machines, which replace others of their names."""
+    types = {**_types(), **{t.name: t for t in MACHINES}}
+    return tuple(types[name]() for name in sorted(types))
 
 
 def effect_named(name: str) -> Effect:
@@ -52,11 +64,12 @@ def effect_named(name: str) -> Effect:
     >>> effect_named("creep").time
     60.0
     """
+    types = {**{t.name: t for t in MACHINES}, **_types()}
     try:
-        return _types()[name]()
+        return types[name]()
     except KeyError:
-        known = ", ".join(_types())
-        raise RigError(f"there is no effect {name!r}{nearest(name, _types())} (known: {known})") from None
+        known = ", ".join(sorted(types))
+        raise RigError(f"there is no effect {name!r}{nearest(name, types)} (known: {known})") from None
 
 
 def effect_from(entry: str | Mapping[str, Any]) -> Effect:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import casadi as ca
-
 from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import soft_clip
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
@@ -71,6 +70,9 @@ class CoulombFriction(Effect):
         force, slip = self.own("force", build), self.own("slip", build)
         trust = slip + self.mobility * force
         trial = (trust * direction + build.signal("velocity")) / (trust + slip)
-        above, below = (ca.sqrt((trial + side) ** 2 + self.corner**2) for side in (1, -1))
-        build.balance(direction - (above - below) / 2)
-        return signal - force * direction
+        build.balance(direction - soft_clip(trial, 1.0, self.corner))
+        return signal - force * self._resistance(direction, build)
+
+    def _resistance(self, direction: Any, build: Builder) -> Any:
+        """The force in units of its level."""
+        return direction

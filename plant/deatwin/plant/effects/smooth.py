@@ -29,3 +29,9 @@ def soft_excess(value: Symbol, width: float) -> Symbol:
 def smooth_step(value: Symbol) -> Symbol:
     r"""Logistic step :math:`1/(1 + e^{-x})`: from 0.1 to 0.9 within 4.4."""
     return (1 + ca.tanh(value / 2)) / 2
+
+
+def soft_clip(value: Symbol, limit: Symbol, width: Symbol) -> Symbol:
+    r"""Smooth form of x cut off at -a and a: :math:`\tfrac12[\sqrt{(x + a)^2 + w^2} - \sqrt{(x - a)^2 + w^2}]`."""
+    above, below = (ca.sqrt((value + side * limit) ** 2 + width**2) for side in (1, -1))
+    return (above - below) / 2

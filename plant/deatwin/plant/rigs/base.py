@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
-from deatwin.plant.effects.catalogue import catalogue
+from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.stated import require_stated
@@ -88,6 +88,8 @@ class Rig(ABC):
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
     follows_at_once: ClassVar[bool] = False
     """True if the reading follows the command without any dynamics."""
+    has_film: ClassVar[bool] = False
+    """True if an elastomer film moves, whose relaxation is that of its material."""
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
@@ -171,6 +173,9 @@ class Rig(ABC):
     def effects(self) -> tuple[Effect, ...]:
         """Return the effects that a model of this rig may lack: the whole catalogue, at the sizes of this rig.
 
+        A rig that is no film actuator also gets those of machines: relaxation, dead zone, backlash, and dry friction
+        that depends on speed and direction.
+
         A rig with physics of its own overrides this method to add its own effects.
 
         Returns
@@ -178,7 +183,8 @@ class Rig(ABC):
         tuple of Effect
             Effects, including those that act on a signal which this rig lacks.
         """
-        return catalogue() if self.sizes is None else tuple(self.sizes.of(effect) for effect in catalogue())
+        known = catalogue() if self.has_film else machine_catalogue()
+        return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)
 
     def for_motion(self, motion: float) -> Self:
         """Return the rig with the model error that applies to motion of a given size.

@@ -55,6 +55,7 @@ class Coupon(Rig):
     (Zou & Gu: 4.5 % rms), here for clamps, between which the stretch is not uniform, and the form of W."""
 
     kind: ClassVar[str] = "coupon"
+    has_film: ClassVar[bool] = True
     input_name: ClassVar[str] = "stretch"
     input_unit: ClassVar[str] = "1"
     output_name: ClassVar[str] = "force"

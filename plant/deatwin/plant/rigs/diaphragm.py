@@ -93,6 +93,7 @@ class Diaphragm(Rig):
     left 0.4 to 0.8 µm beyond the error of the equations."""
 
     kind: ClassVar[str] = "diaphragm"
+    has_film: ClassVar[bool] = True
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"

@@ -65,6 +65,7 @@ class FilmActuator(Rig):
     sample_time: float = 0.02
     noise: float = 2e-6
 
+    has_film: ClassVar[bool] = True
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"

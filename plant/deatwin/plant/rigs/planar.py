@@ -155,6 +155,7 @@ class BlockedPlanar(Rig):
     sample_time: float = 0.02
     noise: float = 1e-3
 
+    has_film: ClassVar[bool] = True
     kind: ClassVar[str] = "blocked_planar"
     input_name: ClassVar[str] = "command"
     input_unit: ClassVar[str] = "V"

@@ -104,8 +104,9 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     from deatwin.plant.errors import RigError
 
     plant = model.plant
+    own = {effect.name: effect for effect in plant.rig.effects()}  # at the sizes of this rig, and its own ones
     for name in names:
-        effect = effect_named(name)
+        effect = own.get(name) or effect_named(name)
         if name in plant.effect_names:
             raise RigError(f"the plant has the effect {name} already; leave --effect {name} out")
         plant = plant.with_effects(effect)

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
@@ -84,6 +85,10 @@ class ControlledCarriage(Rig):
         build.rate(position, velocity)
         build.rate(velocity, drive + force, mass=build.parameter("mass"))
         return build.place(Place.SENSOR, "reading", position)
+
+    def effects(self) -> tuple[Effect, ...]:
+        """The catalogue without machines' effects: a reference has no play, and uneven friction is in the offset."""
+        return tuple(self.sizes.of(effect) for effect in catalogue())
 
 
 def run(setting: Setting) -> Mapping[str, Any]:

@@ -1,0 +1,65 @@
+"""Play between the command and what it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import soft_clip
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backlash(Effect):
+    r"""What acts is moved by the command with a clearance: after each reversal it stands still until that is crossed.
+
+    .. math:: u \to e = u - C_w(u - m), \qquad (t_e - t + \delta)\,\dot m = e - m
+
+    :math:`C_w` cuts off at -w and w, with corners rounded by :math:`10^{-6}w`. One state m (V), the transmitted command
+    of the sample before, which moves in a straight line to the new one, e, until the sample ends at :math:`t_e`, to
+    :math:`\delta = 10^{-4}` of a sample: for a command that is held in each sample e is the play operator, exactly.
+    It starts in the middle of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke.
+    Signature: rate-independent loops of parallel sides 2w apart along the command, for motions of any size above;
+    smaller ones are lost. With `coulomb_friction` the loop is one of force, which the mass of the moved part can cross;
+    where a position is controlled, the two look alike. A `dead_zone` has no loop. Off at w = 0.
+
+    Parameters
+    ----------
+    width : float
+        w in V, half the clearance.
+
+    References
+    ----------
+    Play operator: Visintin, Differential Models of Hysteresis (1994), chapter III; Tao & Kokotović, Adaptive Control
+    of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2.
+    """
+
+    width: float = 0.05
+
+    name: ClassVar[str] = "backlash"
+    family: ClassVar[Family] = Family.MECHANICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "command"
+    strength: ClassVar[str] = "width"
+    wording: ClassVar[str] = "The command is transmitted with a backlash of {width} to either side"
+    corner: ClassVar[float] = 1e-6
+    """Of the width: sharp enough that what rests in the clearance stays there."""
+    floor: ClassVar[float] = 1e-9
+    """Of the corner in V, so that it has a slope where the width is zero."""
+    late: ClassVar[float] = 1e-4
+    """:math:`\\delta` in samples."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=1.5),)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        width = self.own("width", build)
+        moved = build.state("transmitted_command", scale=1.0, start=signal)
+        transmitted = signal - soft_clip(signal - moved, width, self.corner * width + self.floor)
+        left = build.sample_start - build.time + (1 + self.late) * build.sample_time
+        build.rate(moved, (transmitted - moved) / left)
+        return transmitted

@@ -1,0 +1,54 @@
+"""Dead zone of the command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.smooth import soft_excess
+from deatwin.plant.parameters import Parameter
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadZone(Effect):
+    r"""Small commands do nothing, and larger ones are short by the width of the zone.
+
+    .. math:: u \to p(u - w) - p(-u - w), \qquad p(x) = \epsilon\ln(1 + e^{x/\epsilon})
+
+    No state. The corners are rounded over :math:`\epsilon` = 5 mV. Typical: the overlap of a valve's spool, 2 to 20 %
+    of its stroke; the base-emitter voltages of an output stage. Signature: static, odd in the command, at all
+    frequencies alike; small motion is lost and the rest is smaller by the same amount, while `coulomb_friction` also
+    makes a loop and `backlash` only that. Off at w = 0.
+
+    Parameters
+    ----------
+    width : float
+        w in V, half the width of the zone.
+
+    References
+    ----------
+    Tao & Kokotović, Adaptive Control of Systems with Actuator and Sensor Nonlinearities (1996), chapter 2; corner:
+    softplus.
+    """
+
+    width: float = 0.1
+
+    name: ClassVar[str] = "dead_zone"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "command"
+    strength: ClassVar[str] = "width"
+    wording: ClassVar[str] = "Commands below {width} do nothing, and larger ones are short by as much"
+    rounding: ClassVar[float] = 5e-3
+    """:math:`\\epsilon` in V."""
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=3.0),)
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        width = self.own("width", build)
+        return soft_excess(signal - width, self.rounding) - soft_excess(-signal - width, self.rounding)

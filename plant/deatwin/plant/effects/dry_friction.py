@@ -1,0 +1,72 @@
+"""Dry friction that depends on speed and direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import casadi as ca
+
+from deatwin.plant.effects.coulomb_friction import CoulombFriction
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class DryFriction(CoulombFriction):
+    r"""Dry friction of a machine, which may be larger at rest than in motion, and larger forwards than backwards.
+
+    .. math:: F = -F_c\,\zeta\,(1 + a\,\zeta)\,\bigl(1 + s\,e^{-(v/v_S)^2}\bigr)
+
+    with the direction :math:`\zeta` of `CoulombFriction`, whose name it has: on rigs that are no film actuators it
+    stands in its place. s > 0 is stiction with the Stribeck curve: the part breaks loose at :math:`(1 + s)F_c` and
+    slides against :math:`F_c` far above :math:`v_S`. a > 0 is more friction forwards, as in a drive that lifts or a
+    seal with one lip. Typical: s from 0 to 1; :math:`v_S` 2 to 40 % of the usual speed, since less is lost in the slip
+    of a part that sticks, and more is viscous damping; a up to 0.3 to either side. Signature of s: small motion sticks,
+    breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift by :math:`aF_c` while the part moves, which
+    an `amplifier_offset` has at rest, too. Off at :math:`F_c = 0`.
+
+    Parameters
+    ----------
+    force : float
+        :math:`F_c` in N.
+    slip : float
+        :math:`v_s` of `CoulombFriction` in m/s.
+    stiction : float
+        s.
+    speed : float
+        :math:`v_S` in m/s.
+    unevenness : float
+        a.
+
+    References
+    ----------
+    Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994) 1083, doi:10.1016/0005-1098(94)90209-7, for the
+    Stribeck curve; asymmetric friction of drives: Swevers et al., IEEE Trans. Autom. Control 45 (2000) 675,
+    doi:10.1109/9.847103.
+    """
+
+    stiction: float = 0.0
+    speed: float = 1e-3
+    unevenness: float = 0.0
+
+    wording: ClassVar[str] = (
+        "The ball moves against a dry friction of {force}, by a share of {stiction} larger at rest and of {unevenness} "
+        "larger forwards"
+    )
+
+    def describe(self) -> tuple[Parameter, ...]:
+        log = Scale.LOGARITHMIC
+        return (
+            *super().describe(),
+            Parameter(name="stiction", value=self.stiction, unit="1", lower=0.0, upper=2.0),
+            Parameter(name="speed", value=self.speed, unit="m/s", lower=1e-4, upper=2e-3, scale=log),
+            Parameter(name="unevenness", value=self.unevenness, unit="1", lower=-0.9, upper=0.9),
+        )
+
+    def _resistance(self, direction: Any, build: Builder) -> Any:
+        """The force in units of its level."""
+        rising = 1 + self.own("stiction", build) * ca.exp(-((build.signal("velocity") / self.own("speed", build)) ** 2))
+        return direction * (1 + self.own("unevenness", build) * direction) * rising

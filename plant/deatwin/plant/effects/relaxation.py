@@ -1,0 +1,92 @@
+"""Relaxation of a spring."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+
+STARTS = 5
+"""Times at which a fit may start: a factor of 4 to 10 apart, from which the nearest one is reached."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relaxation(Effect):
+    r"""A spring in series with a damper acts beside the force of the plant, which thereby relaxes.
+
+    .. math:: F \to F - k_r\,(y - \xi), \qquad \tau_r\,\dot\xi = y - \xi
+
+    One state :math:`\xi` (m), the displacement of the damper; at rest :math:`\xi = y`. In a plant with a spring k this
+    is the standard linear solid: k is what is left after long, :math:`k + k_r` what fast motion feels. In other plants
+    y is the quantity in place of a displacement, and the branch is a store that fills and empties through a resistance:
+    furniture in a room, slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones,
+    over times far longer than the motion. Signature: a tail after each step, linear in it, that recovers; the gain is
+    higher for slow than for fast commands, with a loop that is widest at a period of :math:`2\pi\tau_r`, whereas that
+    of `hysteresis` keeps its width. A `sensor_drift` does not follow the command; a :math:`\tau_r` far below the period
+    of the motion is a damper of :math:`k_r\tau_r`. For films see `creep`. Off at :math:`k_r = 0`.
+
+    Parameters
+    ----------
+    stiffness : float
+        :math:`k_r` in N/m.
+    time : float
+        :math:`\tau_r` in s.
+
+    References
+    ----------
+    Maxwell branch of the standard linear solid: Christensen, Theory of Viscoelasticity (2nd ed., 1982), section 1.6.
+    """
+
+    stiffness: float = 10.0
+    time: float = 0.6
+
+    name: ClassVar[str] = "relaxation"
+    family: ClassVar[Family] = Family.MECHANICAL
+    place: ClassVar[Place] = Place.BALL
+    signal: ClassVar[str] = "force"
+    strength: ClassVar[str] = "stiffness"
+    wording: ClassVar[str] = "The force on the ball relaxes by {stiffness} with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        log = Scale.LOGARITHMIC
+        return (
+            Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=3e3),
+            Parameter(name="time", value=self.time, unit="s", lower=6e-3, upper=60e3, scale=log),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        displacement = build.signal("displacement")
+        damper = build.state("relaxed_displacement", scale=1e-3, start=displacement)
+        build.rate(damper, displacement - damper, mass=self.own("time", build))
+        return signal - self.own("stiffness", build) * (displacement - damper)
+
+    def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
+        """Return this effect at times from that of a few samples to that of the record.
+
+        Parameters
+        ----------
+        timepts : ndarray, shape (n,)
+            Clock times of the readings, s.
+        residual : ndarray, shape (n,)
+            Measured minus simulated without this effect, m.
+
+        Returns
+        -------
+        tuple of Effect
+            Empty if there are not two readings.
+        """
+        steps = np.diff(np.unique(timepts))
+        if not steps.size:
+            return ()
+        known = self.described("time")
+        # What relaxes within a sample is damping, and what hardly relaxes within a third of the record is stiffness.
+        times = np.geomspace(2 * np.median(steps), max(np.ptp(timepts) / 3, 2 * np.median(steps)), STARTS)
+        return tuple(replace(self, time=float(t)) for t in np.unique(np.clip(times, known.lower, known.upper)))
