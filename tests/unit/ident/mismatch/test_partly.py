@@ -11,7 +11,21 @@ from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
 from deatwin.ident.mismatch.located import Band, LocationSummary, PlaceSummary, Window
 from deatwin.ident.mismatch.partly import led_by_what_acts, unexplained
-from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, Recording, Rig, Scale, Sizes, StartProcedure
+from deatwin.plant import (
+    Builder,
+    CoulombFriction,
+    Experiment,
+    Parameter,
+    Place,
+    Plant,
+    Recording,
+    Rig,
+    Scale,
+    SensorDrift,
+    SensorLag,
+    Sizes,
+    StartProcedure,
+)
 from deatwin.plant.integrator.compiled import compiler
 
 NOISE = 2.0
@@ -169,7 +183,8 @@ def test_a_friction_that_differs_between_the_ways_is_partly_a_friction():
     reading = turned(command) + 0.1 * rng.standard_normal(command.size)
     record = Recording.from_arrays(command, reading, 0.05)
     plant = Plant(rig=Motor())
-    effects = [e for e in plant.rig.effects() if e.name in ("coulomb_friction", "sensor_lag", "sensor_drift")]
+    # A friction that may be uneven would be all of it: here it is left out.
+    effects = [plant.rig.sizes.of(effect) for effect in (CoulombFriction(), SensorLag(), SensorDrift())]
     diagnosis = diagnose(plant, Experiment(recordings=(record,)), effects=effects)
     assert diagnosis.verdict is Verdict.PARTLY, diagnosis.sentence
     assert [cause.effect for cause in diagnosis.causes] == ["coulomb_friction"]
