@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from deatwin.ident.mismatch import INPUT_FILE
-from deatwin.ident.mismatch.plan import ExperimentPlan, Foreseen
+from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
 from deatwin.plant.amplitudes import amount, written_amplitude
 from deatwin.plant.prefixes import prefixed
 from deatwin.studies.folder import ResultFolder

@@ -12,7 +12,8 @@ from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate import Location, locate
 from deatwin.ident.mismatch.located import LocationSummary, Unexplained
 from deatwin.ident.mismatch.naming import Candidate, Distance, Footprint, Naming, footprints, name_causes
-from deatwin.ident.mismatch.plan import ExperimentPlan, Foreseen, plan_experiment
+from deatwin.ident.mismatch.plan.plan import plan_experiment
+from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.result import (

@@ -60,7 +60,7 @@ def plan(
         raise typer.BadParameter("it is of an input that is advised, and one is given", param_hint="--seconds")
     from deatwin.app.given import GivenPlant
     from deatwin.app.plan_report import write_plan
-    from deatwin.ident.mismatch.plan import plan_experiment
+    from deatwin.ident.mismatch import plan_experiment
     from deatwin.studies.provenance import RunRecord, hashes
 
     voice = Voice(as_json=as_json, quiet=quiet)

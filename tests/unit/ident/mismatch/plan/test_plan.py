@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.plan import ExperimentPlan, plan_experiment
+from deatwin.ident.mismatch import ExperimentPlan, plan_experiment
 from deatwin.plant import (
     DataError,
     Delay,
