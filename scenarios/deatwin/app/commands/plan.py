@@ -57,7 +57,9 @@ def plan(
     To be advised: deatwin plan rig.toml --seconds 120 --out planned
     """
     if commands is not None and seconds is not None:
-        raise typer.BadParameter("it is of an input that is advised, and one is given", param_hint="--seconds")
+        raise typer.BadParameter(
+            "it is of an input that is advised, and one is given: leave one of them out", param_hint="--seconds"
+        )
     from deatwin.app.given import GivenPlant
     from deatwin.app.plan_report import write_plan
     from deatwin.ident.mismatch import plan_experiment

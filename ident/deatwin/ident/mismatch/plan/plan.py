@@ -28,6 +28,8 @@ from deatwin.plant.rigs.base import Rig
 
 SAMPLES = 3000
 """Of an input that is advised, unless its length is given: long enough for a tenth of the slow error's time."""
+FEWEST, MOST = 100, 100_000
+"""Samples of an input that is advised: all waveforms of that length are held in memory."""
 LARGE = 1e20
 """More than is missing of any readings, SI: effects are looked at as strong as they typically are."""
 ACCURACY = 1e-6
@@ -79,8 +81,9 @@ def plan_experiment(
     Raises
     ------
     DataError
-        If no input is given and the rig states no range of its command, both an input and a length are given, the rig
-        takes none of the effects, or neither noise nor motion is there to judge them by.
+        If no input is given and the rig states no range of its command, both an input and a length are given, the
+        length is not one of 100 to 100,000 samples, the rig takes none of the effects, or neither noise nor motion is
+        there to judge them by.
     SimulationError
         If the nominal plant cannot follow the input.
     """
@@ -273,8 +276,11 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
             "the rig states no range of its command within which an input could be advised: give an input file, or the "
             "range (command_min_V and command_max_V under [drive] of a rig file, command_range of a Rig)"
         )
-    if seconds < 100.0 * rig.sample_time:
-        raise DataError(f"an input of {seconds:g} s has fewer than 100 samples of {rig.sample_time:g} s")
+    least, most = FEWEST * rig.sample_time, MOST * rig.sample_time
+    if not least <= seconds <= most:
+        raise DataError(
+            f"an input of {seconds:g} s is asked for: give {least:g} to {most:g} s, which are {FEWEST} to {MOST} samples"
+        )
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:
         raise SimulationError("the nominal plant bears no part of the rig's range of commands")

@@ -125,8 +125,9 @@ def test_what_cannot_be_planned_is_said() -> None:
         plan_experiment(plant, steps(), effects=())
     with pytest.raises(DataError, match="no noise"):
         plan_experiment(Plant(rig=Amplifier(noise=0.0)), commands(np.zeros(200)), effects=EFFECTS)
-    with pytest.raises(DataError, match="fewer than 100 samples"):
-        plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=1.0)
+    for seconds in (1.0, 1e9):
+        with pytest.raises(DataError, match="give 2 to 2000 s"):
+            plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=seconds)
 
 
 def test_the_plot_has_a_mark_for_each_effect_that_is_found(plan: ExperimentPlan) -> None:
