@@ -13,6 +13,9 @@ from deatwin.plant.rigs.base import ReadingTime
 LEAST = 100
 """Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
 held-out part that could judge it."""
+_FAR = 10
+"""Factor of decimation from which it is advised: the sampling time suits a model at 10 to 20 samples to the time scale of
+the output, and a few times as many do it no harm."""
 _ENDS = 20
 """New samples that the filter of `decimate` takes from both ends, about."""
 
@@ -40,20 +43,21 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     if wanted == "auto":
         made = [decimate(record, choice.factor, reading=reading) for record in records]
         return Thinned(records=made, notes=[f"{_done(choice.factor, made)}: {reason}"])
-    if not long_enough(records, choice.factor):
+    if not advised(records, choice):
         return Thinned(records=records, notes=[])
     return Thinned(
         records=records,
         notes=[
-            f"sampled faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
+            f"sampled far faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
             f"regressors are all but the same; --decimate auto goes to {slower:g} s"
         ],
     )
 
 
-def long_enough(records: Sequence[Recording], factor: int) -> bool:
-    """Return whether each recording may be decimated by a factor and still gives and judges a model."""
-    return all(record.n_samples >= (LEAST + _ENDS) * factor for record in records)
+def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
+    """Return whether recordings are sampled far too fast, and each still gives and judges a model once decimated."""
+    shortest = min(record.n_samples for record in records)
+    return choice.factor >= _FAR and shortest >= (LEAST + _ENDS) * choice.factor
 
 
 def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
@@ -66,8 +70,8 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, and 10 to 20 "
-        "suffice"
+        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, where 10 to 20 "
+        f"suffice, and the output moves up to {choice.highest:.3g} Hz only, where 10 samples a period suffice"
     )
 
 

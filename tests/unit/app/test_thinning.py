@@ -34,6 +34,20 @@ def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
     assert f"decimated by {factor}" in made.notes[0]
 
 
+def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
+    """A time constant of 6 samples under steps of 10, and one of 40 with a light mode at 5 samples a period."""
+    rng = np.random.default_rng(6)
+    short = np.repeat(rng.uniform(-1, 1, 300), 10)
+    u = np.repeat(rng.uniform(-1, 1, 100), 60)
+    rings = lfilter([1.0], [1, -2 * 0.98 * np.cos(2 * np.pi / 5), 0.98**2], u)
+    slow = lfilter([0.025], [1, -0.975], u) + 0.05 * rings
+    for signal, y in ((short, lfilter([0.15], [1, -0.85], short)), (u, slow)):
+        record = Recording.from_arrays(signal, y + 0.005 * y.std() * rng.standard_normal(y.size), 0.02)
+        assert thinned([record], None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
+        (said,) = thinned([record], "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes
+        assert said.startswith("not decimated: the sampling time suits")
+
+
 def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:
     tone = np.sin(2 * np.pi * np.arange(2000) / 56)  # its square has the first minimum of its correlation at 14 samples
     slow = [Recording.from_arrays(tone, tone, 0.01)]
