@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxModel
 
 LEAST = 100
 """Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
@@ -16,6 +22,10 @@ held-out part that could judge it."""
 _FAR = 10
 """Factor of decimation from which it is advised: the sampling time suits a model at 10 to 20 samples to the time scale of
 the output, and a few times as many do it no harm."""
+_CLEARLY = 2.0
+"""Times that a free run must be off by more than another to be clearly worse: at half of it, chance might do."""
+_SLIGHT = 0.01
+"""Difference of two free runs in the output's standard deviations that changes no decision."""
 _ENDS = 20
 """New samples that the filter of `decimate` takes from both ends, about."""
 
@@ -58,6 +68,42 @@ def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
     """Return whether recordings are sampled far too fast, and each still gives and judges a model once decimated."""
     shortest = min(record.n_samples for record in records)
     return choice.factor >= _FAR and shortest >= (LEAST + _ENDS) * choice.factor
+
+
+def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
+    """Return a sentence if a linear model of the recordings as they came, `whole`, is clearly better in free run than
+    the model of the decimated ones, each on its held-out part.
+    """
+    from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
+    from deatwin.ident.narx import Frols
+    from deatwin.ident.narx.assessed import hold_out
+
+    if model.sample_time == whole[0].sample_time:
+        return []
+    training, ends = hold_out(whole)
+    lags = choose_input_lags(training, None, None).lags
+    try:
+        linear = Frols(output_lags=OUTPUT_LAGS, input_lags=lags, degree=1).fit(training).model_
+    except ModelError:  # as of an input that is constant over the beginning
+        return []
+    before, diverges = _free_run(linear, ends)
+    after, diverged = _free_run(model, unseen)
+    slight = _SLIGHT * float(np.concatenate([part.outputs[0] for part in ends]).std())
+    if diverges or not (diverged or after > max(_CLEARLY * before, before + slight)):
+        return []
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    how = "diverges" if diverged else f"is off by {after:.4g}{unit} rms"
+    return [
+        f"decimation lost what the model needs: on the unseen part its free run {how}, and that of a linear model of the "
+        f"recording as it came is off by {before:.4g}{unit} rms; leave --decimate out, or take a smaller factor"
+    ]
+
+
+def _free_run(model: NarxModel, parts: Sequence[Recording]) -> tuple[float, bool]:
+    """Rms error of free runs, and whether one diverges."""
+    runs = [model.simulate(part) for part in parts]
+    errors = np.concatenate([run.residuals[0] for run in runs])
+    return float(np.sqrt(np.mean(errors**2))), not all(run.status.ok for run in runs)
 
 
 def _choice(records: Sequence[Recording]) -> SamplingChoice | None:

@@ -8,7 +8,9 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from deatwin.app.cli import main
-from deatwin.app.thinning import thinned
+from deatwin.app.thinning import lost, thinned
+from deatwin.ident.narx import Frols
+from deatwin.ident.narx.assessed import hold_out
 from deatwin.ident.narx.preprocess import choose_sampling
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Recording
@@ -46,6 +48,17 @@ def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
         assert thinned([record], None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
         (said,) = thinned([record], "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes
         assert said.startswith("not decimated: the sampling time suits")
+
+
+def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recording) -> None:
+    slower = thinned([fast], "10", ReadingTime.END_OF_HOLD, held_out=0.3).records
+    training, unseen = hold_out(slower)
+    good = Frols(output_lags=1, input_lags=[0, 1, 2], degree=1).fit(training).model_
+    assert lost(good, unseen, [fast]) == []
+    (said,) = lost(Frols(output_lags=[40], input_lags=[60], degree=1).fit(training).model_, unseen, [fast])
+    assert said.startswith("decimation lost what the model needs: on the unseen part its free run is off by")
+    same = Frols(output_lags=1, input_lags=[9], degree=1).fit([fast]).model_
+    assert lost(same, [fast], [fast]) == []
 
 
 def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:
