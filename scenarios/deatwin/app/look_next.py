@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from deatwin.app.thinning import long_enough
+from deatwin.app.thinning import advised
 from deatwin.ident.look import Look
 from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
-from deatwin.ident.narx.preprocess import SamplingStatus
 from deatwin.plant.files.understood import Understood
 
 LEAST = 20
@@ -53,7 +52,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
         return _diagnosis(rig, alike, left_out)
     records = [record for _, other in alike for record in other.recordings]
     words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
-    if choice is not None and choice.status is SamplingStatus.DECIMATE and long_enough(records, choice.factor):
+    if choice is not None and advised(records, choice):
         words += ["--decimate", "auto"]
     return Next(
         sentence=f"identify a model from the data alone{left_out}",

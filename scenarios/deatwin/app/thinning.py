@@ -4,15 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx import NarxModel
 
 LEAST = 100
 """Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
 held-out part that could judge it."""
+_FAR = 10
+"""Factor of decimation from which it is advised: the sampling time suits a model at 10 to 20 samples to the time scale of
+the output, and a few times as many do it no harm."""
+_CLEARLY = 2.0
+"""Times that a free run must be off by more than another to be clearly worse: at half of it, chance might do."""
+_SLIGHT = 0.01
+"""Difference of two free runs in the output's standard deviations that changes no decision."""
 _ENDS = 20
 """New samples that the filter of `decimate` takes from both ends, about."""
 
@@ -40,20 +53,57 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     if wanted == "auto":
         made = [decimate(record, choice.factor, reading=reading) for record in records]
         return Thinned(records=made, notes=[f"{_done(choice.factor, made)}: {reason}"])
-    if not long_enough(records, choice.factor):
+    if not advised(records, choice):
         return Thinned(records=records, notes=[])
     return Thinned(
         records=records,
         notes=[
-            f"sampled faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
+            f"sampled far faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
             f"regressors are all but the same; --decimate auto goes to {slower:g} s"
         ],
     )
 
 
-def long_enough(records: Sequence[Recording], factor: int) -> bool:
-    """Return whether each recording may be decimated by a factor and still gives and judges a model."""
-    return all(record.n_samples >= (LEAST + _ENDS) * factor for record in records)
+def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
+    """Return whether recordings are sampled far too fast, and each still gives and judges a model once decimated."""
+    shortest = min(record.n_samples for record in records)
+    return choice.factor >= _FAR and shortest >= (LEAST + _ENDS) * choice.factor
+
+
+def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
+    """Return a sentence if a linear model of the recordings as they came, `whole`, is clearly better in free run than
+    the model of the decimated ones, each on its held-out part.
+    """
+    from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
+    from deatwin.ident.narx import Frols
+    from deatwin.ident.narx.assessed import hold_out
+
+    if model.sample_time == whole[0].sample_time:
+        return []
+    training, ends = hold_out(whole)
+    lags = choose_input_lags(training, None, None).lags
+    try:
+        linear = Frols(output_lags=OUTPUT_LAGS, input_lags=lags, degree=1).fit(training).model_
+    except ModelError:  # as of an input that is constant over the beginning
+        return []
+    before, diverges = _free_run(linear, ends)
+    after, diverged = _free_run(model, unseen)
+    slight = _SLIGHT * float(np.concatenate([part.outputs[0] for part in ends]).std())
+    if diverges or not (diverged or after > max(_CLEARLY * before, before + slight)):
+        return []
+    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    how = "diverges" if diverged else f"is off by {after:.4g}{unit} rms"
+    return [
+        f"decimation lost what the model needs: on the unseen part its free run {how}, and that of a linear model of the "
+        f"recording as it came is off by {before:.4g}{unit} rms; leave --decimate out, or take a smaller factor"
+    ]
+
+
+def _free_run(model: NarxModel, parts: Sequence[Recording]) -> tuple[float, bool]:
+    """Rms error of free runs, and whether one diverges."""
+    runs = [model.simulate(part) for part in parts]
+    errors = np.concatenate([run.residuals[0] for run in runs])
+    return float(np.sqrt(np.mean(errors**2))), not all(run.status.ok for run in runs)
 
 
 def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
@@ -66,8 +116,8 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, and 10 to 20 "
-        "suffice"
+        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, where 10 to 20 "
+        f"suffice, and the output moves up to {choice.highest:.3g} Hz only, where 10 samples a period suffice"
     )
 
 

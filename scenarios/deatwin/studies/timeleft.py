@@ -47,7 +47,9 @@ class TimeLeft:
 
     @property
     def text(self) -> str:
-        """The estimate in words."""
+        """The estimate in words; empty once nothing is left."""
+        if self._share > 1.0 - 1e-9:  # sums of shares round
+            return ""
         seconds = self.seconds
         return "some minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"
 

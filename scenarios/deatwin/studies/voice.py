@@ -99,7 +99,7 @@ class PlainProgress:
         parts = [" ".join(doing.split()), f"{100 * self._share:.0f} % done"]
         if not doing.endswith(" left"):  # a study knows better how long its cases take, and says so
             parts.append(self._left.text)
-        return ", ".join(parts)
+        return ", ".join(filter(None, parts))
 
 
 def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:

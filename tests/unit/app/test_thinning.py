@@ -8,7 +8,9 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from deatwin.app.cli import main
-from deatwin.app.thinning import thinned
+from deatwin.app.thinning import lost, thinned
+from deatwin.ident.narx import Frols
+from deatwin.ident.narx.assessed import hold_out
 from deatwin.ident.narx.preprocess import choose_sampling
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Recording
@@ -32,6 +34,31 @@ def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
     assert made.records[0].sample_time == pytest.approx(0.001 * factor)
     assert f"goes to {made.records[0].sample_time:g} s" in said.notes[0]
     assert f"decimated by {factor}" in made.notes[0]
+
+
+def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
+    """A time constant of 6 samples under steps of 10, and one of 40 with a light mode at 5 samples a period."""
+    rng = np.random.default_rng(6)
+    short = np.repeat(rng.uniform(-1, 1, 300), 10)
+    u = np.repeat(rng.uniform(-1, 1, 100), 60)
+    rings = lfilter([1.0], [1, -2 * 0.98 * np.cos(2 * np.pi / 5), 0.98**2], u)
+    slow = lfilter([0.025], [1, -0.975], u) + 0.05 * rings
+    for signal, y in ((short, lfilter([0.15], [1, -0.85], short)), (u, slow)):
+        record = Recording.from_arrays(signal, y + 0.005 * y.std() * rng.standard_normal(y.size), 0.02)
+        assert thinned([record], None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
+        (said,) = thinned([record], "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes
+        assert said.startswith("not decimated: the sampling time suits")
+
+
+def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recording) -> None:
+    slower = thinned([fast], "10", ReadingTime.END_OF_HOLD, held_out=0.3).records
+    training, unseen = hold_out(slower)
+    good = Frols(output_lags=1, input_lags=[0, 1, 2], degree=1).fit(training).model_
+    assert lost(good, unseen, [fast]) == []
+    (said,) = lost(Frols(output_lags=[40], input_lags=[60], degree=1).fit(training).model_, unseen, [fast])
+    assert said.startswith("decimation lost what the model needs: on the unseen part its free run is off by")
+    same = Frols(output_lags=1, input_lags=[9], degree=1).fit([fast]).model_
+    assert lost(same, [fast], [fast]) == []
 
 
 def test_nothing_is_said_of_a_sampling_time_that_suits() -> None:

@@ -76,6 +76,15 @@ def test_work_that_is_gone_on_with_is_judged_by_what_this_run_did() -> None:
     assert progress.line == "cases, 90 % done, about 60 s left"
 
 
+def test_no_time_is_left_when_all_is_done() -> None:
+    clock = Clock(waits=0)
+    progress = PlainProgress("study", clock)
+    progress.tell(0.0)
+    clock.now += 60.0
+    progress.tell(1.0, "done")
+    assert progress.line == "done, 100 % done"
+
+
 def test_no_time_is_guessed_from_nothing() -> None:
     clock = Clock(waits=0)
     progress = PlainProgress("reading", clock)

@@ -23,6 +23,11 @@ _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|
 _NO_QUANTITIES = frozenset({"counts"})
 """Words that begin an unknown unit before a slash, as in ``counts/s``."""
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
+_CERTAIN_TEMPERATURE = re.compile(r"(?i:.*(temp|therm))")
+_CHARGE = re.compile(r"(?i:.*(charge|coulomb|electric|ladung)|((delta|[dΔ∆])[_ ]?)?q(?![a-z]))")
+_TEMPERATURE = re.compile(
+    r"(?i:.*(?<![a-z])(film|air|ambient|room|oven|water|oil|coolant|dew ?point)(?![a-z])|[tϑθ](?![a-z]))|T[a-z]{1,4}\b"
+)
 _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 
 
@@ -56,10 +61,14 @@ def for_name(name: str, unit: str) -> str:
 
     Examples
     --------
-    >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("accel_x", "g"), for_name("mass", "g")
-    ('C', 'Δ°C', 'gn', 'g')
+    >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("charge", "C"), for_name("x", "C")
+    ('°C', 'Δ°C', 'coulomb', 'C')
+    >>> for_name("accel_x", "g"), for_name("mass", "g")
+    ('gn', 'g')
     """
-    if unit == "C" and _DIFFERENCE.match(name):
+    if unit == "C":
+        unit = _celsius_or_coulomb(name)
+    if unit == "°C" and _DIFFERENCE.match(name):
         return "Δ°C"
     return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
 
@@ -100,6 +109,15 @@ def said_unit(header: str) -> str:
 def is_misspelt(unit: str) -> bool:
     """Return whether an unknown unit differs from a known one only in upper and lower case."""
     return len(unit) > 1 and unit.lower() in _LOWERED and not find_unit(unit)
+
+
+def _celsius_or_coulomb(name: str) -> str:
+    """The unit that C stands for behind a name; C itself where the name does not tell."""
+    if _CERTAIN_TEMPERATURE.match(name):
+        return "°C"
+    if _CHARGE.match(name):
+        return "coulomb"
+    return "°C" if _TEMPERATURE.match(name) or _DIFFERENCE.match(name) else "C"
 
 
 def _is_rate(before: str, unit: str) -> bool:

@@ -3,7 +3,8 @@
 Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad.
 A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
 ``dT``, ``temperature rise``, or by its unit, as ``delta_degC``. ``g`` is the gram, and behind the name of an
-acceleration standard gravity.
+acceleration standard gravity. ``C`` is the degree Celsius behind the name of a temperature and
+the coulomb behind that of a charge; behind others nobody knows.
 """
 
 import math
@@ -112,7 +113,9 @@ UNITS = {
     "kV/mm": Unit("V/m", 1e6),
     "V/um": Unit("V/m", 1e6),
     **_scaled("K", "m"),
-    "C": Unit("K", shift=273.15),
+    "C": Unit("C"),  # not known which
+    "coulomb": Unit("C"),
+    "°C": Unit("K", shift=273.15),
     "Δ°C": Unit("K"),
     "%": Unit("1", 1, 1e2),
 }
@@ -152,7 +155,8 @@ _SPELLED_OUT = {
     "minute": "min",
     "hour": "h",
     "day": "day",
-    "celsius": "C",
+    "celsius": "°C",
+    "coulomb": "coulomb",
     "degree": "deg",
     "revolution": "rev",
     "percent": "%",
@@ -177,12 +181,13 @@ _SPELLED_OUT = {
     if short + unit in UNITS
 }
 _OTHER_SPELLINGS = {
-    "deg C": "C",
-    "degC": "C",
-    "°C": "C",
-    "℃": "C",
+    "deg C": "°C",
+    "deg °C": "°C",
+    "degC": "°C",
     "Δ C": "Δ°C",
+    "Δ °C": "Δ°C",
     "delta C": "Δ°C",
+    "delta °C": "Δ°C",
     "delta K": "K",
     "ΔK": "K",
     "°": "deg",

@@ -11,11 +11,17 @@ from deatwin.plant.safe_read import clipped
 
 
 def require_known_units(table: Table, columns: Sequence[int]) -> None:
-    """Refuse columns in a unit that differs from a known one by its capitals only."""
+    """Refuse columns in a unit that differs from a known one by its capitals only, or that may be one of two."""
     for column in columns:
         said = table.own_unit(column)
+        if column not in table.wanted and table.units[column] == "C":
+            place = table.unmistakable(column)
+            raise DataError(
+                f'{table.path}: the column "{table.shown(column)}" is in C, which may be degrees Celsius or coulombs; '
+                f'state which is meant: "{place}=degC" or "{place}=coulomb"'
+            )
         if column not in table.wanted and is_misspelt(said):
-            known = [unit for unit in UNITS if unit]
+            known = [unit for unit in UNITS if unit not in ("", "C")]
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in "{clipped(said)}", which is no known unit'
                 f"{nearest(said, known)} (capitals count; known are {', '.join(known)})"
@@ -45,7 +51,7 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
         except DataError:  # whoever looks for the column tells it better
             continue
         known = for_name(table.names[column], find_unit(unit))
-        if units[column] and known != units[column]:
+        if units[column] not in ("", "C", known):  # C alone may be one of two
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
                 f"{clipped(unit)}; leave ={clipped(unit)} out"

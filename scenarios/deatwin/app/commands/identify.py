@@ -124,7 +124,7 @@ def identify(
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
     from deatwin.app.identify_noise import biased_by_noise
-    from deatwin.app.thinning import thinned
+    from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.excited import BAND_KEY
@@ -150,7 +150,7 @@ def identify(
         notes = clock_notes(records)
         require_excitation(records)
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
-        records, notes = fewer.records, [*notes, *fewer.notes]
+        whole, records, notes = records, fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
@@ -171,7 +171,7 @@ def identify(
         _say(voice, model, errors, [label(record) for record in records])
         apart = disagreements(model, chosen.dead_times)
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        found = [*diverged, *apart, *reliance.remarks, *identifier.notes_, *unexcited]
+        found = [*diverged, *lost(model, unseen, whole), *apart, *reliance.remarks, *identifier.notes_, *unexcited]
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:

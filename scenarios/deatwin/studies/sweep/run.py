@@ -186,7 +186,8 @@ class _Progress:
     def through(self, name: str) -> None:
         self.to_come -= self.left.pop(name, 0.0)
         self.time_left.tell(1.0 - self.to_come / self.todo if self.todo else 1.0)
-        text = f"{self.noun} {self.count - len(self.left)} of {self.count}, {self.time_left.text}"
+        done = f"{self.noun} {self.count - len(self.left)} of {self.count}"
+        text = ", ".join(filter(None, (done, self.time_left.text)))
         self.tell(1.0 - self.to_come / self.total, text)
 
 

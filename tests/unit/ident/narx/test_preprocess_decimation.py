@@ -55,6 +55,23 @@ def test_advice(period, status, factor):
     assert (found.status, found.factor) == (status, factor)
 
 
+def test_the_highest_frequency_keeps_ten_samples_a_period():
+    # a slow tone asks for a factor of 20; a mode of 3 % of its size, with 60 samples a period, allows 6
+    k = np.arange(20000)
+    slow, mode = np.sin(2 * np.pi * k / 1200), 0.03 * np.sin(2 * np.pi * k / 60)
+    found = choose_sampling(of(slow + mode), n_lags=2000)
+    assert found.highest == pytest.approx(100 / 60, rel=0.01) and found.factor in (5, 6)
+    fast = choose_sampling(of(slow + 0.03 * np.sin(2 * np.pi * k / 5)), n_lags=2000)
+    assert (fast.factor, fast.status) == (1, SamplingStatus.FAST_PART)
+
+
+def test_white_noise_is_no_fast_part():
+    # at most 3 of 50 are to be taken for one
+    tone, rng = np.sin(2 * np.pi * np.arange(4000) / 1200), np.random.default_rng(7)
+    found = [choose_sampling(of(tone + 0.1 * rng.normal(size=4000)), n_lags=900).highest for _ in range(50)]
+    assert sum(one > 0.5 for one in found) <= 3
+
+
 def test_no_minimum_is_said():
     found = choose_sampling(of(np.linspace(0.0, 1.0, 4000) ** 3), n_lags=200)
     assert found.status is SamplingStatus.NO_MINIMUM and found.factor == 1

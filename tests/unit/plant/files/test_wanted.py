@@ -85,6 +85,20 @@ def test_another_quantity_is_refused_with_a_column_that_works(
     assert f'such as "{fits}"' in str(error.value) and read(path, fits, wanted)[1] == wanted
 
 
+@pytest.mark.parametrize("column", ["level (C)", "#3"])
+def test_a_c_that_may_be_either_is_asked_for(tmp_path: Path, column: str) -> None:
+    path = written(tmp_path, "level (C)")
+    with pytest.raises(DataError, match=r'degrees Celsius or coulombs.*"level \(C\)=degC" or "level \(C\)=coulomb"'):
+        read(path, column)
+    assert read(path, f"{column}=degC") == ("level", "K", [274.15, 275.15, 270.15])
+    assert read(path, f"{column}=coulomb") == ("level", "C", [1.0, 2.0, -3.0])
+
+
+def test_a_charge_is_in_coulombs_and_a_temperature_in_degrees(tmp_path: Path) -> None:
+    assert read(written(tmp_path, "charge (C)"), "charge (C)") == ("charge", "C", [1.0, 2.0, -3.0])
+    assert read(written(tmp_path, "film_temp_C"), "film_temp_C")[1:] == ("K", [274.15, 275.15, 270.15])
+
+
 @settings(deadline=None, max_examples=200, derandomize=True)
 @given(
     said=st.text("mMkKuUnNcCrRaAdDsSpPbBiIgGhHzZVvVoeElL%/2 ", min_size=1, max_size=6),
@@ -100,6 +114,7 @@ def test_what_is_offered_works(tmp_path_factory: pytest.TempPathFactory, said: s
         offered += re.findall('as in "([^"]*)"', str(error))
         listed = re.findall(r"(?:one of|known are) (.*?)(?: must stand|\)$|, such as|; or state|$)", str(error))
         offered += [f"x ({unit})" for text in listed for unit in text.split(", ")]
+        offered += [f"x ({unit})" for unit in re.findall('="?(degC|coulomb)"', str(error))]
         assert offered
         for better in offered:
             unit = read(written(folder, better), better, wanted)[1]
