@@ -17,6 +17,11 @@ _STRUCTURES = ((1, 1), (2, 1), (1, 2), (2, 2), (3, 2))
 poles with a single coefficient. Without the last, B = (0, b) one sample early would be as probable as B = (b, 0)."""
 _FAR = 60.0
 """Fall of 2 log likelihood beyond which a dead time is out of the question: 1e-13 of the best one's probability."""
+_PATIENCE = 5
+"""Dead times in a row that must be out of the question before shorter ones are tried with two structures only, until
+one fits again: an input that repeats itself has others that fit as well."""
+_PROBES = (0, 3)
+"""These structures: the simplest, and two poles with a broken dead time."""
 _POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
 """Poles to start from, each less than an octave of time constants from the next: ARX models of an input of few
 frequencies can be far from every plant."""
@@ -33,16 +38,22 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
     """
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
-    n_errors = 1
+    n_errors, far = 1, 0
     former: list[Polynomials | None] = [None] * len(_STRUCTURES)
     for delay in range(latest, arx.shortest - 1, -1):
+        probing = far >= _PATIENCE
         for number, (nb, nf) in enumerate(_STRUCTURES):
+            if probing and number not in _PROBES:
+                former[number] = None
+                continue
             orders = Orders(na=0, nb=(nb,), nc=0, nd=0, nf=(nf,), nk=(delay,), offset=True)
             cut = latest + 3 - (delay + nb)  # so that all have the same samples of the output
             loss = PredictionErrorLoss(orders, [(inputs[:, cut:], output[cut:]) for inputs, output in records])
             simplest = former[0] if number else None
             squares[delay, number], former[number] = _least(loss, former[number], simplest)
             n_errors = loss.n_errors
+        best, here = squares.min(), squares[delay].min()
+        far = far + 1 if here - best > _FAR * arx.variance * _excess(best, n_errors, arx) else 0
     dispersion = arx.variance * _excess(float(squares.min()), n_errors, arx)
     unknowns = np.array([nb + nf for nb, nf in _STRUCTURES])
     evidence = -0.5 * (squares / dispersion + unknowns * np.log(n_errors))
