@@ -29,9 +29,9 @@ _RESOLVED = 1e-9
 
 _ALL_LAGS = 1e-4
 """Chance below which all lags of an input together act."""
-_ALIKE = 100.0
-"""Variance of a coefficient, for that under a white input, from which lags are alike: ten times its standard error. With
-a held input or a slow one it is some ten to twenty."""
+_ALIKE = 1e4
+"""Variance of a coefficient, for that under a white input, from which lags are alike: a hundred times its standard error.
+Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and more."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -192,6 +192,9 @@ def estimate_dead_time(
     to 40 dB, with dead times of 0 to 60 samples, 479 intervals at 95 % contained the true value. For a plant of higher
     order the estimate is the dead time of its low-order approximation, within the bound of the tests.
 
+    Where the input repeats itself, as a triangle does, several dead times far apart fit equally well (`ALIKE`); the
+    interval reaches over all of them. Where a few sines leave no single lag to be seen, none is told (`POOR`).
+
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: behind a filter without delay each sample holds something of later ones.
 
