@@ -111,8 +111,9 @@ class DeadTime:
 
     @property
     def samples(self) -> int | None:
-        """Most probable dead time in samples, the first lag at which the input acts; None if there is no estimate."""
-        return int(np.argmax(self.probabilities)) if self.probabilities.size else None
+        """Most probable dead time in samples, the first lag at which the input acts; None if no single one is told."""
+        told = self.probabilities.size and self.status is not DeadTimeStatus.ALIKE
+        return int(np.argmax(self.probabilities)) if told else None
 
     @property
     def seconds(self) -> float | None:
@@ -122,11 +123,12 @@ class DeadTime:
     @property
     def interval(self) -> tuple[int, int] | None:
         """Shortest and longest dead time in samples; each tail outside has the probability (1 - `probability`) / 2."""
-        if self.samples is None:
+        if not self.probabilities.size:
             return None
+        best = int(np.argmax(self.probabilities))
         tail, below = (1.0 - self.probability) / 2.0, np.cumsum(self.probabilities)
         low, high = (int(np.searchsorted(below, share * below[-1])) for share in (tail, 1.0 - tail))
-        return min(low, self.samples), max(high, self.samples)
+        return min(low, best), max(high, best)
 
     @property
     def interval_seconds(self) -> tuple[float, float] | None:
@@ -138,12 +140,13 @@ class DeadTime:
         )
 
     def __str__(self) -> str:
+        if self.interval is not None and self.samples is None:
+            low, high = self.interval
+            return f"{self.input_name}: {self.status.value} ({100 * self.probability:g} % interval {low} to {high} samples)"
         if self.samples is None or self.interval is None:
             tested = f" ({self.searched_to} samples were the longest tested)" if self.searched_to else ""
             return f"{self.input_name}: {self.status.value}{tested}"
         low, high = self.interval
-        if self.status is DeadTimeStatus.ALIKE:
-            return f"{self.input_name}: {self.status.value} ({100 * self.probability:g} % interval {low} to {high} samples)"
         word = "sample" if self.samples == 1 else "samples"
         found = (
             f"{self.input_name} begins to act on {self.output_name} after {self.samples} {word} "
