@@ -49,7 +49,8 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))
     dead_times = estimate_dead_time(recordings)
     said = [str(one) for one in dead_times]
-    late = [one for one in dead_times if one.interval is not None and one.interval[0] > 1]
+    told = [one for one in dead_times if one.status is not DeadTimeStatus.ALIKE]
+    late = [one for one in told if one.interval is not None and one.interval[0] > 1]
     if first is None and last is None:
         if not late:
             # A lag at which no input acts yet could only enter the model by chance.
@@ -72,6 +73,8 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
 
 def disagreements(model: NarxModel, dead_times: Sequence[DeadTime]) -> list[str]:
     """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time."""
+    from deatwin.ident.narx.preprocess import DeadTimeStatus
+
     said = []
     for row, one in enumerate(dead_times):
         lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
@@ -80,7 +83,11 @@ def disagreements(model: NarxModel, dead_times: Sequence[DeadTime]) -> list[str]
                 f"{one.input_name} is in no term of the model, which tells nothing of its effect: let later lags compete "
                 "(--input-lags), or record with a stronger input"
             )
-        elif one.interval is not None and not one.interval[0] <= min(lags) <= one.interval[1]:
+        elif (
+            one.status is not DeadTimeStatus.ALIKE
+            and one.interval is not None
+            and not one.interval[0] <= min(lags) <= one.interval[1]
+        ):
             said.append(
                 f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
                 f"its first lag in the model is {min(lags)}: noise hides single lags from the choice of terms, so trust "

@@ -44,6 +44,15 @@ def test_lags_begin_at_the_dead_time_unless_others_are_asked_for():
     assert choose_input_lags([late(0)], None, None).lags == (0, 1, 2)
 
 
+def test_an_input_that_repeats_itself_imposes_no_lags():
+    u = np.abs(np.arange(800) / 50 % 2 - 1)  # a triangle; after half its period it is its own mirror image
+    y = lfilter([0.0, 0.1], [1, -0.9], u)
+    record = named(u, y + 0.03 * y.std() * np.random.default_rng(1).normal(size=800))
+    found = choose_input_lags([record], None, None)
+    assert found.lags == (0, 1, 2) and len(found.sentences) == 1 and "dead time" in found.sentences[0]
+    assert found.dead_times[0].status.name in ("ALIKE", "POOR")
+
+
 def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
     found = choose_input_lags([late(1)], None, None).dead_times
     agreeing = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 0.1}, sample_time=0.1)

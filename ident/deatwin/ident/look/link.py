@@ -67,7 +67,7 @@ class Link:
         if self.in_band is not None:
             text += f"; coherence {self.in_band:.2g} in the excited band (chance makes up to {self.chance:.2g})"
         interval = None if self.dead_time is None or self.status is LinkStatus.EVEN else self.dead_time.interval
-        if self.dead_time is not None and interval is not None:
+        if self.dead_time is not None and self.dead_time.samples is not None and interval is not None:
             low, high = interval
             text += f"; dead time {self.dead_time.samples} samples, {self.dead_time.seconds:.4g} s ({low} to {high} samples)"
         return text
@@ -145,7 +145,7 @@ def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array, Ar
 
 def _status(dead_time: DeadTime | None, plain: float, squared: float, chance: float) -> LinkStatus:
     """Return what regression and mean coherences say together: each of them sees links that the others do not."""
-    acts = dead_time is not None and dead_time.samples is not None
+    acts = dead_time is not None and dead_time.interval is not None
     # Where the square explains the output, what the regression takes for a weak linear effect is chance.
     if squared > chance and squared > _EVEN * plain and not (acts and plain > chance):
         return LinkStatus.EVEN

@@ -27,6 +27,12 @@ _FOR_EACH = 5
 _RESOLVED = 1e-9
 """Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
 
+_ALL_LAGS = 1e-4
+"""Chance below which all lags of an input together act."""
+_ALIKE = 1e4
+"""Variance of a coefficient, for that under a white input, from which lags are alike: a hundred times its standard error.
+Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and more."""
+
 
 @dataclass(frozen=True, eq=False)
 class LongArx:
@@ -76,6 +82,23 @@ class LongArx:
 
         a = np.r_[1.0, -theta[1 : order + 1]]
         return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
+
+    def hides(self, which: int) -> bool:
+        """Return whether an input acts, but with lags so alike that none of them can be seen to act by itself."""
+        from scipy.special import fdtrc
+
+        others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
+        past, target = _outputs(self.signals, self.longest)
+        q, _ = np.linalg.qr(np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *others]))
+        own = _inputs(self.signals, which, self.lags)
+        left, singular, right = np.linalg.svd(own - q @ (q.T @ own), full_matrices=False)
+        kept = singular > 1e-10 * np.sqrt(target.size)
+        inflation = np.sum((right.T / np.maximum(singular, 1e-10 * np.sqrt(target.size))) ** 2, axis=1) * target.size
+        score, size = left[:, kept].T @ target, int(kept.sum())
+        freedom = target.size - q.shape[1] - size
+        error = float(np.sum((target - q @ (q.T @ target)) ** 2) - score @ score) / freedom + _RESOLVED**2
+        chance = fdtrc(size, freedom, float(score @ score) / (size * error)) if size else 1.0
+        return bool(chance < _ALL_LAGS and np.median(inflation) > _ALIKE)
 
     def chances(self, which: int) -> Array:
         """Return p-values, (longest + 1,), of "input `which` does not act at this lag, nor at shorter ones"."""

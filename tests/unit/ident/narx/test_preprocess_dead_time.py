@@ -131,6 +131,37 @@ def test_two_poles_with_a_single_numerator_coefficient(lag):
     assert exact >= 9 and held == 10
 
 
+def test_a_sweep_under_noise_holds_the_truth():
+    """Both of two intervals hold the truth and neither is wider than three samples; noise of 10 % of the output."""
+    time = np.arange(2000 + START)
+    u = np.sin(2 * np.pi * (0.001 * time + 0.03 * time**2 / time.size))  # to a sixteenth of the sampling rate
+    for seed, lag in enumerate((1, 7)):
+        (found,) = estimate_dead_time(recorded(u, first_order(u, lag), 20.0, seed=seed), max_dead_time=60)
+        assert found.status.ok and found.interval[0] <= lag <= found.interval[1] <= found.interval[0] + 2
+
+
+def test_a_triangle_that_repeats_itself_tells_no_single_dead_time():
+    """Shifted by half a period the triangle is its own mirror image; both of two intervals reach to both."""
+    u = np.abs(np.arange(800 + START) / 25 % 2 - 1)  # a period of 50 samples
+    for seed, lag in enumerate((1, 5)):
+        (found,) = estimate_dead_time(recorded(u, first_order(u, lag), 30.0, seed=seed), max_dead_time=40)
+        assert found.status is DeadTimeStatus.ALIKE and not found.status.ok
+        assert found.interval[0] <= lag and found.interval[1] >= lag + 24
+        assert lags_after([found], 2) == (1, 2) and "repeats itself" in str(found)
+
+
+@pytest.mark.parametrize("lag", [1, 25])
+def test_four_sines_act_but_do_not_tell_their_dead_time(lag):
+    """All of six say that the input acts; where the plant takes only its square, none does."""
+    time = np.arange(2000 + START)
+    for seed in range(6):
+        u = sum(np.sin(f * time + phase) for f, phase in ((0.025, 0), (0.063, 1), (0.101, 2), (0.176, 3)))
+        (found,) = estimate_dead_time(recorded(u, first_order(u, lag), 30.0, seed=seed))
+        assert found.status is DeadTimeStatus.POOR and "the input acts" in str(found)
+        (even,) = estimate_dead_time(recorded(u, first_order(u**2, lag), 30.0, seed=seed))
+        assert even.status is DeadTimeStatus.UNSEEN
+
+
 @pytest.mark.parametrize("n", [100, 280])
 def test_short_recordings_tell_a_short_dead_time(n):
     """Of 10 recordings, at least 9 intervals hold the truth; what was not searched is said."""

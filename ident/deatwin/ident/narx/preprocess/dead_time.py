@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -48,6 +48,14 @@ class DeadTimeStatus(Enum):
         "the input answers to the output, so a loop is suspected: the dead time is looked for from one sample on, "
         "because an action within the sample cannot be distinguished from the controller's answer"
     )
+    ALIKE = (
+        "dead times far apart fit equally well, because the input repeats itself, so none is told: record with an input "
+        "that does not repeat, such as steps of random height"
+    )
+    POOR = (
+        "the input acts, but has too few frequencies for its dead time to be told: record with an input of more "
+        "frequencies, such as steps of random height"
+    )
     UNSEEN = (
         "no linear effect of the input is seen, so its dead time cannot be told: allow longer dead times, give the "
         "square of the input instead where the effect is even, or record with a stronger input of more frequencies"
@@ -57,7 +65,7 @@ class DeadTimeStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if there is an estimate and no sign of a feedback loop."""
+        """True if there is a single estimate and no sign of a feedback loop."""
         return self in (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE)
 
 
@@ -103,8 +111,9 @@ class DeadTime:
 
     @property
     def samples(self) -> int | None:
-        """Most probable dead time in samples, the first lag at which the input acts; None if there is no estimate."""
-        return int(np.argmax(self.probabilities)) if self.probabilities.size else None
+        """Most probable dead time in samples, the first lag at which the input acts; None if no single one is told."""
+        told = self.probabilities.size and self.status is not DeadTimeStatus.ALIKE
+        return int(np.argmax(self.probabilities)) if told else None
 
     @property
     def seconds(self) -> float | None:
@@ -114,11 +123,12 @@ class DeadTime:
     @property
     def interval(self) -> tuple[int, int] | None:
         """Shortest and longest dead time in samples; each tail outside has the probability (1 - `probability`) / 2."""
-        if self.samples is None:
+        if not self.probabilities.size:
             return None
+        best = int(np.argmax(self.probabilities))
         tail, below = (1.0 - self.probability) / 2.0, np.cumsum(self.probabilities)
         low, high = (int(np.searchsorted(below, share * below[-1])) for share in (tail, 1.0 - tail))
-        return min(low, self.samples), max(high, self.samples)
+        return min(low, best), max(high, best)
 
     @property
     def interval_seconds(self) -> tuple[float, float] | None:
@@ -130,6 +140,9 @@ class DeadTime:
         )
 
     def __str__(self) -> str:
+        if self.interval is not None and self.samples is None:
+            low, high = self.interval
+            return f"{self.input_name}: {self.status.value} ({100 * self.probability:g} % interval {low} to {high} samples)"
         if self.samples is None or self.interval is None:
             tested = f" ({self.searched_to} samples were the longest tested)" if self.searched_to else ""
             return f"{self.input_name}: {self.status.value}{tested}"
@@ -182,6 +195,9 @@ def estimate_dead_time(
     to 40 dB, with dead times of 0 to 60 samples, 479 intervals at 95 % contained the true value. For a plant of higher
     order the estimate is the dead time of its low-order approximation, within the bound of the tests.
 
+    Where the input repeats itself, as a triangle does, several dead times far apart fit equally well (`ALIKE`); the
+    interval reaches over all of them. Where a few sines leave no single lag to be seen, none is told (`POOR`).
+
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: behind a filter without delay each sample holds something of later ones.
 
@@ -233,7 +249,8 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     Parameters
     ----------
     dead_times : sequence of DeadTime
-        Dead time of each input; inputs without an estimate count as having none.
+        Dead time of each input; inputs without an estimate, or with several that fit as well, count as having
+        none.
     count : int
         Number of lags from the end of an interval on, its end included.
 
@@ -246,7 +263,7 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     for one in dead_times:
         if one.status is DeadTimeStatus.CONSTANT:
             continue
-        low, high = one.interval or (1, 1)
+        low, high = one.interval if one.interval and one.status is not DeadTimeStatus.ALIKE else (1, 1)
         lags |= set(range(low, high + count)) if low > 1 else set(range(1, count + 1))
     return tuple(sorted(lags or range(1, count + 1)))
 
@@ -296,8 +313,8 @@ def _of_input(
         if status.ok and not np.argmax(probabilities):
             status = DeadTimeStatus.AT_ONCE
     else:
-        status = DeadTimeStatus.UNSEEN
-    return DeadTime(
+        status = DeadTimeStatus.POOR if arx.hides(row) else DeadTimeStatus.UNSEEN
+    found = DeadTime(
         input_name=record.input_names[which],
         output_name=record.output_names[output],
         sample_time=record.sample_time,
@@ -309,6 +326,11 @@ def _of_input(
         impulse=arx.b[row],
         impulse_std=arx.b_std[row],
     )
+    if found.interval is None or not status.ok:
+        return found
+    between = probabilities[found.interval[0] : found.interval[1] + 1]
+    # Where the interval holds a dead time that is out of the question, it is that of an input that repeats itself.
+    return replace(found, status=DeadTimeStatus.ALIKE) if between.min() < _SEEN * between.max() else found
 
 
 def _untold(record: Recording, which: int, output: int, status: DeadTimeStatus, probability: float) -> DeadTime:

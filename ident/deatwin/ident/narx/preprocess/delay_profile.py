@@ -18,7 +18,13 @@ poles with a single coefficient. Without the last, B = (0, b) one sample early w
 _FAR = 60.0
 """Fall of 2 log likelihood beyond which a dead time is out of the question: 1e-13 of the best one's probability."""
 _PATIENCE = 5
-"""Dead times in a row that must be out of the question before shorter ones are not looked at."""
+"""Dead times in a row that must be out of the question before shorter ones are tried with two structures only, until
+one fits again: an input that repeats itself has others that fit as well."""
+_PROBES = (0, 3)
+"""These structures: the simplest, and two poles with a broken dead time."""
+_POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
+"""Poles to start from, each less than an octave of time constants from the next: ARX models of an input of few
+frequencies can be far from every plant."""
 
 
 def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
@@ -35,16 +41,19 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
     n_errors, far = 1, 0
     former: list[Polynomials | None] = [None] * len(_STRUCTURES)
     for delay in range(latest, arx.shortest - 1, -1):
+        probing = far >= _PATIENCE
         for number, (nb, nf) in enumerate(_STRUCTURES):
+            if probing and number not in _PROBES:
+                former[number] = None
+                continue
             orders = Orders(na=0, nb=(nb,), nc=0, nd=0, nf=(nf,), nk=(delay,), offset=True)
             cut = latest + 3 - (delay + nb)  # so that all have the same samples of the output
             loss = PredictionErrorLoss(orders, [(inputs[:, cut:], output[cut:]) for inputs, output in records])
-            squares[delay, number], former[number] = _least(loss, former[number])
+            simplest = former[0] if number else None
+            squares[delay, number], former[number] = _least(loss, former[number], simplest)
             n_errors = loss.n_errors
         best, here = squares.min(), squares[delay].min()
         far = far + 1 if here - best > _FAR * arx.variance * _excess(best, n_errors, arx) else 0
-        if far >= _PATIENCE:
-            break
     dispersion = arx.variance * _excess(float(squares.min()), n_errors, arx)
     unknowns = np.array([nb + nf for nb, nf in _STRUCTURES])
     evidence = -0.5 * (squares / dispersion + unknowns * np.log(n_errors))
@@ -58,13 +67,21 @@ def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
     return max(1.0, (squares / arx.variance - (n_errors - arx.n_unknowns)) / freedom)
 
 
-def _least(loss: PredictionErrorLoss, former: Polynomials | None) -> tuple[float, Polynomials]:
-    """The smallest sum of squares, from where the neighbouring dead time ended and from an ARX model."""
+def _least(
+    loss: PredictionErrorLoss, former: Polynomials | None, simplest: Polynomials | None
+) -> tuple[float, Polynomials]:
+    """The smallest sum of squares, from where the neighbouring dead time and the simplest plant ended and from ARX."""
     from scipy.optimize import least_squares
 
     starts = starting_points(loss.orders, loss.records)[1:]
     if former is not None:
         starts.append(former._replace(b=(former.b[0][1:],)))
+    nb, nf, delay = loss.orders.nb[0], loss.orders.nf[0], loss.orders.nk[0]
+    if simplest is None:
+        starts += [_with_pole(loss, pole) for pole in _POLES]
+    else:
+        b, f = simplest.b[0], simplest.f[0]
+        starts.append(simplest._replace(b=(np.pad(b, (0, delay + nb - b.size)),), f=(np.pad(f, (0, nf + 1 - f.size)),)))
     unknowns = [loss.started(start) for start in starts]
     least = min(unknowns, key=lambda x: float(np.sum(loss.errors(x) ** 2)))
     loss.best = np.inf, least
@@ -73,6 +90,18 @@ def _least(loss: PredictionErrorLoss, former: Polynomials | None) -> tuple[float
     least_squares(loss.errors, least, loss.gradient, x_scale="jac", ftol=0.01 / loss.n_errors, max_nfev=20)
     square, found = loss.best
     return square, loss.orders.split(found[: loss.orders.n_theta])
+
+
+def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
+    """The first-order plant with a pole, its gain and offset by least squares."""
+    from scipy.signal import lfilter
+
+    delay, f = loss.orders.nk[0], np.array([1.0, -pole])
+    answer = np.concatenate([lfilter([1.0], f, inputs[0])[: output.size - delay] for inputs, output in loss.records])
+    target = np.concatenate([output[delay:] for _, output in loss.records])
+    gain, offset = np.linalg.lstsq(np.column_stack([answer, np.ones(target.size)]), target, rcond=None)[0]
+    one = np.ones(1)
+    return Polynomials(a=one, b=(np.r_[np.zeros(delay), gain],), c=one, d=one, f=(f,), offset=float(offset))
 
 
 def _whitened(arx: LongArx, which: int) -> list[Record]:
