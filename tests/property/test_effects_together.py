@@ -71,6 +71,7 @@ NOT_EVEN = {"amplifier_offset", "amplifier_slew"}
 NOT_BLIND_TO_REVERSALS = {
     "amplifier_offset",
     "amplifier_slew",
+    "backlash",
     "charge_injection",
     "delay",
     "dielectric_absorption",

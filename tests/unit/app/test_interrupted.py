@@ -246,7 +246,7 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
 
     finished = partial.FinishedSteps(progress)
     finished.tell(0.3, "building in effects")
-    finished.take(Step(name="locate", result=EMPTY))
+    finished.take(Step(name="verify", result=EMPTY))
     finished.take(Step(name="fit", subject="creep", result=EMPTY))
     with pytest.raises(KeyboardInterrupt):
         finished.take(Step(name="fit", subject="creep+slip", result=EMPTY))
@@ -255,7 +255,7 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
         (0.3, "building in effects (creep)"),
         (0.3, "building in effects (creep+slip)"),
     ]
-    assert "locate, 2 fits with effects" in finished._listed()
+    assert "verify, 2 fits with effects" in finished._listed()
 
 
 def test_before_the_first_step_nothing_is_written(

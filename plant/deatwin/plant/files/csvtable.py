@@ -261,7 +261,7 @@ def power_of_ten(unit: Unit) -> int | None:
     Examples
     --------
     >>> from deatwin.plant.files.units import UNITS
-    >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["C"])
+    >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["°C"])
     (-3, 3, None, None)
     """
     exponent = round(np.log10(unit.numerator / unit.denominator))
