@@ -16,7 +16,18 @@ def amplitude_unit(output_unit: str) -> tuple[str, float]:
 def written_amplitude(output_unit: str) -> tuple[str, float]:
     """Unit of amplitudes on an axis, such as ``"µm"``, and its SI size."""
     name, size = amplitude_unit(output_unit)
-    return ("µm" if name == "um" else name), size
+    return written_unit(name), size
+
+
+def written_unit(reported: str) -> str:
+    """A unit in which amplitudes are reported, as a person writes it.
+
+    Examples
+    --------
+    >>> written_unit("um"), written_unit("N")
+    ('µm', 'N')
+    """
+    return "µm" if reported == "um" else reported
 
 
 def amount(number: str, unit: str) -> str:

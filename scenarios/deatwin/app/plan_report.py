@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
-from deatwin.plant.amplitudes import amount, written_amplitude
-from deatwin.plant.prefixes import prefixed
+from deatwin.ident.mismatch.plan.result import strength_in_words
+from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
@@ -43,14 +43,14 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
 
 
 def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
-    unit = written_amplitude({"um": "m"}.get(found.unit, found.unit))[0]
+    unit = written_unit(found.unit)
     table = Table.of(
         "Effects",
         found.effects,
         {
             "effect": lambda one: _words(one.effect),
             "found from": _least,
-            "typical": lambda one: _strength(one.typical, one.unit),
+            "typical": lambda one: strength_in_words(one.typical, one.unit),
             f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
             "not told from": lambda one: ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen"),
         },
@@ -94,10 +94,5 @@ def _words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _strength(value: float, unit: str) -> str:
-    size, shown = prefixed(value, unit)
-    return amount(f"{value / size:.3g}", shown)
-
-
 def _least(one: Foreseen) -> str:
-    return "at no strength" if one.smallest is None else _strength(one.smallest, one.unit)
+    return "at no strength" if one.smallest is None else strength_in_words(one.smallest, one.unit)

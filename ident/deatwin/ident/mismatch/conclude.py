@@ -120,7 +120,7 @@ def _held_back(findings: Findings) -> Iterator[str]:
 
 def _seconds(findings: Findings) -> float:
     """How long the recordings are together, s."""
-    return sum(r.n_samples * r.sample_time for e in findings.checked.experiments for r in e.recordings)
+    return sum(r.duration for e in findings.checked.experiments for r in e.recordings)
 
 
 def _left(findings: Findings) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.plant.amplitudes import reported_size
+from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
             hide = "_"
         first = False
     axes.axhline(0.0, color="0.4", linewidth=0.6)
-    shown = "µm" if unit == "um" else unit
+    shown = written_unit(unit)
     axes.set_ylabel(f"measured − simulated ({shown})" if shown else "measured − simulated")
     several = len(readings.experiments) > 1
     axes.set_xlabel("time, experiments one after another (s)" if several else "time (s)")

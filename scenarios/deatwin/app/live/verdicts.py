@@ -82,6 +82,7 @@ class Verdict:
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """The diagnosis in words."""
+    from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
     unit = diagnosis.output.unit
@@ -100,7 +101,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": diagnosis.verdict.value,
         "tone": TONES.get(diagnosis.verdict.value, "bad"),
         "sentence": diagnosis.sentence,
-        "unit": "µm" if unit == "um" else unit,
+        "unit": written_unit(unit),
         "noise": diagnosis.noise,
         "causes": tuple(causes),
         "possible": tuple(diagnosis.names),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
-from deatwin.plant.amplitudes import axis_label
+from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.drawing import envelope
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import numbers_of_decades
@@ -55,7 +55,7 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     name, unit = diagnosis.output.name, diagnosis.output.unit
     tracks = laid_out(diagnosis.readings, unit)
     record = diagnosis.readings.experiments[0].recordings[0]
-    shown = "µm" if unit == "um" else unit
+    shown = written_unit(unit)
     input_unit = f" ({record.input_units[0]})" if record.input_units[0] not in ("", "1") else ""
     view = _View(
         tracks=tracks,

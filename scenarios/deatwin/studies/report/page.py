@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from deatwin.plant.amplitudes import reported_size
+from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import drawings
 from deatwin.studies.report.origin import Origin
@@ -37,7 +37,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         [*figures, *filter(None, steps.values())],
         origin,
         diagnosis=diagnosis,
-        unit="µm" if unit == "um" else unit,
+        unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,
         noise_source=noise_source(diagnosis),

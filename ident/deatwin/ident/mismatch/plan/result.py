@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import write_input
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import amount, axis_label, written_unit
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.recording import Recording
@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "deatwin/plan/1"
+
+
+def strength_in_words(value: float, unit: str) -> str:
+    """Write a strength to three digits, with a prefix to its SI unit."""
+    size, shown = prefixed(value, unit)
+    return amount(f"{value / size:.3g}", shown)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +72,8 @@ class Foreseen:
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: this input does not show it at any strength within its range"
-        size, unit = prefixed(self.smallest, self.unit)
-        amount = f"{self.smallest / size:.3g}" + ("" if unit in ("", "1") else f" {unit}")
-        shown = f"{name}: found from {self.strength.replace('_', ' ')} = {amount} on"
+        least = strength_in_words(self.smallest, self.unit)
+        shown = f"{name}: found from {self.strength.replace('_', ' ')} = {least} on"
         others = ", ".join(other.replace("_", " ") for other in self.alike)
         return f"{shown}; not told from {others}" if others else shown
 
@@ -164,7 +169,6 @@ class ExperimentPlan:
         axes.plot(typical, places, "d", color="tab:orange", label="at its typical strength")
         axes.axvline(self.noise, color="tab:gray", linestyle=":", label="sensor noise")
         axes.set_yticks(places, [one.effect.replace("_", " ") for one, _ in shown])
-        unit = written_amplitude({"um": "m"}.get(self.unit, self.unit))[0]
-        axes.set(xscale="log", xlabel="change of the reading, rms" + (f" ({unit})" if unit else ""))
+        axes.set(xscale="log", xlabel=axis_label("change of the reading, rms", written_unit(self.unit)))
         axes.legend()
         return axes

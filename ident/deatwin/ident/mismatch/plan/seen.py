@@ -41,9 +41,8 @@ def products(error: OwnError, derivatives: np.ndarray, changes: Sequence[Change]
     """What readings say of changes and of pairs of them, (k, k); `derivatives` (n, p) in deviations beforehand, SI."""
     nuisance = np.column_stack([derivatives, error.columns])
     rows = np.vstack([nuisance.T, *(change.readings for change in changes)]) / error.noise
-    whole = grams(error.process, np.array([error.ratio]), (error.times, error.records), np.ascontiguousarray(rows))[0][
-        0
-    ]
+    clock = (error.times, error.records)
+    (whole,), _ = grams(error.process, np.array([error.ratio]), clock, np.ascontiguousarray(rows))
     m = nuisance.shape[1]
     own, across, among = whole[:m, :m] + np.eye(m), whole[:m, m:], whole[m:, m:]
     return np.asarray(among - across.T @ np.linalg.solve(own, across))
