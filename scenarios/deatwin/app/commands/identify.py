@@ -124,6 +124,7 @@ def identify(
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
     from deatwin.app.identify_noise import biased_by_noise
+    from deatwin.app.identify_report import linear_errors
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -178,7 +179,8 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes)
+            linear = linear_errors(chosen.lags, identifier.output_lags, training, unseen) if tested.pole is None else []
+            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -227,6 +229,7 @@ def _write_report(
     complete: bool,
     notes: Sequence[str],
     clocks: list[str],
+    linear: Sequence[float],
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
 
@@ -238,6 +241,7 @@ def _write_report(
         complete=complete,
         notes=notes,
         clocks=clocks,
+        linear=linear,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
