@@ -111,7 +111,7 @@
       let column = 0;
       for (const cell of row.cells) {
         while (below[column] > 0) below[column++] -= 1;
-        cell.dataset.label = heads[column] ?? "";
+        if (cell.colSpan === 1) cell.dataset.label = heads[column] ?? "";
         below[column] = cell.rowSpan - 1;
         column += cell.colSpan;
       }
