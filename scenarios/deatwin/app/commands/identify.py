@@ -179,7 +179,9 @@ def identify(
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            linear = linear_errors(chosen.lags, identifier.output_lags, training, unseen) if tested.pole is None else []
+            linear = (
+                linear_errors(chosen.lags, output_lags or OUTPUT_LAGS, training, unseen) if tested.pole is None else []
+            )
             _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
