@@ -154,6 +154,9 @@ class Grow(NarxIdentifier):
             identifier=self,
         )
 
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        return data  # its linear start has a constant in any case
+
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return nothing: an error one step ahead above that of least squares is what its parameters are for."""
         return ()

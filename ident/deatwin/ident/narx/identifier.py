@@ -14,7 +14,7 @@ import numpy as np
 
 from deatwin.ident.narx.excess import excess_notes
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.origin import about_data
+from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
@@ -160,7 +160,8 @@ class NarxIdentifier(Identifier, ABC):
 
     Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
     estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
-    because powers of such signals are nearly identical. For recordings with several outputs, a clone of the estimator
+    because powers of such signals are nearly identical, and then (but for `Grow`), in a second run, count the outputs
+    from the rest of the model, where no constant term is needed. For recordings with several outputs, a clone of the estimator
     learns each equation, from the lags of all outputs and inputs.
 
     Attributes
@@ -222,6 +223,16 @@ class NarxIdentifier(Identifier, ABC):
         return self
 
     def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
+        """Return the model of all outputs, about their rest where signals lie far from zero."""
+        model = self._learn_each(data, progress)
+        resting = self._resting(data, model) if self.status_.ok else data
+        return model if resting is data else self._learn_each(resting, progress)
+
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        """Return the regressions about the rest of a model, where they are about origins that the data gave."""
+        return about_rest(data, model)
+
+    def _learn_each(self, data: list[Regression], progress: Progress) -> NarxModel:
         """Return the model of all outputs; with several, each equation is learned by a clone."""
         self.status_, self.equations_ = FitStatus.DONE, ()
         if len(data) == 1:
