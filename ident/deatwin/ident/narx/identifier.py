@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.ident.narx.excess import excess_notes
+from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
@@ -171,8 +172,8 @@ class NarxIdentifier(Identifier, ABC):
     status_ : FitStatus
         Outcome of the search.
     notes_ : tuple of str
-        Remarks on the fit, one sentence each; usually empty. The main one: the one-step error on the training data is
-        more than 1 % above that of least squares on the same terms.
+        Remarks on the fit, one sentence each; usually empty: the one-step error on the training data is more than 1 %
+        above that of least squares on the same terms, or an input acts only after its last lag in the model.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
         then on these estimators.
@@ -262,7 +263,7 @@ class NarxIdentifier(Identifier, ABC):
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return what is to be known about the fit to these recordings."""
-        return excess_notes(self.model_, recordings)
+        return excess_notes(self.model_, recordings) + late_inputs(self.model_, recordings)
 
     @abstractmethod
     def _check(self) -> None:

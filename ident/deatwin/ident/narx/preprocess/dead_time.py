@@ -45,8 +45,9 @@ class DeadTimeStatus(Enum):
         "the sample looks the same"
     )
     LOOP = (
-        "the input answers to the output, so a loop is suspected: the dead time is looked for from one sample on, "
-        "because an action within the sample cannot be distinguished from the controller's answer"
+        "the past of the output foretells this input, so a loop is suspected, unless the input is itself a reading with "
+        "noise or follows a cause that is not recorded, which the recordings cannot tell: its dead time is looked for from "
+        "one sample on, and may be that of what both follow"
     )
     ALIKE = (
         "dead times far apart fit equally well, because the input repeats itself, so none is told: record with an input "
@@ -234,7 +235,7 @@ def estimate_dead_time(
         decimated = any("decimated" in record.provenance for record in chosen)
         answers = [math.nan if decimated else answer_chance(signals, row, longest) for row in range(moving.size)]
         # A controller that answers within the sample acts at lag 0, whatever the plant does.
-        arx = LongArx.of(signals, longest, shortest=int(min(answers) < _LOOP))
+        arx = LongArx.of(signals, longest, shortest=[int(chance < _LOOP) for chance in answers])
         for row, which in enumerate(moving.tolist()):
             found[which] = _of_input(arx, row, which, chosen[0], output, probability, answers[row])
     for which in set(range(inputs.shape[0])) - set(found):
@@ -250,7 +251,7 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     ----------
     dead_times : sequence of DeadTime
         Dead time of each input; inputs without an estimate, or with several that fit as well, count as having
-        none.
+        none. Where a loop is suspected the lags without a dead time are covered too.
     count : int
         Number of lags from the end of an interval on, its end included.
 
@@ -264,7 +265,8 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
         if one.status is DeadTimeStatus.CONSTANT:
             continue
         low, high = one.interval if one.interval and one.status is not DeadTimeStatus.ALIKE else (1, 1)
-        lags |= set(range(low, high + count)) if low > 1 else set(range(1, count + 1))
+        lags |= set(range(low, high + count)) if low > 1 else set()
+        lags |= set(range(1, count + 1)) if low <= 1 or one.status is DeadTimeStatus.LOOP else set()
     return tuple(sorted(lags or range(1, count + 1)))
 
 
