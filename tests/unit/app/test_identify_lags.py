@@ -122,6 +122,9 @@ def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.Cap
     assert main(["identify", "loop.csv", *COLUMNS, *options]) == 0
     told = capsys.readouterr().out
     assert "a loop is suspected" in told and "closed loop" in told
+    assert "--first-input-lag 0" in told and "u(k) " not in told  # the controller's answer within the sample
+    low, high = map(float, re.search(r"95 % interval ([\d.]+) to ([\d.]+)\), \+", told).groups())
+    assert low <= 1.1 <= high < low + 0.02
     # z = 1.1 is +0.95 1/s and grows by e in ten samples; the estimate is within some per cent
     pole = float(re.search(r"the unstable pole: z = ([\d.]+), \+0\.\d+ 1/s", told).group(1))
     assert pole == pytest.approx(1.1, abs=0.02) and " steps ahead, in which it grows by e" in told

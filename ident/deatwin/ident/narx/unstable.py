@@ -99,7 +99,7 @@ def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording]) 
     return (
         f"a long ARX model of the recordings has an unstable pole, {_sized(found.pole, found.interval)}, "
         f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, the recording "
-        "was made in a closed loop, and no fit of the free run can find it; fit one step ahead (Armax, Frols)"
+        "was made in a closed loop, and no fit of the free run can find it; fit one step ahead, best with a model of the noise (Armax, Narmax)"
     )
 
 

@@ -171,7 +171,17 @@ def identify(
         _say(voice, model, errors, [label(record) for record in records])
         apart = disagreements(model, chosen.dead_times)
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        found = [*diverged, *lost(model, unseen, whole), *apart, *reliance.remarks, *identifier.notes_, *unexcited]
+        told = () if tested.validation is None else tested.validation.notes
+        found = [
+            *diverged,
+            *lost(model, unseen, whole),
+            *apart,
+            *reliance.remarks,
+            *identifier.notes_,
+            *told,
+            *unexcited,
+        ]
+        found = list(dict.fromkeys(found))
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:
