@@ -43,6 +43,28 @@ def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str
     return tuple(notes)
 
 
+def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a sentence on products of several noisy outputs, which stand for the noise as well as for the plant.
+
+    Each equation has the noise on the readings of all outputs in its regressors. At 0.1 % of noise no product is false,
+    at 5 % several are.
+    """
+    products = {v.index for term in model.terms if term.degree > 1 for v, _ in term.factors if v.kind == "y"}
+    if model.n_outputs == 1 or not products:
+        return ()
+    errors = np.concatenate([model.predict(record).residuals for record in recordings], axis=1).std(axis=1)
+    spreads = np.concatenate([record.outputs for record in recordings], axis=1).std(axis=1)
+    shares = np.divide(errors, spreads, out=np.zeros(model.n_outputs), where=spreads > 0)
+    if max(shares[row] for row in products) <= _WORTH_SAYING:
+        return ()
+    told = ", ".join(f"{100 * shares[row]:.2g} % of {model.output_names[row]}" for row in sorted(products))
+    return (
+        f"one step ahead {told} is left: if that is noise on the readings, it is in the regressors of all equations, and "
+        "products of outputs may stand for its bias instead of for the plant, however small their intervals; average, "
+        "filter or measure again before reading physics into them",
+    )
+
+
 def _note(name: str, error: float, least: float) -> str:
     """Say how much larger an error is than that of least squares, both in standard deviations of the output."""
     if least <= _RESOLVED:  # a ratio to rounding says nothing

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
@@ -160,7 +161,7 @@ class Grow(NarxIdentifier):
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Only late inputs: an error one step ahead above that of least squares is what its parameters are for."""
-        return late_inputs(self.model_, recordings)
+        return noisy_products(self.model_, recordings) + late_inputs(self.model_, recordings)
 
     def _parts(self, data: Regression) -> list[Regression]:
         """Cut every recording into so many parts; the first of each make the first regression, and so on."""

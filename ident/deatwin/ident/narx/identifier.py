@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.ident.narx.excess import excess_notes
+from deatwin.ident.narx.excess import excess_notes, noisy_products
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
@@ -173,7 +173,8 @@ class NarxIdentifier(Identifier, ABC):
         Outcome of the search.
     notes_ : tuple of str
         Remarks on the fit, one sentence each; usually empty: the one-step error on the training data is more than 1 %
-        above that of least squares on the same terms, or an input acts only after its last lag in the model.
+        above that of least squares on the same terms, an input acts only after its last lag in the model, or products of
+        several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
         then on these estimators.
@@ -263,7 +264,8 @@ class NarxIdentifier(Identifier, ABC):
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return what is to be known about the fit to these recordings."""
-        return excess_notes(self.model_, recordings) + late_inputs(self.model_, recordings)
+        model = self.model_
+        return excess_notes(model, recordings) + noisy_products(model, recordings) + late_inputs(model, recordings)
 
     @abstractmethod
     def _check(self) -> None:

@@ -40,7 +40,8 @@ SCHEMA = "deatwin/validation/1"
 
 _WITH_INPUT = ("ue", "(u2)'e", "(u2)'e2")
 _LEAST_SAMPLES = 4  # for each lag that is tested
-_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors
+_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors of the arithmetic
+_DIGITS = 1e-8  # and below this share of the output's deviation those of a file's nine digits: no sensor has 160 dB
 
 
 class ValidationStatus(Enum):
@@ -363,7 +364,9 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
             f"{max_lag} lags need {needed}"
         )
     largest = np.max([np.abs(record.outputs).max(axis=1) for record in chosen], axis=0)
-    exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= _ROUNDING * largest))
+    spread = np.concatenate([record.outputs for record in chosen], axis=1).std(axis=1)
+    rounding = np.maximum(_ROUNDING * largest, _DIGITS * spread)
+    exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= rounding))
     inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
     rows = range(model.n_outputs)
     diverged = tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None)

@@ -123,7 +123,7 @@ def identify(
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
-    from deatwin.app.identify_noise import biased_by_noise
+    from deatwin.app.identify_noise import biased_by_noise, outlying
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -169,7 +169,7 @@ def identify(
         alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
-        apart = disagreements(model, chosen.dead_times)
+        apart = [*outlying(training), *disagreements(model, chosen.dead_times)]
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
         told = () if tested.validation is None else tested.validation.notes
         found = [
