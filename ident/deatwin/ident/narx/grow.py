@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
-from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error

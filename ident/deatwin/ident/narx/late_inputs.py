@@ -35,6 +35,8 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     """Return a sentence for each input and output between which nothing acts up to the model's last lag, but later."""
     from deatwin.ident.narx.preprocess import DeadTimeStatus
 
+    longest = max(record.n_samples for record in recordings)
+    recordings = [record for record in recordings if record.n_samples > longest // 4]  # as far as lags are looked at
     said = []
     told = (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
     predicted = [model.predict(record) for record in recordings]
@@ -42,7 +44,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
         inputs = _whitened([record.inputs[column] for record in recordings])
         for row in range(model.n_outputs):
             last = _last_lag(model, column, row)
-            most = min(last + _BEYOND, min(record.n_samples for record in recordings) // 4)
+            most = min(last + _BEYOND, longest // 4)
             if most <= last:
                 continue
             outputs = _whitened([record.outputs[row] for record in recordings])

@@ -55,7 +55,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
     head = 1 if first_lag else 1 + n_inputs
     columns = np.concatenate([_columns(*one, most, first_lag) for one in signals], axis=1)
     n = columns.shape[1]
-    triangle = np.linalg.qr(columns.T, mode="r")
+    triangle = np.asarray(np.linalg.qr(columns.T, mode="r"), dtype=np.float64)
     tail = triangle[:, -n_outputs:]
     floor = n * _RESOLVED**2 * np.eye(n_outputs)
     left = [tail[k:].T @ tail[k:] + floor for k in range(head, head + most * width + 1, width)]  # with 0, 1, ... lags

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
 _SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that side
+_WORTH_SAYING = 0.01  # share of the rate of growth by which poles differ
 _SURER = 3.1  # the same where nothing else speaks for it: one false word in a thousand
 
 
@@ -87,7 +88,9 @@ class Unstable:
         told += f", {_rate(self.recorded_pole, self.sample_time)}"
         if low <= 1.0:
             return f"{told}: the recordings do not tell it from a stable one"
-        return told if low <= abs(self.pole) <= high else f"{told}: trust that one"
+        rates = np.log([abs(self.pole), abs(self.recorded_pole)])
+        apart = abs(rates[0] - rates[1]) > _WORTH_SAYING * rates[1] and not low <= abs(self.pole) <= high
+        return f"{told}: trust that one" if apart else told
 
 
 def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording]) -> str:
