@@ -35,7 +35,7 @@ class FitStatus(Enum):
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
     )
     LOOP_SUSPECTED = (
-        "the input answers to the output, so a loop is suspected, and a model of the output error is biased by it: use "
+        "the past of the output foretells an input, so a loop is suspected, and a model of the output error is biased by it: use "
         "Armax or BoxJenkins, which model the noise"
     )
 
