@@ -459,14 +459,14 @@ class Builder:
             **{f"the guess of {n}": value for n, value in self._guesses.items()},
         }
         moving = {**rates, **balances, **watched, "the reading": output}
-        x, z, _, u, _, p, c = arguments
+        x, z, d, u, _, p, c = arguments
         held = {f"the value of {n} at rest": value for n, (_, value) in self._held.items()}
         starts = {f"the start of state {n}": s for n, (_, _, s) in self._states.items() if s is not None}
         if fault := unknown_symbols(arguments, moving):
             raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
         if fault := unknown_symbols([p, c], fixed):
             raise RigError(f"{fault}parameters and constants are all it may depend on")
-        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, u, p, c])):
+        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, d, u, p, c])):
             if fault := unknown_symbols(allowed, equations):
                 raise RigError(f"{fault}states, coordinates, parameters and constants are all it may depend on")
         if what := not_a_number({**moving, **fixed, **held, **starts}):
