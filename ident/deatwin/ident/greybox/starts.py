@@ -59,7 +59,7 @@ def least(problem: Problem, starts: int, evaluations: int, tolerance: float | No
         try:
             one, cost = _through_openings(start, options)
         except KeyboardInterrupt:
-            raise Interrupted(replace(best, evaluations=spent)) from None
+            raise Interrupted(replace(best, evaluations=spent, status=FitStatus.INTERRUPTED)) from None
         spent += cost
         if one is not None:
             found = [min(first, one, key=_rms)] if start is problem else [*found, one]

@@ -21,41 +21,13 @@ _PLACEHOLDER = re.compile(r"[A-Z]{4,}")  # NAME, PLACE, SECONDS: for the user to
 _REPAIRS = 8
 """There are seven options, so that more rounds than this add nothing."""
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
-_WORDS = {
-    "input": (
-        *("u", "uin", "vin", "input", "in", "cmd", "command", "control", "excitation", "drive", "voltage", "volt"),
-        *(
-            "v",
-            "reference",
-            "ref",
-            "setpoint",
-            "target",
-            "pwm",
-            "eingang",
-            "soll",
-            "stell",
-            "spannung",
-            "strom",
-            "current",
-            "torque",
-        ),
-    ),
-    "output": (
-        *("y", "out", "output", "displacement", "disp", "position", "pos", "weg", "x", "measured", "response"),
-        *(
-            "encoder",
-            "angle",
-            "speed",
-            "velocity",
-            "level",
-            "ausgang",
-            "ist",
-            "auslenkung",
-            "deflection",
-            "temperature",
-        ),
-    ),
+_USUAL_WORDS = {
+    "input": "u uin vin input in cmd command control excitation drive voltage volt v reference ref setpoint target pwm "
+    "eingang soll stell spannung strom current torque",
+    "output": "y out output displacement disp position pos weg x measured response encoder angle speed velocity level "
+    "ausgang ist auslenkung deflection temperature",
 }
+_WORDS = {role: tuple(words.split()) for role, words in _USUAL_WORDS.items()}
 """Names that people give their inputs and outputs, the surest first; they only order a guess that is called one."""
 
 
