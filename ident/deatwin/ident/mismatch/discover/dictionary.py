@@ -91,7 +91,8 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
         The simpler first; none of signals that do not move.
     """
     h = max(float(np.diff(signals["time"][:2]).sum()) for signals in along)
-    times = np.geomspace(*(max(seconds, samples * h) for seconds, samples in (SHORTEST, LONGEST)), TIMES)
+    first, last = (max(seconds, samples * h) for seconds, samples in (SHORTEST, LONGEST))
+    times = np.geomspace(first, last, TIMES)
     names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
     given: dict[str, dict[str, Any]] = {
         name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names
