@@ -80,14 +80,14 @@ _SYMBOLS = {
     "min": Unit("s", 60),
     "h": Unit("s", 3600),
     "day": Unit("s", 86400),  # its symbol, d, ends too many names
-    **_scaled("V", "munkM"),
+    **_scaled("V", "munk"),
     **_scaled("A", "munpk"),
     **_scaled("ohm", "umkMGT"),
     **_scaled("F", "munp"),
     **_scaled("C", "munp"),  # without a prefix it is not known which
     "coulomb": Unit("C"),
-    **_scaled("W", "munkM"),
-    **_scaled("J", "munkM"),
+    **_scaled("W", "munk"),
+    **_scaled("J", "munk"),
     **_scaled("m", "cmunk"),
     "inch": Unit("m", 254, 1e4),  # its symbol is a word
     **_scaled("m3", "mu", "l", 1, 1e3),
@@ -118,6 +118,8 @@ _SYMBOLS = {
     "%": Unit("1", 1, 1e2),
     "ppm": Unit("1", 1, 1e6),
 }
+_WITHIN = {"MV": _reduced("V", 1e6, 1)}
+"""Symbols within products and quotients only: alone they are more often a misspelt mV."""
 _FACTOR = re.compile(r"([^\d-]+?)(-?\d)")
 
 
@@ -152,10 +154,11 @@ _KINDS = {
 def _derived(name: str) -> Unit | None:
     """Return the unit that a product or quotient of known symbols is, with any prefixes; None if it is none."""
     above, below, base = 1.0, 1.0, Counter[str]()
-    if not (powers := _powers(name)):
+    powers = _powers(name)
+    if not powers or name in _WITHIN:
         return None
     for symbol, power in powers.items():
-        unit = _SYMBOLS.get(symbol)
+        unit = _SYMBOLS.get(symbol) or _WITHIN.get(symbol)
         if unit is None or not symbol:
             return None
         up, down = (unit.numerator, unit.denominator) if power > 0 else (unit.denominator, unit.numerator)

@@ -19,6 +19,7 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("t_rel (ms)", "t_rel", "ms"),
         ("x_mm (V)", "x_mm", "V"),
         ("film_voltage", "film_voltage", ""),
+        ("command_MV", "command_MV", ""),
         ("x_left (left)", "x_left", ""),
         ("gain (V)_mm", "gain (V)", "mm"),
         ("mm", "mm", ""),
