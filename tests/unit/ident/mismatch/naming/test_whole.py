@@ -30,13 +30,13 @@ def together(monkeypatch: pytest.MonkeyPatch):
     """Sets what fits to everything leave."""
 
     def leave(sizes: dict[str, float]) -> None:
-        def calibrate(plant, parts, starts, tolerance):
+        def descend(plant, parts, tolerance):
             rms = sizes[plant.name]
             status = SimpleNamespace(ok=rms != FAILS)
             names = ("a",) * 8
             return SimpleNamespace(status=status, plant=plant, residuals=wave(rms, 10_000), names=names, at_bound=())
 
-        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.calibrate", calibrate)
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.descend", descend)
 
     return leave
 
