@@ -77,6 +77,30 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     return _with_all(search, naming, first).as_likely(possible[:1])
 
 
+def with_doubt(search: Search, naming: Naming) -> Naming:
+    """A decision for a pair, with the single effects as rivals over which it is not likelier by far.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+    naming : Naming
+        Its decision.
+
+    Returns
+    -------
+    Naming
+        Each of those as likely as the pair: what their laws miss is known no better.
+    """
+    pair = None if naming.best is None else search.tried.get(naming.best.effects)
+    if pair is None or len(pair.effects) != 2:
+        return naming
+    scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
+    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
+    possible = [c for c in alone if search.is_possible(c)]
+    return naming.as_likely([c for c in possible if scale.of_two(pair, c) < STRONG])
+
+
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Beside which single effects which others promise most, to first order: those that make the likeliest pairs."""
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]

@@ -8,7 +8,7 @@ import pytest
 from deatwin.ident.mismatch.naming import name
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
-from deatwin.ident.mismatch.naming.pairs import _doubted, with_a_second
+from deatwin.ident.mismatch.naming.pairs import _doubted, with_a_second, with_doubt
 from deatwin.ident.mismatch.naming.sets import Search
 
 CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
@@ -165,6 +165,21 @@ def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
     assert naming.candidates == tuple(search.tried.values())
     assert naming.best is search.tried[CLIP]
     assert naming.noise == 1.9
+
+
+def test_a_pair_has_the_single_effects_as_rivals_over_which_it_is_not_likelier_by_far(leaving, candidate, scale):
+    """A third one, whose law lies between those of the two, may do what both do; what explains little may not."""
+    third = candidate("dielectric_absorption", rms=2.7)
+    search = Known(*leaving(5.0, 3.0, 4.6, 2.2), third)
+    both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
+    assert with_doubt(search, both) is both
+    scale(odds=STRONG - 0.1)
+    doubted = with_doubt(search, both)
+    assert doubted.best is search.tried[PAIR]
+    assert {rival.effects for rival in doubted.rivals} == {CLIP, third.effects}
+    assert doubted.probabilities[CLIP] == pytest.approx(1 / 3)
+    alone = first_alone(search)
+    assert with_doubt(search, alone) is alone
 
 
 def test_an_answer_of_two_and_none_are_left_as_they_are(leaving):
