@@ -78,7 +78,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
-    """A decision for a pair, with the single effects as rivals over which it is not likelier by far.
+    """A decision for a pair, with those of its effects and the likeliest one as rivals that it is not far likelier than.
 
     Parameters
     ----------
@@ -97,8 +97,9 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
         return naming
     scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
-    possible = [c for c in alone if search.is_possible(c)]
-    return naming.as_likely([c for c in possible if scale.of_two(pair, c) < STRONG])
+    possible = sorted((c for c in alone if search.is_possible(c)), key=lambda c: -scale.weight(c))
+    asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:

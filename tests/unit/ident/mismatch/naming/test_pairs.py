@@ -167,10 +167,10 @@ def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
     assert naming.noise == 1.9
 
 
-def test_a_pair_has_the_single_effects_as_rivals_over_which_it_is_not_likelier_by_far(leaving, candidate, scale):
-    """A third one, whose law lies between those of the two, may do what both do; what explains little may not."""
-    third = candidate("dielectric_absorption", rms=2.7)
-    search = Known(*leaving(5.0, 3.0, 4.6, 2.2), third)
+def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_than(leaving, candidate, scale):
+    """The likeliest one, whose law lies between those of the two, may do what both do; what explains little may not."""
+    third, fourth = candidate("dielectric_absorption", rms=2.7), candidate("sensor_drift", rms=2.9)
+    search = Known(*leaving(5.0, 3.0, 4.6, 2.2), third, fourth)
     both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
     assert with_doubt(search, both) is both
     scale(odds=STRONG - 0.1)
