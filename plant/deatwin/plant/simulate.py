@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as ca
@@ -56,7 +56,12 @@ class Run:
     watched: np.ndarray | None
     failed_at: int | None  # Sample in which the simulation failed
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
-    snaps: tuple[int, ...] = ()  # Samples in which the film snaps to another equilibrium (plain runs)
+    look_for_snaps: Callable[[], tuple[int, ...]] = tuple  # Those of a plain run; takes as long as the run
+
+    @cached_property
+    def snaps(self) -> tuple[int, ...]:
+        """Samples in which the film snaps to another equilibrium (plain runs)."""
+        return self.look_for_snaps()
 
 
 class Simulator:
@@ -116,8 +121,8 @@ class Simulator:
             status = self._why(rest, rest_command, commands[done], values)
             fault = self._fault(status, rest, path, inputs[:, done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        snaps = snap_throughs(self.equations, rest, path, inputs[:, :done], rest_command, values)
-        return replace(_run(status, outputs, None, signals, fault), snaps=snaps)
+        snaps = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], rest_command, values)
+        return replace(_run(status, outputs, None, signals, fault), look_for_snaps=snaps)
 
     def run_with_sensitivities(
         self,

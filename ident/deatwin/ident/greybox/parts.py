@@ -141,10 +141,18 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     """Free-run readings of a plant at the samples that count. `parts` which samples; returns (n,)."""
     pieces = []
     for part in parts:
-        simulation = plant.simulate(part.experiment)
-        if not simulation.status.ok:
+        timeline = plant.timeline(part.experiment)
+        run = plant.simulator.run(  # `plant.simulate` also looks for events, as long again
+            timeline.commands,
+            start=timeline.start,
+            sample_time=timeline.sample_time,
+            rest_command=plant.rig.start.rest_command,
+            values=plant.free_values,
+            channels=timeline.channels,
+        )
+        if not run.status.ok:
             return None
-        pieces += [y[0, m] for y, m in zip(simulation.outputs, part.masks, strict=True)]
+        pieces.append(run.outputs[part.counted(timeline) + 1])
     return np.concatenate(pieces)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.model import Process
 from deatwin.plant.effects.base import Effect
+from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 
 DATA_SHEET = 0.3
@@ -23,6 +24,8 @@ TIMING = 0.15
 """Deviation of the time at which a reading is taken, in samples."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow error as a share of the rig's, its time constant in samples, and the modes that are kept of it."""
+SPREAD, NOISE = 0.7, 0.1
+"""Deviations of the logarithms of the fast error's rms, a factor of two either way, and of the noise's."""
 LEAST_ERROR = 0.05
 """Of the noise: a rig that states no error of its own still has one that is too small to be seen."""
 
@@ -71,6 +74,33 @@ def deviation(parameter: Parameter) -> float:
     if parameter.scale is Scale.LOGARITHMIC:
         return DATA_SHEET
     return DATA_SHEET * abs(parameter.scale.to_coordinate(parameter.value)) or _width(parameter)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coordinate:
+    """A parameter's coordinate before the recording; one that cannot be negative has half of that normal law."""
+
+    mean: float
+    deviation: float
+    one_sided: bool = False
+
+
+def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
+    """What is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI."""
+    if parameter.name in nominal.parameters:
+        known = nominal.parameters[parameter.name]
+        return Coordinate(mean=known.scale.to_coordinate(known.value), deviation=deviation(known))
+    name, _, own = parameter.name.partition(".")
+    effect = effects[name]
+    typical = effect.described(own)
+    if own == effect.strength:
+        return Coordinate(mean=0.0, deviation=strength_deviation(effect), one_sided=typical.lower >= 0.0)
+    if typical.scale is Scale.LOGARITHMIC:
+        return Coordinate(mean=typical.scale.to_coordinate(typical.value), deviation=RATE)
+    if own == effect.threshold:  # in the upper half of what is reached, or nothing would be seen of it
+        high = typical.upper if typical.unit == "V" else min(typical.upper, reading)
+        return Coordinate(mean=0.75 * high, deviation=0.25 * high)
+    return Coordinate(mean=typical.value, deviation=min(_width(typical), max(abs(typical.value), 1.0)))
 
 
 def strength_deviation(effect: Effect) -> float:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.special import logsumexp
 
@@ -103,6 +102,8 @@ def _of_one(reading: Reading, prior: Prior) -> Evidence:
 
 def _integral(curve: _Curve, centre: float, spread: float) -> float:
     """Log of the integral over log ρ: over the prior, about the best value there, then across the peak."""
+    from scipy.interpolate import CubicSpline
+
     curve.extend(centre + FAR * spread * np.linspace(-1.0, 1.0, NODES))
     for _ in range(SHIFTS):
         at, best = curve.at, int(np.argmax(curve.values))

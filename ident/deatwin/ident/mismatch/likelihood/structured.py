@@ -1,7 +1,7 @@
 r"""Columns of what is known of a plant's own error and of the laws of its effects, scaled by prior deviations.
 
 B β: bends of the instantaneous relation (polynomials of degree 2 to 7 of the simulated reading), timing (its
-derivative), known directions, and slow modes. L λ: what an effect contributes, times slow polynomials.
+derivative), known directions, and slow modes. L λ: what another law of an effect would do.
 """
 
 from __future__ import annotations
@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.polynomial.legendre import legval, legvander
+from numpy.polynomial.legendre import legvander
 
 DEGREES = (2, 7)
 """Of bends: what is constant or linear the parameters take up; a bend of higher degree is no static relation of a film."""
+FILTERS = 8
+"""Time constants of another law: between two of them none acts differently by more than a few per cent."""
+TINY = 1e-300
+"""Of a size by which is divided."""
 GRID = 200
 """Points on which slow modes are found: the slowest few are smooth over so many."""
 
@@ -49,15 +53,21 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
     return np.column_stack([np.interp(times, grid, mode) for mode in largest.T])
 
 
-def law(contribution: np.ndarray, times: np.ndarray, share: float) -> np.ndarray:
-    """What the law of an effect may miss of its contribution (n,): `share` of it, along four slow polynomials, (n, 4).
+def law(contribution: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """What another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
 
-    Two of time and two of amplitude: Legendre polynomials of degree 1 and 2 over the experiment, and over the range of
-    the contribution.
+    A law that bends (powers of the contribution, and its size), changes with time, or acts with other times: what
+    first-order filters make of it, from one sample to the whole recording.
     """
-    along = [_unit(times), _unit(contribution)]
-    shapes = [legval(unit, [0.0] * degree + [1.0]) for unit in along for degree in (1, 2)]
-    return share * contribution[:, None] * np.column_stack(shapes)
+    from scipy.signal import lfilter
+
+    along, clock = contribution / max(float(np.abs(contribution).max()), TINY), _unit(times)
+    steps = np.diff(times)
+    step = float(np.median(steps)) if steps.size else 1.0
+    decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
+    columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
+    columns += [lfilter([1.0 - decay], [1.0, -decay], along) for decay in decays]
+    return np.asarray(np.linalg.qr(np.column_stack(columns))[0])
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

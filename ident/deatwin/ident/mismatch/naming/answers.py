@@ -13,8 +13,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, with_distances
 from deatwin.ident.mismatch.naming.limits import with_limits
-from deatwin.ident.mismatch.naming.overlap import with_overlap
-from deatwin.ident.mismatch.naming.pairs import barely
+from deatwin.ident.mismatch.naming.pairs import barely, with_doubt
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names, once
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
@@ -135,7 +134,7 @@ def settled(search: Search, stage: Sequence[Names]) -> Naming:
 def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
     """A decision with the rivals that all recordings together bring back, for each order in which it may be verified.
 
-    And with those that its best one has become, and those that may do what two effects have in common.
+    And with those that its best one has become, and single effects whose laws may do what two do.
 
     Parameters
     ----------
@@ -152,7 +151,7 @@ def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
     judged = judged_on_everything(naming, search.bench, search.is_possible)
     shown = shown_first(search, judged)
     for answer in (judged,) if shown is judged else (shown, judged):
-        yield with_overlap(with_limits(answer, search.is_possible), search.is_possible)
+        yield with_doubt(search, with_limits(answer, search.is_possible))
 
 
 def shown_first(search: Search, naming: Naming) -> Naming:

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
-from deatwin.ident.mismatch.naming.overlap import have_most_in_common
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names
+from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
 
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
-TENTH = 0.1
-"""Of the mismatch's energy: no mechanism's law is known to the last term, and a second effect that takes less beside
-one that suffices mends the law of that one."""
+BESIDE, TRIED = 3, 4
+"""The likeliest single effects beside which others are looked for, since a promise to first order says the less the
+farther a fit is from what is right; and the pairs that are tried, of those that promise to be likelier."""
 
 
 def barely(search: Search) -> Naming:
@@ -39,11 +39,10 @@ def barely(search: Search) -> Naming:
 
 
 def with_a_second(search: Search, naming: Naming) -> Naming:
-    """The decision of a search, or where that is a single effect, one over pairs whose second has a part of its own.
+    """The decision of a search, or where that is a single effect, one over pairs that are likelier by far.
 
-    What suffices alone may leave as much as nobody knows the plant's own error by, and a second effect may be in that:
-    one that takes a share of the mismatch which no term that the law of the first may lack would, on the fitted and on
-    the unseen part, for the tail of a slow effect is mended by anything.
+    What suffices alone may imitate two. So the pairs that promise most beside all single effects that were fitted are
+    tried, and weighed against these, whose laws may err.
 
     Parameters
     ----------
@@ -55,25 +54,88 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        As it was, unless a pair explains the recordings that is likelier by far; where its second effect counts for
-        less than the floor, the first one alone stays a rival.
+        As it was, unless a pair is likelier: that one if it is so by far and explains the recordings, else with it as a
+        rival.
     """
     first = naming.best
-    if first is None or len(first.effects) > 1 or not _leaves_room(search, first.effects):
+    if first is None or len(first.effects) > 1:
         return naming
-    search.beside(first.effects)
-    best = search.best_of(_of_two(search, first.effects))
-    if best is None:
-        return _with_all(search, naming, first)
-    search.fit_fewer(best)
-    search.replacing(first.effects, best)
-    found = _doubted(search, _of_two(search))
-    if found.best is not None and found.best.effects != best:  # a fit given up, or rough, says little of one alone
-        search.fit_fewer(found.best.effects)
-        found = _doubted(search, _of_two(search))
-    alone = search.tried[first.effects].evidence
-    likelier = found.best is not None and found.best.evidence - alone > STRONG
-    return found if likelier else _with_all(search, naming, first)
+    scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
+    for alone, others in _promising(search, scale).items():
+        search.with_each(alone, others)
+    best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
+    if best is not None and odds[best] > STRONG:
+        search.fit_fewer(best)  # a fit given up, or rough, says little of one alone
+        search.replacing(best, best)
+        odds = _odds(search, scale, first)
+    surely = [search.tried[names] for names, value in odds.items() if value > STRONG]
+    found = search.decision([pair for pair in surely if pair.adequate and search.counts(pair)], lambda _: True)
+    if found.best is not None:
+        return found
+    likelier = [search.tried[names] for names, value in odds.items() if value > 0.0]
+    possible = sorted((pair for pair in likelier if search.is_possible(pair)), key=lambda pair: -scale.weight(pair))
+    return _with_all(search, naming, first).as_likely(possible[:1])
+
+
+def with_doubt(search: Search, naming: Naming) -> Naming:
+    """A decision for a pair, with those of its effects and the likeliest one as rivals that it is not far likelier than.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+    naming : Naming
+        Its decision.
+
+    Returns
+    -------
+    Naming
+        Each of those as likely as the pair: what their laws miss is known no better.
+    """
+    pair = None if naming.best is None else search.tried.get(naming.best.effects)
+    if pair is None or len(pair.effects) != 2:
+        return naming
+    scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
+    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
+    possible = sorted((c for c in alone if search.is_possible(c)), key=lambda c: -scale.weight(c))
+    asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c) < STRONG])
+
+
+def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
+    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs."""
+    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
+    weights = {c.effects: scale.weight(c) for c in alone}
+    highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
+    alone = sorted(alone, key=lambda c: -weights[c.effects])[:BESIDE]
+    promised = sorted(
+        (
+            (weights[c.effects] + odds - highest, c.effects, other)
+            for c in alone
+            for other, odds in scale.promises(c, search.known()).items()
+        ),
+        key=lambda one: -one[0],
+    )
+    chosen: dict[frozenset[str], tuple[Names, str]] = {}
+    for odds, names, other in promised:
+        pair = frozenset((*names, other))
+        if odds > 0.0 and pair not in tried and len(chosen) < TRIED:
+            chosen.setdefault(pair, (names, other))
+    found: dict[Names, list[str]] = {}
+    for names, other in chosen.values():
+        found.setdefault(names, []).append(other)
+    return found
+
+
+def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
+    """Log odds of each pair that was fitted over the likeliest of the first effect and its own two."""
+    found: dict[Names, float] = {}
+    for names, pair in list(search.tried.items()):
+        if len(names) != 2 or pair.calibration.given_up:
+            continue
+        alone = [c for c in search.without_one(names) if c.effects != first.effects]
+        found[names] = min(scale.of_two(pair, c) for c in (search.tried[first.effects], *alone))
+    return found
 
 
 def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
@@ -84,37 +146,6 @@ def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
     again, before = search.tried[first.effects], now.get(id(first.calibration), first)
     best = again if suffices(again, search.tried[()]) and search.counts(again) else before
     return replace(naming, candidates=tried, best=best, rivals=rivals, noise=search.noise)
-
-
-def _leaves_room(search: Search, names: Names) -> bool:
-    """Whether what an explanation leaves is more than the floor on a part, and enough for a second effect on both.
-
-    That it is not certainly more does not count: the unseen part is short, and what is missing there may be slow.
-    """
-    left, base = search.tried[names], search.tried[()]
-    within_floor = left.fitted_test.within_floor and left.unseen_test.within_floor
-    return not within_floor and all(
-        after.size**2 >= max(BARELY * search.floor_power(names), TENTH * before.size**2)
-        for after, before in ((left.fitted_test, base.fitted_test), (left.unseen_test, base.unseen_test))
-    )
-
-
-def _of_two(search: Search, first: Names = ()) -> list[Names]:
-    """The pairs of two things that were tried, some before one was found to do; those with the `first` effects."""
-    pairs = [names for names in search.tried if len(names) == 2 and {*first} <= {*names}]
-    return [names for names in pairs if _is_of_two(search, names)]
-
-
-def _is_of_two(search: Search, names: Names) -> bool:
-    """Whether a pair explains the recordings, and each of the two does what the law of the other may not lack.
-
-    Where they have most of it in common, both do mostly the same, and together they bend their law.
-    """
-    pair, base = search.tried[names], search.tried[()]
-    if not (pair.adequate and search.counts(pair) and _each_takes(search, names, TENTH)):
-        return False
-    alone = list(search.without_one(names))
-    return len(alone) == len(names) and not have_most_in_common(pair, alone, base)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
@@ -129,6 +129,12 @@ class Search(Tried):
         stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
         best = self.best_of(stage)
         return stage if best is None else once([*stage, *self._siblings(names, best)])
+
+    def with_each(self, names: Names, chosen: Collection[str]) -> list[Names]:
+        """Try each of some effects beside those of `names`, where that was not done."""
+        fit = self.tried[names].calibration
+        found = [lead for lead in self._leads(names) if lead.effect.name in chosen]
+        return self._new(trials_of(unbent_like(self.bench, fit.plant), fit, found))
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.

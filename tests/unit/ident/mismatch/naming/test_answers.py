@@ -108,7 +108,7 @@ def test_what_the_evidence_has_first_comes_after_what_was_shown(led_by_a_swing, 
     """Were the one that leads refuted, nobody would have asked the likelier one."""
     search, naming = led_by_a_swing
     shown(*seen)
-    for step in ("judged_on_everything", "with_limits", "with_overlap"):
+    for step in ("judged_on_everything", "with_limits"):
         monkeypatch.setattr(f"deatwin.ident.mismatch.naming.answers.{step}", lambda naming, *_: naming)
     assert [answer.best.effects for answer in on_everything(search, naming)] == orders
 

@@ -1,0 +1,178 @@
+r"""Whether two effects are likelier than one of them whose law is not exact, by the likelihood of all readings.
+
+No law of a mechanism is exact, and a second effect mends what the law of the first one lacks. So the first one alone
+may err along whatever the second one does beside it, as far as laws err: with :math:`\delta` for the difference of what
+the one and the two leave, split into what another law of the first could do and the rest, and :math:`c` for what the
+first one does,
+
+.. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
+          + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
+
+No other error of its law would serve the first one better, since the directions are those of the two. What is more than
+errors of that size is a second effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.likelihood import structured
+from deatwin.ident.mismatch.likelihood.beforehand import (
+    FAST,
+    NOISE,
+    PRIORS,
+    SPREAD,
+    OwnError,
+    coordinate,
+    strength_deviation,
+)
+from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
+from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.plan.seen import Change, products
+
+OWN, OTHER = 0.05, 0.015
+"""Deviation of what a law misses along a second effect, as a share of what its own effect does: of what another law of
+its own could do, and of the rest."""
+LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
+"""Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
+between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
+FAR = 1e-300
+"""Of a size by which is divided."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scale:
+    """On which candidates are weighed: the `base` plant, and the sensor's `noise`, SI."""
+
+    bench: Bench
+    base: Candidate
+    noise: float
+
+    def of_two(self, pair: Candidate, alone: Candidate) -> float:
+        """Log odds of a pair over one effect whose law errs."""
+        return self.weight(pair) - self.weight(alone, self._law(pair, alone)) + self._beforehand
+
+    def weight(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
+        """Log evidence of a candidate's fit, with columns (n, k) in which its law may err."""
+        fit = candidate.calibration
+        columns, prior = self._columns(candidate)
+        if law is not None:
+            columns = np.column_stack([columns, law])
+            prior = Prior(
+                fitted=np.append(prior.fitted, np.zeros(law.shape[1])),
+                above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
+            )
+        reading = Reading(
+            times=self.error.times,
+            records=self.error.records,
+            residual=fit.residuals,
+            columns=columns,
+            process=self.error.process,
+            kappa=LogNormal(median=FAST * self.error.rms, spread=SPREAD),
+            sigma=LogNormal(median=self.noise, spread=NOISE),
+        )
+        events = sum(name in fit.plant.event_times for name in fit.names)
+        # Each time of the recordings is as likely for an event, in which no reading is smooth.
+        return evidence([reading], prior).log - events * float(np.log(np.ptp(self.error.times)))
+
+    @cached_property
+    def error(self) -> OwnError:
+        """The plant's own error, as the base plant moves."""
+        parts = self.bench.fitted
+        return OwnError(
+            readings=readings_of_fit(parts, self.base.calibration.residuals),
+            times=np.concatenate([part.timepts for part in parts]),
+            records=np.repeat(np.arange(len(parts)), [part.size for part in parts]),
+            sample_time=self.bench.nominal.rig.sample_time,
+            noise=self.noise,
+            stated=self.bench.expected_error,
+        )
+
+    def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
+        """Derivatives and the plant's own error in deviations beforehand, (n, k), and where the fit lies in them."""
+        fit, effects = candidate.calibration, {effect.name: effect for effect in self.bench.effects}
+        moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
+        parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
+        largest = float(np.quantile(np.abs(self.error.readings), 0.99))
+        known = [coordinate(p, self.bench.nominal, effects, largest) for p in parameters]
+        at = np.array([p.scale.to_coordinate(p.value) for p in parameters])
+        mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
+        columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
+        sided = [k for k, one in enumerate(known) if one.one_sided]
+        prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
+        return columns, prior
+
+    def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
+        """What the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
+        does, sizes = alone.contribution, self._missed(alone)
+        apart = alone.calibration.residuals - pair.calibration.residuals
+        if not np.isfinite(does).all() or not does.any():
+            return structured.known(apart[:, None], sizes[:1])
+        basis = structured.law(does, self.error.times)
+        own = basis @ (basis.T @ apart)
+        return structured.known(np.column_stack([own, apart - own]), sizes)
+
+    def _missed(self, alone: Candidate) -> tuple[float, float]:
+        """Rms of what the law of one effect may miss, SI: by another law of its own, and else."""
+        # What the plant does without the effect may be no equilibrium: no effect does more than the whole motion.
+        does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
+        own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
+        return own * does, other * does
+
+    def promises(self, alone: Candidate, known: Sequence[Footprint]) -> dict[str, float]:
+        """Log odds of each further effect beside one that was fitted, to first order, over an error of that one's law.
+
+        Of the shape that promises most.
+        """
+        fit, effects = alone.calibration, {effect.name: effect for effect in self.bench.effects}
+        own = self._columns(alone)[0][:, : -self.error.columns.shape[1]]
+        changes = [Change(effect="", readings=fit.residuals, typical=1.0, deviation=1.0, one_sided=False)]
+        for one in known:
+            strength = one.effect.described(one.effect.strength)
+            changes.append(
+                Change(
+                    effect=one.effect.name,
+                    readings=one.change,
+                    typical=strength.value,
+                    deviation=strength_deviation(effects[one.effect.name]),
+                    one_sided=strength.lower >= 0.0,
+                )
+            )
+        among = products(self.error, own, changes)
+        found: dict[str, float] = {}
+        for change, along, square in zip(changes[1:], among[0, 1:], np.diagonal(among)[1:], strict=True):
+            if change.effect in fit.plant.effect_names or square <= 0.0:
+                continue
+            law = self._missed(alone)[1] / max(_rms(change.readings), FAR)
+            odds = _gain(along, square, change.deviation, change.one_sided) - _gain(along, square, law, False)
+            found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._beforehand)
+        return found
+
+    @property
+    def _beforehand(self) -> float:
+        """Log odds of a pair over a single effect before the recordings."""
+        n = len(self.bench.effects)
+        return float(np.log(PRIORS[2] / (n * (n - 1) / 2)) - np.log(PRIORS[1] / n))
+
+
+def _gain(along: float, square: float, deviation: float, one_sided: bool) -> float:
+    """Log evidence that a column brings which has these products with the residual and itself, for its deviation."""
+    if deviation <= 0.0:
+        return 0.0
+    width = square + deviation**-2
+    gain = 0.5 * (along**2 / width - float(np.log(deviation**2 * width)))
+    return gain + (float(np.log(2.0) + log_ndtr(along / np.sqrt(width))) if one_sided else 0.0)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,102 @@
+"""Odds of two effects over one whose law errs, on readings that are linear in the strengths of effects."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.likelihood.beforehand import FAST, PRIORS
+from deatwin.ident.mismatch.naming.decide import STRONG
+from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.weigh import OTHER, Scale
+from deatwin.plant.effects.catalogue import effect_named
+
+TIMES = 0.02 * np.arange(1500)
+NOISE = 2e-6
+MOTION = 2e-4 * np.sin(2.0 * np.pi * TIMES)
+EFFECTS = tuple(effect_named(name) for name in ("creep", "sensor_drift", "delay"))
+FIRST, SECOND = EFFECTS[:2]
+CREPT = 2e-5 * np.exp(-((TIMES - 10.0) ** 2))  # what the first effect does at its typical strength
+FAST_TONE = np.sin(2.0 * np.pi * 9.0 * TIMES)  # nothing that another law of the first would do
+NOTHING = SimpleNamespace(
+    calibration=SimpleNamespace(residuals=np.zeros(TIMES.size)),
+)
+
+
+@pytest.fixture
+def bench():
+    part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION)
+    nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
+    return SimpleNamespace(effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
+
+
+@pytest.fixture
+def scale(bench):
+    return Scale(bench=bench, base=NOTHING, noise=NOISE)
+
+
+def strength(effect):
+    return next(p for p in effect.parameters if p.name == f"{effect.name}.{effect.strength}")
+
+
+def fitted(left, *effects):
+    """The strengths of effects, each with what it does at its typical one, fitted to what they leave at that."""
+    columns = np.column_stack([does / strength(effect).value for effect, does in effects])
+    off = np.linalg.lstsq(columns, left, rcond=None)[0]
+    names = [strength(effect).name for effect, _ in effects]
+    values = {name: strength(e).value + float(o) for name, (e, _), o in zip(names, effects, off, strict=True)}
+    parameters = {
+        name: SimpleNamespace(name=name, scale=strength(e).scale, value=values[name])
+        for name, (e, _) in zip(names, effects, strict=True)
+    }
+    plant = SimpleNamespace(
+        parameters=parameters, event_times=(), effect_names=tuple(effect.name for effect, _ in effects)
+    )
+    calibration = SimpleNamespace(plant=plant, names=tuple(names), residuals=left - columns @ off, jacobian=columns)
+    return SimpleNamespace(
+        effects=plant.effect_names, calibration=calibration, contribution=columns @ np.array(list(values.values()))
+    )
+
+
+def odds(scale, missed, rng):
+    """Of the two over the first one, which is there and misses so much along the second, in its own rms."""
+    left = NOISE * rng.standard_normal(TIMES.size)
+    along = FAST_TONE * np.sqrt(2.0) * np.sqrt(np.mean(CREPT**2))
+    alone = fitted(left + missed * along, (FIRST, CREPT))
+    return scale.of_two(fitted(left + missed * along, (FIRST, CREPT), (SECOND, along)), alone)
+
+
+def test_an_error_of_the_law_is_seldom_a_second_effect(scale):
+    """Where the first one errs as laws do, odds of 20 for two come once in twenty (Markov), times those beforehand."""
+    rng = np.random.default_rng(3)
+    found = [odds(scale, OTHER * rng.standard_normal(), rng) for _ in range(40)]
+    assert sum(o > STRONG for o in found) == 0
+
+
+def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
+    rng = np.random.default_rng(4)
+    assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
+
+
+def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
+    rng = np.random.default_rng(5)
+    beforehand = np.log(PRIORS[2] / 3) - np.log(PRIORS[1] / 3)
+    assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < beforehand
+
+
+def test_first_order_promises_what_a_fit_then_shows(scale):
+    """The readings are linear: what is promised beside the first one is the evidence that the pair then has."""
+    rng = np.random.default_rng(6)
+    missed = 3e-6 * FAST_TONE
+    left = NOISE * rng.standard_normal(TIMES.size) + missed
+    typical = strength(SECOND).value
+    alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, missed))
+    known = [Footprint(effect=SECOND, change=missed / typical)]
+    promised = scale.promises(alone, known)["sensor_drift"]
+    assert promised == pytest.approx(scale.of_two(pair, alone), rel=0.15)
+    assert "creep" not in scale.promises(alone, [Footprint(effect=FIRST, change=CREPT)])
+
+
+def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):
+    assert np.array_equal(scale.error.readings, MOTION)
+    assert scale.error.ratio == pytest.approx(FAST * 5e-7 / NOISE)
