@@ -16,6 +16,7 @@ from deatwin.plant.laws.energies import maxwell_branch
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+    from deatwin.plant.laws.breakdown import BreakdownLaw
 
 
 Symbol = Any
@@ -82,6 +83,7 @@ class AnyFilm(ABC):
     rest_stretch: float  # Start value of the search for the relaxed state
     relaxing: Symbol = 0.0  # Energy of the branches, J
     capacitances: Sequence[Symbol] = ()  # Contribution of each point to the capacitance, F; 0 without an electrode
+    breakdown: BreakdownLaw | None = None  # Field that the film bears, if it is known
 
     @property
     def stored(self) -> Symbol:

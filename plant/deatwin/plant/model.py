@@ -339,7 +339,9 @@ class _Structure:
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
         # The classes themselves: two that share a name may write different equations.
-        classes = (type(plant.rig), *(type(e) for e in plant.effects))
+        # Functions too: an energy of somebody's own is only named in the plain data.
+        energy = getattr(getattr(plant.rig, "material", None), "energy", None)
+        classes = (type(plant.rig), energy, *(type(e) for e in plant.effects))
         reach = {p.name: p.upper for p in plant.parameters.values() if p.widest is not None}
         named = sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()), sorted(reach.items())
         self._key = (classes, repr(named))

@@ -16,6 +16,7 @@ import numpy as np
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
@@ -42,8 +43,8 @@ class Diaphragm(Rig):
 
     Parameters
     ----------
-    material : str
-        Key of `deatwin.plant.MATERIALS`.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
     thickness : float
         Thickness of the film before stretching, m.
     prestretch : float
@@ -71,7 +72,7 @@ class Diaphragm(Rig):
         Drive and sensor; see `Rig`.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     prestretch: float = 3.5
     frame_radius: float = 40e-3
@@ -190,8 +191,9 @@ class Diaphragm(Rig):
         casadi.SX
             Sag, m.
         """
-        stress = build.own("shear_modulus") * (self.prestretch**2 - self.prestretch**-4)
-        tension = stress * build.own("thickness") / self.prestretch**2
+        elastic = (build.own(parameter.name) for parameter in self._material.elastic)
+        stress, _ = nominal_stress(self._material.energy, self.prestretch, self.prestretch, *elastic)
+        tension = stress * build.own("thickness") / self.prestretch
         return build.own("mass") * GRAVITY / (2 * np.pi * tension) * np.log(self.frame_radius / radius)
 
     @cached_property

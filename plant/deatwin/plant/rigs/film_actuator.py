@@ -16,7 +16,7 @@ from deatwin.plant.effects.base import Place
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.stress import nominal_stress
-from deatwin.plant.limits import BREAKDOWN, breakdown_share, watch_limits
+from deatwin.plant.limits import BREAKDOWN, breakdown_shares, watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
@@ -39,8 +39,8 @@ class FilmActuator(Rig):
 
     Parameters
     ----------
-    material : str
-        Name in `deatwin.plant.material.MATERIALS`.
+    material : str or Material
+        Material, or its name in `deatwin.plant.material.MATERIALS`.
     thickness : float
         Of a film before stretching, m.
     mass : float
@@ -55,7 +55,7 @@ class FilmActuator(Rig):
         As for every `Rig`.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     mass: float = 5e-3
     damping: float = 1.0
@@ -175,8 +175,8 @@ def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) ->
 
 def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
     """Watch how near the film is to breakdown; a film that is free in its plane does not wrinkle."""
-    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
-    build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*(breakdown_share(p, voltage, thickness) for p in film.points))))
+    if shares := breakdown_shares(film, build):
+        build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*shares)))
 
 
 def watch_field(film: AnyFilm, build: Builder) -> None:

@@ -133,8 +133,8 @@ class BlockedPlanar(Rig):
 
     Parameters
     ----------
-    material : str
-        Key of `deatwin.plant.MATERIALS`.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
     thickness, length, width : float
         Dimensions before stretching, m.
     prestretch, side_prestretch : float
@@ -145,7 +145,7 @@ class BlockedPlanar(Rig):
         Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     length: float = 50e-3
     width: float = 50e-3
