@@ -60,6 +60,7 @@ from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.coupon import Coupon
 from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.rigfile import read_rig
 from deatwin.plant.rigs.roll import Roll
@@ -95,6 +96,7 @@ __all__ = [
     "Delay",
     "Diaphragm",
     "DielectricAbsorption",
+    "Disc",
     "Discrepancy",
     "DryFriction",
     "Effect",

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from deatwin.plant.laws.breakdown import HUANG_2012, BreakdownLaw
 from deatwin.plant.laws.energies import arruda_boyce, gent, mooney_rivlin, neo_hookean, ogden, yeoh
@@ -286,7 +287,7 @@ _SOFT = "start of a fit: the middle of soft elastomers, from 10 kPa to 1 MPa"
 
 def _unknown() -> tuple[Material, ...]:
     """An elastomer of each energy of which nothing is known."""
-    energies = {
+    energies: dict[Callable[..., Any], tuple[Parameter, ...]] = {
         neo_hookean: (_elastic("shear_modulus", 100e3, 1e3, 2e6, _SOFT),),
         mooney_rivlin: (_elastic("C1", 40e3, 500.0, 1e6, _SOFT), _elastic("C2", 10e3, -100e3, 1e6, _SOFT)),
         yeoh: (

@@ -116,14 +116,18 @@ class FilmActuator(Rig):
         watch_field(film, build)
         self._watch_limits(film, squared, build)
 
-        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
         unknowns = ca.vertcat(position, *shape.coordinates)
         forces = film.force(unknowns, squared) + ca.gradient(self._potential(position, shape, build), unknowns)
         build.rate(position, velocity)
-        build.rate(velocity, friction - forces[0], mass=build.parameter("mass"))
-        for number in range(len(shape.coordinates)):
-            build.balance(forces[1 + number])
+        self._move(velocity, shape, forces, build)
         return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+
+    def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
+        """Write the motion: `forces` of film and loads hold back the position, and then each further coordinate."""
+        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        build.rate(velocity, friction - forces[0], mass=build.parameter("mass"))
+        for number in range(1, forces.numel()):
+            build.balance(forces[number])
 
     @property
     @abstractmethod
