@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import casadi as ca
@@ -146,7 +147,13 @@ class Film(AnyFilm):
         pairs = zip(self.points, self.relaxed(xi), strict=True)
         energy = sum(p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs)
         build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
+        build.displace(name, xi, partial(_unstrained, xi))
         return replace(self, relaxing=self.relaxing + modulus * energy)
+
+
+def _unstrained(xi: Symbol, strain: Symbol) -> Symbol:
+    """Viscous stretch without the strain that it has in excess."""
+    return xi * ca.exp(-strain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -173,5 +180,6 @@ class PointwiseFilm(AnyFilm):
             for xi, along, other in zip(viscous, stresses, reversed(stresses), strict=True):
                 build.guess(xi, self.rest_stretch)
                 build.rate(xi, xi * (along - other / 2) / 3, mass=time)
+                build.displace(name, xi, partial(_unstrained, xi))
             energy += point.volume * maxwell_branch(first, second)
         return replace(self, relaxing=self.relaxing + modulus * energy)

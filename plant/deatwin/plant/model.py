@@ -76,7 +76,7 @@ class Plant:
     def parameters(self) -> ParameterSet:
         """All parameters with their present values."""
         own = [*self.rig.parameters, *(p for e in self.effects for p in e.parameters)]
-        return ParameterSet(own).with_values(self.values)
+        return ParameterSet([*own, *self.rig.starts_of(self.effects)]).with_values(self.values)
 
     @property
     def effect_names(self) -> tuple[str, ...]:
@@ -115,7 +115,8 @@ class Plant:
         Plant
         """
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
-        own = {p.name for p in (*self.rig.parameters, *(p for effect in kept for p in effect.parameters))}
+        effects = (p for effect in kept for p in effect.parameters)
+        own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}
         return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
     def with_values(self, values: Mapping[str, float]) -> Plant:
@@ -326,7 +327,16 @@ class Plant:
 
 SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
-    {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
+    {
+        "reading",
+        "noise",
+        "model_error",
+        "command_range",
+        "ball_is_known",
+        "prestretch_is_known",
+        "zero_is_known",
+        "chain",
+    }
 )
 """Statements of a rig about itself besides its equations."""
 

@@ -108,6 +108,21 @@ class Rig(ABC):
         """
         return StartProcedure()
 
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        """Return the parameters of a start that nobody knows: how far each memory is from rest when it begins.
+
+        Parameters
+        ----------
+        effects : tuple of Effect
+            Effects of the plant.
+
+        Returns
+        -------
+        tuple of Parameter
+            None by default: the start procedure tells.
+        """
+        return ()
+
     @abstractmethod
     def write(self, build: Builder) -> Any:
         """Write the rig's equations.

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.limits import watch_limits
@@ -25,6 +25,7 @@ from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
@@ -57,6 +58,11 @@ class Diaphragm(Rig):
         Film volts per command volt.
     start_ramp, start_hold : float
         Ramp and hold of the start procedure, s.
+    start_is_known : bool
+        False if nobody knows what the film went through before the first sample. The start procedure does not count
+        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary, instead of near the position without voltage.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
@@ -84,6 +90,8 @@ class Diaphragm(Rig):
     start_hold: float = 3.0
     ball: Ball = "sliding"
     ball_is_known: bool = False
+    start_is_known: bool = True
+    zero_is_known: bool = True
     prestretch_is_known: bool = True
     resolution: str = "reduced"
     elements: int = 4
@@ -123,7 +131,7 @@ class Diaphragm(Rig):
                 scale=Scale.LOGARITHMIC,
                 source="damping ratio 0.03 to 0.08 of the ball on the film",
             ),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3, source="sensor offset"),
+            zero_of(1e-3, self.zero_is_known),
             Parameter(name="mass", value=self.mass, unit="kg", lower=1e-6, upper=1.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
@@ -131,7 +139,11 @@ class Diaphragm(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        return known if self.start_is_known else SETTLING
+
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        return () if self.start_is_known else memories(self._material, effects)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
         """Return the rig with the other reading time, and with the other contact and prestretch if they are unknown."""

@@ -57,8 +57,8 @@ class Disc(FilmActuator):
         Equal-biaxial stretch of the mounted film.
     mass : float
         Mass that the electrode's edge carries besides the film, such as a marker, kg.
-    material, thickness, damping, gain, start_ramp, start_hold
-        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, damping in N s/m,
+    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+        Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m,
         film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain
         Drive and sensor; see `Rig`.

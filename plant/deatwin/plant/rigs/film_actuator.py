@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.stress import nominal_stress
@@ -21,6 +21,7 @@ from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
+from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
 
@@ -51,6 +52,11 @@ class FilmActuator(Rig):
         Film volts per command volt.
     start_ramp, start_hold : float
         Start procedure from 0 V, s.
+    start_is_known : bool
+        False if nobody knows what the film went through before the first sample. The start procedure does not count
+        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary, instead of near the position without voltage.
     sample_time, noise, reading, model_error, command_range, chain
         As for every `Rig`.
     """
@@ -62,6 +68,8 @@ class FilmActuator(Rig):
     gain: float = 800.0
     start_ramp: float = 0.0
     start_hold: float = 0.0
+    start_is_known: bool = True
+    zero_is_known: bool = True
     sample_time: float = 0.02
     noise: float = 2e-6
 
@@ -85,7 +93,7 @@ class FilmActuator(Rig):
                 scale=Scale.LOGARITHMIC,
                 source="chosen so that the part does not ring",
             ),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-2, upper=1e-2, source="sensor offset"),
+            zero_of(1e-2, self.zero_is_known),
             Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=10.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
@@ -97,7 +105,11 @@ class FilmActuator(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        return known if self.start_is_known else SETTLING
+
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        return () if self.start_is_known else memories(self.substance, effects)
 
     @property
     def substance(self) -> Material:
