@@ -227,22 +227,15 @@ class Diaphragm(Rig):
         Diaphragm
             Rig whose noise includes the rounding to the sensor's resolution.
         """
-        film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
-        limits = (drive.command_min, drive.command_max)
+        film, load = described.film, described.load
         return cls(
-            material=film.material,
-            thickness=film.thickness,
-            prestretch=film.prestretch,
-            frame_radius=film.frame_diameter / 2,
-            electrode_radius=film.electrode_diameter / 2,
-            contact_radius=load.contact_diameter / 2,
-            mass=load.mass,
-            gain=drive.gain,
-            start_ramp=drive.start_ramp,
-            start_hold=drive.start_hold,
-            ball=film.ball or cls.ball,
-            ball_is_known=film.ball is not None,
-            sample_time=1 / sensor.sample_rate,
-            command_range=None if None in limits else limits,  # type: ignore[arg-type]
-            noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
+            **described.shared,
+            thickness=film["thickness"],
+            prestretch=film["prestretch"],
+            frame_radius=film["frame_diameter"] / 2,
+            electrode_radius=film["electrode_diameter"] / 2,
+            contact_radius=load["contact_diameter"] / 2,
+            mass=load["mass"],
+            ball=film.get("ball", cls.ball),
+            ball_is_known="ball" in film,
         )

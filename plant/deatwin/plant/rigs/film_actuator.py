@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,7 @@ from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
+from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
@@ -115,6 +116,14 @@ class FilmActuator(Rig):
     def substance(self) -> Material:
         """The material with its published values."""
         return material(self.material)
+
+    @classmethod
+    def from_rig_file(cls, described: RigFile) -> Self:
+        """Return the rig that a rig file describes; its keys are named after the fields of the rig."""
+        own = {**described.film, **described.load}
+        whole = {field.name for field in fields(cls) if field.type == "int"}
+        numbers = {name: int(value) if name in whole else value for name, value in own.items()}
+        return cls(**described.shared, **numbers)
 
     def write(self, build: Builder) -> Symbol:
         size = self._size
