@@ -246,6 +246,9 @@ def in_order(rig: dict[str, Any]) -> bool:
     return commands and film["frame_diameter_mm"] > film["electrode_diameter_mm"] > rig["load"]["contact_diameter_mm"]
 
 
+RIG_FILES = jsonschema.Draft202012Validator(rig_schema())
+
+
 @settings(bounded, max_examples=400)
 @given(data=st.data())
 def test_reader_and_schema_of_rig_files_allow_the_same(fuzz: dict[str, ModuleType], data: st.DataObject) -> None:
@@ -262,7 +265,7 @@ def test_reader_and_schema_of_rig_files_allow_the_same(fuzz: dict[str, ModuleTyp
             rig[section][key] = data.draw(rig_values)
         else:
             rig[section].pop(key, None)
-    valid = jsonschema.Draft202012Validator(rig_schema()).is_valid(rig)
+    valid = RIG_FILES.is_valid(rig)
     try:
         RigFile.from_dict(rig, "rig.toml")
     except RigError as error:

@@ -13,16 +13,18 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.bow_tie import BowTie
+from deatwin.plant.rigs.cone import Cone
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.film_actuator import FilmActuator
 from deatwin.plant.rigs.planar import Planar
+from deatwin.plant.rigs.pressure import Pressure
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
 
 KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
-    {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll)}
+    {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure)}
 )
 """Rigs that a rig file can describe, by their kind."""
 _RAISED = (Exception, SystemExit)

@@ -152,6 +152,62 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             examples={"length_mm": 15.0, "width_mm": 500.0, "prestretch": 3.0, "hoop_prestretch": 4.5}
             | {"spring_rate_N_m": 250.0},
         ),
+        "cone": RigKind(
+            about="A cone: a film between a rigid disc and a ring, drawn out of its plane by a mass or a spring.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+                "disc_diameter_mm": length("disc_radius", "of the rigid disc in the middle", lower=0.1, per_si=2e3),
+            },
+            load={
+                "mass_g": mass("of the disc and what hangs on it", required=True),
+                "spring_rate_N_m": NumberKey(
+                    field="spring_rate", lower=0.0, upper=1e6, required=False, about="of a linear spring; 0 if left out"
+                ),
+                "spring_preload_N": NumberKey(
+                    field="spring_preload",
+                    lower=-1e3,
+                    upper=1e3,
+                    required=False,
+                    about="force of the springs on the flat film, along the motion; 0 if left out",
+                ),
+                "snap_force_N": NumberKey(
+                    field="snap_force",
+                    lower=0.0,
+                    upper=1e3,
+                    required=False,
+                    about="largest force of a bistable spring between its two places; 0 if left out",
+                ),
+                "snap_middle_mm": NumberKey(
+                    field="snap_middle",
+                    lower=-1e3,
+                    upper=1e3,
+                    per_si=1e3,
+                    required=False,
+                    about="height of the disc in the middle between these places; 3 if left out",
+                ),
+                "snap_reach_mm": length("snap_reach", "from the middle to each place; 2 if left out", required=False),
+            },
+            below=((("film", "disc_diameter_mm"), ("film", "frame_diameter_mm")),),
+            examples={"material": "Elastosil 2030", "thickness_mm": 0.05, "prestretch": 1.2, "frame_diameter_mm": 40.0}
+            | {"disc_diameter_mm": 16.0, "mass_g": 20.0, "spring_rate_N_m": 0.0, "spring_preload_N": 0.0}
+            | {"snap_force_N": 0.0, "snap_middle_mm": 3.0, "snap_reach_mm": 2.0},
+        ),
+        "pressure": RigKind(
+            about="An inflated film: a constant pressure bulges a film in a ring, with electrodes all over.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+            },
+            load={
+                "pressure_kPa": NumberKey(
+                    field="pressure", lower=1e-4, upper=1e3, per_si=1e-3, about="inside above that outside"
+                ),
+                "mass_g": mass("on the apex besides the film; 0 if left out"),
+            },
+            examples={"material": "Elastosil 2030", "thickness_mm": 0.05, "prestretch": 1.2, "frame_diameter_mm": 40.0}
+            | {"pressure_kPa": 0.5},
+        ),
     }
 )
 """Kinds by the name under ``kind``; a file without it describes a diaphragm."""

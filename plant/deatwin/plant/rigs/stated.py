@@ -23,7 +23,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys(("noise", "model_error"), (0.0, LARGEST)),
     **dict.fromkeys(("mass", "damping", "spring_rate"), _AMOUNT),
     **dict.fromkeys(("thickness", "length", "width", "waist_width", "bar_width", "area"), _SIZE),
-    **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius"), _SIZE),
+    **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius", "disc_radius", "snap_reach"), _SIZE),
     **dict.fromkeys(("prestretch", "side_prestretch", "hoop_prestretch"), _STRETCH),
     **dict.fromkeys(("elements", "layers", "stations"), (1, 1e6)),
 }

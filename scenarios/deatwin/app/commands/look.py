@@ -37,6 +37,8 @@ class RigKind(StrEnum):
     STACK = "stack"
     BOW_TIE = "bow_tie"
     ROLL = "roll"
+    CONE = "cone"
+    PRESSURE = "pressure"
 
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
