@@ -20,10 +20,8 @@ from deatwin.plant.rigs.kinematics import Kinematics
 from deatwin.plant.rigs.revolved import Revolved
 
 Symbol = Any
-SHAPES, POINTS = 4, 7
-"""Shapes in the plane and as many out of it, and Gauss points in the square of the radius."""
-HEIGHTS = tuple(f"height_{k}" for k in range(1, SHAPES))
-"""Coordinates of the film's height besides that of its apex."""
+SHAPES, POINTS = 3, 5
+"""Shapes out of the plane and as many in it, and Gauss points in the square of the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +34,7 @@ class Pressure(FilmActuator):
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .
 
     The pressure p does the work :math:`p\int\pi r^2\,dz`; it does not change while the film moves, as in a chamber
-    that is much larger than the film's volume, or on a regulator. The film's mass moves with all shapes out of the
-    plane. A flat film has the first mode of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`. Against the
+    that is much larger than the film's volume, or on a regulator. The film's mass moves with all shapes. A flat film has the first mode of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`. Against the
     membrane's differential equations the rise and the voltage of pull-in err by less than 0.5 %, as long as the film is
     lower than its ring is wide.
 
@@ -118,33 +115,37 @@ class Pressure(FilmActuator):
         )
 
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
-        heights = [build.state(name, scale=self._size) for name in HEIGHTS]
-        flat = [build.coordinate(f"flat_{k}", scale=1.0) for k in range(SHAPES)]
-        bulged = (self._rest_position / self.frame_radius) ** 2 * self.prestretch
-        build.guess(flat[0], bulged)
+        others = [build.state(name, scale=scale) for name, scale in self._scales.items()]
+        heights, flat = others[: SHAPES - 1], others[SHAPES - 1 :]
+        build.guess(flat[0], (self._rest_position / self.frame_radius) ** 2 * self.prestretch)
         points = self._film.points(self.prestretch, flat, [position, *heights], build)
-        return Kinematics(points=points, coordinates=[*heights, *flat], film=PointwiseFilm)
+        return Kinematics(points=points, coordinates=others, film=PointwiseFilm)
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
-        speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=self._size) for name in HEIGHTS))
+        speeds = ca.vertcat(velocity, *(build.state(f"{n}_rate", scale=scale) for n, scale in self._scales.items()))
+        count = speeds.numel()
         film = build.constant("inertia", (self.substance.density * self._film.inertia).ravel())
-        mass = ca.reshape(film, SHAPES, SHAPES) * build.parameter("thickness")
+        mass = ca.reshape(film, count, count) * build.parameter("thickness")
         mass[0, 0] += build.parameter("mass")
         # All motion is damped in proportion to its mass, so much that the apex has the damping that is stated.
         drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
         drag[0] = build.place(Place.BALL, "force", drag[0])
-        accelerations = ca.solve(mass, drag - forces[:SHAPES])
+        accelerations = ca.solve(mass, drag - forces)
         build.rate(velocity, accelerations[0])
-        for number, height in enumerate(shape.coordinates[: len(HEIGHTS)], start=1):
-            build.rate(height, speeds[number])
+        for number, coordinate in enumerate(shape.coordinates, start=1):
+            build.rate(coordinate, speeds[number])
             build.rate(speeds[number], accelerations[number])
-        for number in range(SHAPES, forces.numel()):
-            build.balance(forces[number])
+
+    @property
+    def _scales(self) -> dict[str, float]:
+        """Further coordinates with their sizes: heights in m, and stretches."""
+        heights = {f"height_{k}": self._size for k in range(1, SHAPES)}
+        return heights | {f"flat_{k}": 1.0 for k in range(SHAPES)}
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         r"""Work of the pressure, :math:`-p\int\pi r^2\,dz`, by the points' own areas :math:`2\pi\rho\,d\rho`."""
         film, area = self._film, build.constant("swept", self._film.areas * self._film.radii / 2)
-        heights = ca.vertcat(position, *shape.coordinates[: len(HEIGHTS)])
+        heights = ca.vertcat(position, *shape.coordinates[: SHAPES - 1])
         count = film.radii.size
         fall = -ca.reshape(build.constant("fall", film.slope.T.ravel()), SHAPES, count).T @ heights
         hoops = ca.vertcat(*(point.stretches[1] for point in shape.points))

@@ -37,8 +37,12 @@ class Revolved:
 
     @property
     def inertia(self) -> np.ndarray:
-        """Mass of the film for speeds out of its plane, by density and undeformed thickness, m², shape (n_h, n_h)."""
-        return (self.height * self.areas) @ self.height.T
+        """Mass of the film for the speeds of h and g, by density and undeformed thickness, shape (n_h + n_g, n_h + n_g)."""
+        count = len(self.height)
+        whole = np.zeros((count + len(self.hoop),) * 2)
+        whole[:count, :count] = (self.height * self.areas) @ self.height.T
+        whole[count:, count:] = (self.hoop * self.radii**2 * self.areas) @ self.hoop.T
+        return whole
 
     def points(
         self, prestretch: float, flat: Sequence[Symbol], heights: Sequence[Symbol], build: Builder
