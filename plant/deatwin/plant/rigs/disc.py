@@ -18,6 +18,7 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.film_actuator import FilmActuator
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
+from deatwin.plant.rigs.revolved import matrix
 
 Symbol = Any
 INSIDE, AROUND = 3, 8
@@ -115,13 +116,13 @@ class Disc(FilmActuator):
             build.constant("electrode_reference", self._size),
         )
         motions, slopes = (
-            ca.reshape(build.constant(name, values.T.ravel()), len(values), radii.size).T
-            for name, values in zip(("motions", "slopes"), self._shapes, strict=True)
+            matrix(name, values.T, build) for name, values in zip(("motions", "slopes"), self._shapes, strict=True)
         )
 
         def stretches(grown: Symbol, bends: list[Symbol]) -> list[tuple[Symbol, Symbol]]:
             """Meridional and hoop stretch at each point."""
             along, used = ca.vertcat(grown, *bends), slice(0, 1 + len(bends))
+            first: Symbol
             first, second = prestretch + slopes[:, used] @ along, prestretch + motions[:, used] @ along / rho
             return [(first[k], second[k]) for k in range(radii.size)]
 
@@ -146,9 +147,9 @@ class Disc(FilmActuator):
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=1.0) for name in BENDS))
-        (_, areas), (motions, _), count = self._points, self._shapes, speeds.numel()
-        film = build.constant("inertia", (self.substance.density * (motions * areas) @ motions.T).ravel())
-        mass = ca.reshape(film, count, count) * build.parameter("thickness")
+        (_, areas), (motions, _) = self._points, self._shapes
+        film = self.substance.density * (motions * areas) @ motions.T
+        mass = matrix("inertia", film, build) * build.parameter("thickness")
         mass[0, 0] += build.parameter("mass")
         # All motion is damped in proportion to its mass, so much that the edge has the damping that is stated.
         drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)

@@ -120,10 +120,10 @@ class FilmActuator(Rig):
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
         """Return the rig that a rig file describes; its keys are named after the fields of the rig."""
-        own = {**described.film, **described.load}
+        own: dict[str, Any] = {**described.film, **described.load}
         whole = {field.name for field in fields(cls) if field.type == "int"}
-        numbers = {name: int(value) if name in whole else value for name, value in own.items()}
-        return cls(**described.shared, **numbers)
+        stated = {name: int(value) if name in whole else value for name, value in own.items()}
+        return cls(**{**described.shared, **stated})
 
     def write(self, build: Builder) -> Symbol:
         size = self._size

@@ -17,7 +17,7 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics
-from deatwin.plant.rigs.revolved import Revolved
+from deatwin.plant.rigs.revolved import Revolved, matrix
 
 Symbol = Any
 SHAPES, POINTS = 3, 5
@@ -123,9 +123,8 @@ class Pressure(FilmActuator):
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         speeds = ca.vertcat(velocity, *(build.state(f"{n}_rate", scale=scale) for n, scale in self._scales.items()))
-        count = speeds.numel()
-        film = build.constant("inertia", (self.substance.density * self._film.inertia).ravel())
-        mass = ca.reshape(film, count, count) * build.parameter("thickness")
+        film = self.substance.density * self._film.inertia
+        mass = matrix("inertia", film, build) * build.parameter("thickness")
         mass[0, 0] += build.parameter("mass")
         # All motion is damped in proportion to its mass, so much that the apex has the damping that is stated.
         drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
@@ -146,7 +145,6 @@ class Pressure(FilmActuator):
         r"""Work of the pressure, :math:`-p\int\pi r^2\,dz`, by the points' own areas :math:`2\pi\rho\,d\rho`."""
         film, area = self._film, build.constant("swept", self._film.areas * self._film.radii / 2)
         heights = ca.vertcat(position, *shape.coordinates[: SHAPES - 1])
-        count = film.radii.size
-        fall = -ca.reshape(build.constant("fall", film.slope.T.ravel()), SHAPES, count).T @ heights
+        fall = -(matrix("fall", film.slope.T, build) @ heights)
         hoops = ca.vertcat(*(point.stretches[1] for point in shape.points))
         return -build.parameter("pressure") * ca.sum1(area * hoops**2 * fall)

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 Symbol = Any
 
 
+def matrix(name: str, table: np.ndarray, build: Builder) -> Symbol:
+    """Add a matrix of constants to a rig's equations. Shapes: `table` (n, m); returns (n, m)."""
+    return ca.reshape(build.constant(name, table.ravel(order="F")), *table.shape)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Revolved:
     """Gauss points of a film in a ring, and its shapes there."""
@@ -50,11 +55,10 @@ class Revolved:
         """Points of the film, all of it under the electrode; `flat` and `heights` are the coordinates g and h."""
         count, held = self.radii.size, build.constant("prestretch", prestretch)
         tables = {"hoop": self.hoop, "radial": self.radial, "slope": self.slope}
-        hoop, radial, slope = (
-            ca.reshape(build.constant(name, table.T.ravel()), len(table), count).T for name, table in tables.items()
-        )
+        hoop, radial, slope = (matrix(name, table.T, build) for name, table in tables.items())
         rho, area = build.constant("radii", self.radii), build.constant("areas", self.areas)
         share, thickness, rim = electrode_share(build), build.parameter("thickness"), build.constant("rim", self.rim)
+        first: Symbol
         second, along = held + hoop @ ca.vertcat(*flat), held + radial @ ca.vertcat(*flat)
         first = ca.sqrt(along**2 + (slope @ ca.vertcat(*heights)) ** 2)
         return [

@@ -138,7 +138,7 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     if mistakes := mistakes_of(data):
         raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
     kind = KINDS[data.get("kind", "diaphragm")]
-    values = {
+    values: dict[str, dict[str, Any]] = {
         section: {keys[name].field: keys[name].to_si(value) for name, value in data.get(section, {}).items()}
         for section, keys in kind.sections.items()
     }

@@ -49,6 +49,12 @@ _ELECTRODE_IN_FRAME = (("film", "electrode_diameter_mm"), ("film", "frame_diamet
 COMMANDS = (("drive", "command_min_V"), ("drive", "command_max_V"))
 _SIDE = NumberKey(field="side_prestretch", lower=0.1, upper=10.0, required=False, about="across the motion")
 _FORCE = NumberKey(field="load", lower=-1e3, upper=1e3, required=False, about="0 if left out; it pulls the rig longer")
+_SILICONE: Mapping[str, float | str] = {
+    "material": "Elastosil 2030",
+    "thickness_mm": 0.05,
+    "prestretch": 1.2,
+    "frame_diameter_mm": 40.0,
+}
 _MOVED = mass("that moves; 0 if left out")
 
 KINDS: Mapping[str, RigKind] = MappingProxyType(
@@ -189,9 +195,16 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 "snap_reach_mm": length("snap_reach", "from the middle to each place; 2 if left out", required=False),
             },
             below=((("film", "disc_diameter_mm"), ("film", "frame_diameter_mm")),),
-            examples={"material": "Elastosil 2030", "thickness_mm": 0.05, "prestretch": 1.2, "frame_diameter_mm": 40.0}
-            | {"disc_diameter_mm": 16.0, "mass_g": 20.0, "spring_rate_N_m": 0.0, "spring_preload_N": 0.0}
-            | {"snap_force_N": 0.0, "snap_middle_mm": 3.0, "snap_reach_mm": 2.0},
+            examples={
+                **_SILICONE,
+                "disc_diameter_mm": 16.0,
+                "mass_g": 20.0,
+                "spring_rate_N_m": 0.0,
+                "spring_preload_N": 0.0,
+                "snap_force_N": 0.0,
+                "snap_middle_mm": 3.0,
+                "snap_reach_mm": 2.0,
+            },
         ),
         "pressure": RigKind(
             about="An inflated film: a constant pressure bulges a film in a ring, with electrodes all over.",
@@ -205,8 +218,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 ),
                 "mass_g": mass("on the apex besides the film; 0 if left out"),
             },
-            examples={"material": "Elastosil 2030", "thickness_mm": 0.05, "prestretch": 1.2, "frame_diameter_mm": 40.0}
-            | {"pressure_kPa": 0.5},
+            examples={**_SILICONE, "pressure_kPa": 0.5},
         ),
     }
 )

@@ -94,7 +94,7 @@ class _Reader:
 
     def parameter(self, path: tuple[str, ...], given: object, name: str, unit: str) -> Parameter | None:
         """Return a parameter given as a number or with its range."""
-        numbers = dict(given) if isinstance(given, Mapping) else {"value": given}
+        numbers: dict[str, Any] = dict(given) if isinstance(given, Mapping) else {"value": given}
         unknown = [key for key in numbers if key not in ("value", "low", "high")]
         wrong = [
             v for v in numbers.values() if isinstance(v, bool) or not isinstance(v, int | float) or not isfinite(v)

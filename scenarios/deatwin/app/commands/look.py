@@ -98,7 +98,7 @@ def look(
         result = _result(seen, following)
         if folder is not None and any(one.look is not None for one in seen):
             _draw(folder, [one.look for one in seen if one.look is not None])
-            if place is not None:
+            if place is not None and rig is not None:
                 folder.text(place.name, _rig_file(seen, rig))
             end_run(folder, record, "look", result)
             voice.say(folder.summary)
