@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.rigs.rigfile import RigFile
-from deatwin.plant.rigs.rigkeys import rig_schema
+from deatwin.plant.rigs.rigkinds import rig_schema
 from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
@@ -230,7 +230,9 @@ numbers = st.one_of(
 rig_values = st.one_of(
     numbers,
     numbers,
-    st.sampled_from(["bonded", "sliding", "displacement at zero volts", "", " "]),
+    st.sampled_from(
+        ["bonded", "sliding", "displacement at zero volts", "arbitrary", "unknown", "film voltage", "", " "]
+    ),
     st.text(max_size=5),
     st.none(),
     st.lists(numbers, max_size=2),
@@ -244,6 +246,9 @@ def in_order(rig: dict[str, Any]) -> bool:
     return commands and film["frame_diameter_mm"] > film["electrode_diameter_mm"] > rig["load"]["contact_diameter_mm"]
 
 
+RIG_FILES = jsonschema.Draft202012Validator(rig_schema())
+
+
 @settings(bounded, max_examples=400)
 @given(data=st.data())
 def test_reader_and_schema_of_rig_files_allow_the_same(fuzz: dict[str, ModuleType], data: st.DataObject) -> None:
@@ -251,7 +256,7 @@ def test_reader_and_schema_of_rig_files_allow_the_same(fuzz: dict[str, ModuleTyp
     for _ in range(data.draw(st.integers(0, 2))):
         section = data.draw(st.sampled_from([*rig, "lode"]))
         keys = sorted(rig.get(section, {})) if isinstance(rig.get(section), dict) else []
-        key = data.draw(st.sampled_from([*keys, "lid", None]))
+        key = data.draw(st.sampled_from([*keys, "lid", "input", "start", None]))
         if key is None:
             rig[section] = data.draw(rig_values)
         elif not isinstance(rig.get(section), dict):
@@ -260,7 +265,7 @@ def test_reader_and_schema_of_rig_files_allow_the_same(fuzz: dict[str, ModuleTyp
             rig[section][key] = data.draw(rig_values)
         else:
             rig[section].pop(key, None)
-    valid = jsonschema.Draft202012Validator(rig_schema()).is_valid(rig)
+    valid = RIG_FILES.is_valid(rig)
     try:
         RigFile.from_dict(rig, "rig.toml")
     except RigError as error:

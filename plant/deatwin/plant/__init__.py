@@ -58,9 +58,12 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.resampling import resample
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
 from deatwin.plant.rigs.bow_tie import BowTie
+from deatwin.plant.rigs.cone import Cone
 from deatwin.plant.rigs.coupon import Coupon
 from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
+from deatwin.plant.rigs.pressure import Pressure
 from deatwin.plant.rigs.rigfile import read_rig
 from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
@@ -84,6 +87,7 @@ __all__ = [
     "Builder",
     "CalibratedPlant",
     "ChargeInjection",
+    "Cone",
     "Converter",
     "CoulombFriction",
     "Coupon",
@@ -95,6 +99,7 @@ __all__ = [
     "Delay",
     "Diaphragm",
     "DielectricAbsorption",
+    "Disc",
     "Discrepancy",
     "DryFriction",
     "Effect",
@@ -122,6 +127,7 @@ __all__ = [
     "Place",
     "Planar",
     "Plant",
+    "Pressure",
     "PrestretchRelaxation",
     "QuadraticDamping",
     "ReadingTime",

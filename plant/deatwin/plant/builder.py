@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -52,6 +52,7 @@ class Builder:
         self._offered: set[tuple[Enum, str]] = set()
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
+        self._displaced: list[tuple[Symbol, Symbol]] = []
         self._parts: Parts | None = None
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
@@ -213,6 +214,22 @@ class Builder:
         first = None if start is None else number(start, f"the start of state {name}")
         self._states[name] = (symbol, size(scale, f"the scale of state {name}"), first)
         return symbol
+
+    def displace(self, owner: str, state: Symbol, displaced: Callable[[Symbol], Symbol]) -> None:
+        """Let a memory begin away from rest, where nobody knows how the experiment began.
+
+        Parameters
+        ----------
+        owner : str
+            Branch or effect whose memory it is; nothing happens unless the plant has a parameter for its start.
+        state : casadi.SX
+            Symbol that `state` returned.
+        displaced : callable
+            Returns, for that parameter, the value that the state would have at rest, in terms of the value that it has.
+        """
+        name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self._parameters), None)
+        if name is not None:
+            self._displaced.append((state, displaced(self.own(name))))
 
     def _unknown(self, name: str) -> Symbol:
         if name in self._states or name in self._coordinates:
@@ -485,10 +502,18 @@ class Builder:
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
         rows = [
-            f[row] if start is None else symbol - start for row, (symbol, _, start) in enumerate(self._states.values())
+            self._at_rest(symbol, f[row]) if start is None else symbol - start
+            for row, (symbol, _, start) in enumerate(self._states.values())
         ]
         residual = _column(*rows, g)
         return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
+
+    def _at_rest(self, state: Symbol, rate: Symbol) -> Symbol:
+        """The equation of rest of a state: its rate, were no memory displaced."""
+        if not any(_same(symbol, state) for symbol, _ in self._displaced):
+            return rate
+        symbols, others = zip(*self._displaced, strict=True)
+        return ca.substitute([rate], list(symbols), list(others))[0]
 
     def _held_at_start(self) -> Symbol:
         return ca.substitute(_column(*(v for _, v in self._held.values())), self.time, 0.0)

@@ -8,7 +8,7 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import UNSTATED, Recording, label
 from deatwin.plant.rigs.base import Rig
-from deatwin.plant.rigs.rigfile import DriveSpec, FilmSpec
+from deatwin.plant.rigs.rigfile import DriveSpec
 
 # Without a command range in the rig file: no amplifier for these actuators gives more than this, V.
 _HIGHEST_FILM_VOLTAGE = 30e3
@@ -85,17 +85,14 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
     raise DataError(text)
 
 
-def check_motion(recording: Recording, film: FilmSpec) -> None:
-    """Refuse displacements that no film in this frame makes."""
+def check_motion(recording: Recording, widest: float) -> None:
+    """Refuse displacements that no film makes. `widest` the longest dimension of the rig, m."""
     if recording.outputs.shape[0] == 0:
         return
     span = float(np.ptp(np.percentile(recording.outputs[0], _MOST_SAMPLES)))
-    if span <= film.frame_diameter:
+    if span <= widest:
         return
-    text = (
-        f"{label(recording)}: the displacement moves over {1e3 * span:.3g} mm, in a frame of "
-        f"{1e3 * film.frame_diameter:.3g} mm"
-    )
-    if 1e-3 * span <= film.frame_diameter:
+    text = f"{label(recording)}: the displacement moves over {1e3 * span:.3g} mm, in a frame of {1e3 * widest:.3g} mm"
+    if 1e-3 * span <= widest:
         text += "; this looks like µm: call the column displacement_um, or divide it by 1000"
     raise DataError(text)

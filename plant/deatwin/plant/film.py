@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import casadi as ca
@@ -16,6 +17,7 @@ from deatwin.plant.laws.energies import maxwell_branch
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+    from deatwin.plant.laws.breakdown import BreakdownLaw
 
 
 Symbol = Any
@@ -82,6 +84,7 @@ class AnyFilm(ABC):
     rest_stretch: float  # Start value of the search for the relaxed state
     relaxing: Symbol = 0.0  # Energy of the branches, J
     capacitances: Sequence[Symbol] = ()  # Contribution of each point to the capacitance, F; 0 without an electrode
+    breakdown: BreakdownLaw | None = None  # Field that the film bears, if it is known
 
     @property
     def stored(self) -> Symbol:
@@ -144,7 +147,13 @@ class Film(AnyFilm):
         pairs = zip(self.points, self.relaxed(xi), strict=True)
         energy = sum(p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs)
         build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
+        build.displace(name, xi, partial(_unstrained, xi))
         return replace(self, relaxing=self.relaxing + modulus * energy)
+
+
+def _unstrained(xi: Symbol, strain: Symbol) -> Symbol:
+    """Viscous stretch without the strain that it has in excess."""
+    return xi * ca.exp(-strain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -171,5 +180,6 @@ class PointwiseFilm(AnyFilm):
             for xi, along, other in zip(viscous, stresses, reversed(stresses), strict=True):
                 build.guess(xi, self.rest_stretch)
                 build.rate(xi, xi * (along - other / 2) / 3, mass=time)
+                build.displace(name, xi, partial(_unstrained, xi))
             energy += point.volume * maxwell_branch(first, second)
         return replace(self, relaxing=self.relaxing + modulus * energy)

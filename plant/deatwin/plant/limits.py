@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.laws.breakdown import HUANG_2012
 from deatwin.plant.rest import TENSION
 from deatwin.plant.simulate import RunStatus
 
@@ -66,9 +65,8 @@ class Event:
 def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
     """Watch the film's margins to loss of tension and to breakdown, and their places."""
     _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
-    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
-    active = [p for p in film.points if p.active]
-    _watch_least(BREAKDOWN, [breakdown_share(p, voltage, thickness) for p in active], active, -1, build)
+    if shares := breakdown_shares(film, build):
+        _watch_least(BREAKDOWN, shares, [p for p in film.points if p.active], -1, build)
 
 
 def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
@@ -79,10 +77,11 @@ def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
     return [stretch * work[k] / volume for k, (stretch, volume) in enumerate(pairs)]
 
 
-def breakdown_share(point: FilmPoint, voltage: Symbol, thickness: Symbol) -> Symbol:
-    """Field at a point, divided by the breakdown field there. `voltage` on the film, V, not negative."""
-    present = thickness / (point.stretches[0] * point.stretches[1])
-    return voltage / present / HUANG_2012.at(present, *point.stretches)
+def breakdown_shares(film: AnyFilm, build: Builder) -> list[Symbol]:
+    """Field at each point under the electrode, divided by the breakdown field there; empty where that is unknown."""
+    thickness, voltage, law = build.parameter("thickness"), ca.fabs(build.signal("film_voltage")), film.breakdown
+    points = [] if law is None else [(p, thickness / (p.stretches[0] * p.stretches[1])) for p in film.points]
+    return [voltage / now / law.at(now, *p.stretches) for p, now in points if p.active]  # type: ignore[union-attr]
 
 
 def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint], sign: int, build: Builder) -> None:

@@ -76,7 +76,7 @@ class Plant:
     def parameters(self) -> ParameterSet:
         """All parameters with their present values."""
         own = [*self.rig.parameters, *(p for e in self.effects for p in e.parameters)]
-        return ParameterSet(own).with_values(self.values)
+        return ParameterSet([*own, *self.rig.starts_of(self.effects)]).with_values(self.values)
 
     @property
     def effect_names(self) -> tuple[str, ...]:
@@ -115,7 +115,8 @@ class Plant:
         Plant
         """
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
-        own = {p.name for p in (*self.rig.parameters, *(p for effect in kept for p in effect.parameters))}
+        effects = (p for effect in kept for p in effect.parameters)
+        own = {p.name for p in (*self.rig.parameters, *effects, *self.rig.starts_of(kept))}
         return replace(self, effects=kept, values={n: v for n, v in self.values.items() if n in own})
 
     def with_values(self, values: Mapping[str, float]) -> Plant:
@@ -326,7 +327,16 @@ class Plant:
 
 SIMULATOR_LOCK = RLock()
 NOT_IN_EQUATIONS = frozenset(
-    {"reading", "noise", "model_error", "command_range", "ball_is_known", "prestretch_is_known", "chain"}
+    {
+        "reading",
+        "noise",
+        "model_error",
+        "command_range",
+        "ball_is_known",
+        "prestretch_is_known",
+        "zero_is_known",
+        "chain",
+    }
 )
 """Statements of a rig about itself besides its equations."""
 
@@ -339,7 +349,9 @@ class _Structure:
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
         # The classes themselves: two that share a name may write different equations.
-        classes = (type(plant.rig), *(type(e) for e in plant.effects))
+        # Functions too: an energy of somebody's own is only named in the plain data.
+        energy = getattr(getattr(plant.rig, "material", None), "energy", None)
+        classes = (type(plant.rig), energy, *(type(e) for e in plant.effects))
         reach = {p.name: p.upper for p in plant.parameters.values() if p.widest is not None}
         named = sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()), sorted(reach.items())
         self._key = (classes, repr(named))

@@ -5,14 +5,28 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
 from deatwin.plant.model import Plant
+from deatwin.plant.rigs.bow_tie import BowTie
+from deatwin.plant.rigs.cone import Cone
 from deatwin.plant.rigs.diaphragm import Diaphragm
+from deatwin.plant.rigs.disc import Disc
+from deatwin.plant.rigs.film_actuator import FilmActuator
+from deatwin.plant.rigs.planar import Planar
+from deatwin.plant.rigs.pressure import Pressure
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
+from deatwin.plant.rigs.roll import Roll
+from deatwin.plant.rigs.stack import Stack
 
+KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
+    {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure)}
+)
+"""Rigs that a rig file can describe, by their kind."""
 _RAISED = (Exception, SystemExit)
 """Errors that a user's own code may raise; a script without a guard calls `sys.exit`."""
 
@@ -53,7 +67,8 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
 
 def _of_rig_file(described: RigFile) -> CalibratedPlant:
     try:
-        return CalibratedPlant.nominal(Plant(rig=Diaphragm.from_rig_file(described)))
+        kind = KINDS[described.kind]
+        return CalibratedPlant.nominal(Plant(rig=kind.from_rig_file(described)))
     except DeatwinError as error:
         raise RigError(f"{described.source}: {error}") from error
 

@@ -78,7 +78,7 @@ class GivenPlant:
             self._require_unit(record)  # before numbers in an unknown unit are found too large
             if self.described is not None:
                 check_command_range(record, self.described.drive)
-                check_motion(record, self.described.film)
+                check_motion(record, self.described.widest)
         return read
 
     def _require_unit(self, record: Recording) -> None:

@@ -158,7 +158,7 @@ def german(path: Path, record: Recording) -> None:
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the pages speak of: short recordings of one film, and the files shown as code."""
     folder, rng = tmp_path_factory.mktemp("desk"), np.random.default_rng(0)
-    (rig,) = [text for _, text in documents.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
+    rig, *_ = [text for _, text in documents.blocks(ROOT / "docs/how-to/own-rig-file.md", "toml") if "[film]" in text]
     (folder / "rig.toml").write_text(rig, encoding="utf-8")
     noise, other = band_limited_noise(rng, 18.0, STEP), band_limited_noise(rng, 10.0, STEP)
     for name, record in zip(

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from deatwin.plant.builder import Builder
 from deatwin.plant.film import FilmPoint, PointwiseFilm, film_points, point_capacitances
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
-from deatwin.plant.material import gent
+from deatwin.plant.laws.energies import gent
 from deatwin.plant.parameters import ParameterSet
 
 VOLUME, THICKNESS, MODULUS, TIME = 2e-8, 0.5e-3, 26e3, 0.6

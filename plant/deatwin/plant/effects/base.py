@@ -61,6 +61,9 @@ class Effect(ABC):
     effect does nothing, so that a fit must start where such levels occur."""
     becomes: ClassVar[Mapping[str, str]] = MappingProxyType({})
     """Parameters with whose smallest value this effect is another one, and that one's name."""
+    remembers: ClassVar[str] = ""
+    """Unit of a state that keeps what happened long before, if any: where nobody knows how an experiment began, a
+    parameter ``effect.at_start`` displaces that state from rest."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
 

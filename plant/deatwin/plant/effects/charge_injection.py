@@ -45,6 +45,7 @@ class ChargeInjection(Effect):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "field_voltage"
     strength: ClassVar[str] = "share"
+    remembers: ClassVar[str] = "V"
     wording: ClassVar[str] = "Injected charge takes {share} off the field with a time constant of {time}"
 
     def describe(self) -> tuple[Parameter, ...]:
@@ -55,5 +56,7 @@ class ChargeInjection(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         injected = build.state("injected_voltage", scale=100.0)
-        build.rate(injected, self.own("share", build) * signal - injected, mass=self.own("time", build))
+        share = self.own("share", build)
+        build.rate(injected, share * signal - injected, mass=self.own("time", build))
+        build.displace(self.name, injected, lambda excess: injected - share * excess)
         return signal - injected

@@ -47,6 +47,7 @@ class Creep(Effect):
     place: ClassVar[Place] = Place.FILM
     signal: ClassVar[str] = "film"
     strength: ClassVar[str] = "modulus"
+    remembers: ClassVar[str] = "1"
     wording: ClassVar[str] = "The film keeps creeping with a time constant of {time}"
 
     def describe(self) -> tuple[Parameter, ...]:

@@ -47,6 +47,7 @@ class DielectricAbsorption(Effect):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "squared_voltage"
     strength: ClassVar[str] = "share"
+    remembers: ClassVar[str] = "V"
     wording: ClassVar[str] = "A share of {share} of the polarisation lags with a time constant of {time}"
 
     def describe(self) -> tuple[Parameter, ...]:
@@ -59,4 +60,5 @@ class DielectricAbsorption(Effect):
         voltage = build.signal("field_voltage")
         adapted = build.state("adapted_voltage", scale=1e3)
         build.rate(adapted, voltage - adapted, mass=self.own("time", build))
+        build.displace(self.name, adapted, lambda excess: adapted - excess)
         return signal - self.own("share", build) * voltage * (voltage - adapted)

@@ -99,7 +99,7 @@ def recordings_of(
     if rig is not None:
         for recording in recordings:
             check_command_range(recording, rig.drive)
-            check_motion(recording, rig.film)
+            check_motion(recording, rig.widest)
     return recordings
 
 

@@ -23,6 +23,7 @@ from deatwin.plant.laws.energies import (
     second_invariant,
     yeoh,
 )
+from deatwin.plant.laws.formula import Formula
 from deatwin.plant.laws.permittivity import (
     displacement,
     polarisation_rate,
@@ -37,6 +38,7 @@ __all__ = [
     "KOFOD_2001",
     "VACUUM_PERMITTIVITY",
     "BreakdownLaw",
+    "Formula",
     "arruda_boyce",
     "capacitance",
     "conduction_density",

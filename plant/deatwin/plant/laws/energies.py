@@ -7,6 +7,8 @@ shear modulus :math:`\mu_0` at small strain, where the elastic modulus is :math:
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -222,3 +224,9 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
     Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
     """
     return neo_hookean(elastic_1, elastic_2, 1)
+
+
+ENERGIES: Mapping[str, Callable[..., Symbol]] = MappingProxyType(
+    {law.__name__: law for law in (neo_hookean, mooney_rivlin, yeoh, ogden, gent, arruda_boyce)}
+)
+"""Energies by the name that a rig file uses."""

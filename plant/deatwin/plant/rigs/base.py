@@ -14,6 +14,7 @@ from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.stated import require_stated
+from deatwin.plant.substance import Material
 
 if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
@@ -107,6 +108,21 @@ class Rig(ABC):
         """
         return StartProcedure()
 
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        """Return the parameters of a start that nobody knows: how far each memory is from rest when it begins.
+
+        Parameters
+        ----------
+        effects : tuple of Effect
+            Effects of the plant.
+
+        Returns
+        -------
+        tuple of Parameter
+            None by default: the start procedure tells.
+        """
+        return ()
+
     @abstractmethod
     def write(self, build: Builder) -> Any:
         """Write the rig's equations.
@@ -124,7 +140,9 @@ class Rig(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` makes the same rig."""
-        return {**asdict(self), "reading": self.reading.value}
+        film = getattr(self, "material", None)
+        written = {"material": film.to_dict()} if isinstance(film, Material) else {}
+        return {**asdict(self), "reading": self.reading.value, **written}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -145,11 +163,13 @@ class Rig(ABC):
             If a field has the wrong type or is out of range.
         """
         limits, chain = data["command_range"], data.get("chain")
-        read = {
+        read: dict[str, Any] = {
             "reading": ReadingTime(data["reading"]),
             "command_range": tuple(limits) if limits else None,
             "chain": MeasuringChain.from_dict(chain) if chain else None,
         }
+        if isinstance(data.get("material"), Mapping):
+            read["material"] = Material.from_dict(data["material"])
         rig = cls(**{**data, **read})
         require_stated(rig)
         return rig

@@ -36,15 +36,15 @@ class Coupon(Rig):
 
     Parameters
     ----------
-    material : str
-        Key of `deatwin.plant.MATERIALS`.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
     sample_time, noise, reading, model_error, command_range, chain
         Drive and sensor; see `Rig`.
     """
 
-    material: str = "VHB 4910"
+    material: str | Material = "VHB 4910"
     width: float = 10e-3
     thickness: float = 1e-3
     length: float = 80e-3

@@ -14,8 +14,9 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
@@ -24,6 +25,7 @@ from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
@@ -42,8 +44,8 @@ class Diaphragm(Rig):
 
     Parameters
     ----------
-    material : str
-        Key of `deatwin.plant.MATERIALS`.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
     thickness : float
         Thickness of the film before stretching, m.
     prestretch : float
@@ -56,6 +58,11 @@ class Diaphragm(Rig):
         Film volts per command volt.
     start_ramp, start_hold : float
         Ramp and hold of the start procedure, s.
+    start_is_known : bool
+        False if nobody knows what the film went through before the first sample. The start procedure does not count
+        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary, instead of near the position without voltage.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
@@ -71,7 +78,7 @@ class Diaphragm(Rig):
         Drive and sensor; see `Rig`.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     prestretch: float = 3.5
     frame_radius: float = 40e-3
@@ -83,6 +90,8 @@ class Diaphragm(Rig):
     start_hold: float = 3.0
     ball: Ball = "sliding"
     ball_is_known: bool = False
+    start_is_known: bool = True
+    zero_is_known: bool = True
     prestretch_is_known: bool = True
     resolution: str = "reduced"
     elements: int = 4
@@ -122,7 +131,7 @@ class Diaphragm(Rig):
                 scale=Scale.LOGARITHMIC,
                 source="damping ratio 0.03 to 0.08 of the ball on the film",
             ),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3, source="sensor offset"),
+            zero_of(1e-3, self.zero_is_known),
             Parameter(name="mass", value=self.mass, unit="kg", lower=1e-6, upper=1.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
@@ -130,7 +139,11 @@ class Diaphragm(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        return known if self.start_is_known else SETTLING
+
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        return () if self.start_is_known else memories(self._material, effects)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
         """Return the rig with the other reading time, and with the other contact and prestretch if they are unknown."""
@@ -190,8 +203,9 @@ class Diaphragm(Rig):
         casadi.SX
             Sag, m.
         """
-        stress = build.own("shear_modulus") * (self.prestretch**2 - self.prestretch**-4)
-        tension = stress * build.own("thickness") / self.prestretch**2
+        elastic = (build.own(parameter.name) for parameter in self._material.elastic)
+        stress, _ = nominal_stress(self._material.energy, self.prestretch, self.prestretch, *elastic)
+        tension = stress * build.own("thickness") / self.prestretch
         return build.own("mass") * GRAVITY / (2 * np.pi * tension) * np.log(self.frame_radius / radius)
 
     @cached_property
@@ -213,22 +227,15 @@ class Diaphragm(Rig):
         Diaphragm
             Rig whose noise includes the rounding to the sensor's resolution.
         """
-        film, load, drive, sensor = described.film, described.load, described.drive, described.sensor
-        limits = (drive.command_min, drive.command_max)
+        film, load = described.film, described.load
         return cls(
-            material=film.material,
-            thickness=film.thickness,
-            prestretch=film.prestretch,
-            frame_radius=film.frame_diameter / 2,
-            electrode_radius=film.electrode_diameter / 2,
-            contact_radius=load.contact_diameter / 2,
-            mass=load.mass,
-            gain=drive.gain,
-            start_ramp=drive.start_ramp,
-            start_hold=drive.start_hold,
-            ball=film.ball or cls.ball,
-            ball_is_known=film.ball is not None,
-            sample_time=1 / sensor.sample_rate,
-            command_range=None if None in limits else limits,  # type: ignore[arg-type]
-            noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
+            **described.shared,
+            thickness=film["thickness"],
+            prestretch=film["prestretch"],
+            frame_radius=film["frame_diameter"] / 2,
+            electrode_radius=film["electrode_diameter"] / 2,
+            contact_radius=load["contact_diameter"] / 2,
+            mass=load["mass"],
+            ball=film.get("ball", cls.ball),
+            ball_is_known="ball" in film,
         )

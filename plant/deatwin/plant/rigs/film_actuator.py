@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.laws.stress import nominal_stress
-from deatwin.plant.limits import BREAKDOWN, breakdown_share, watch_limits
+from deatwin.plant.limits import BREAKDOWN, breakdown_shares, watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import Kinematics, material_film, squared_voltage
+from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 Symbol = Any
 
@@ -39,8 +41,8 @@ class FilmActuator(Rig):
 
     Parameters
     ----------
-    material : str
-        Name in `deatwin.plant.material.MATERIALS`.
+    material : str or Material
+        Material, or its name in `deatwin.plant.material.MATERIALS`.
     thickness : float
         Of a film before stretching, m.
     mass : float
@@ -51,17 +53,24 @@ class FilmActuator(Rig):
         Film volts per command volt.
     start_ramp, start_hold : float
         Start procedure from 0 V, s.
+    start_is_known : bool
+        False if nobody knows what the film went through before the first sample. The start procedure does not count
+        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
+    zero_is_known : bool
+        False if the sensor's zero is arbitrary, instead of near the position without voltage.
     sample_time, noise, reading, model_error, command_range, chain
         As for every `Rig`.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     mass: float = 5e-3
     damping: float = 1.0
     gain: float = 800.0
     start_ramp: float = 0.0
     start_hold: float = 0.0
+    start_is_known: bool = True
+    zero_is_known: bool = True
     sample_time: float = 0.02
     noise: float = 2e-6
 
@@ -85,7 +94,7 @@ class FilmActuator(Rig):
                 scale=Scale.LOGARITHMIC,
                 source="chosen so that the part does not ring",
             ),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-2, upper=1e-2, source="sensor offset"),
+            zero_of(1e-2, self.zero_is_known),
             Parameter(name="mass", value=self.mass, unit="kg", lower=0.0, upper=10.0, **known),
             Parameter(name="gain", value=self.gain, unit="V/V", lower=1e-3, upper=1e5, **known),
             Parameter(name="thickness", value=self.thickness, unit="m", lower=1e-6, upper=0.1, **known),
@@ -97,12 +106,24 @@ class FilmActuator(Rig):
 
     @property
     def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        known = StartProcedure(rest_command=0.0, ramp=self.start_ramp, hold=self.start_hold)
+        return known if self.start_is_known else SETTLING
+
+    def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
+        return () if self.start_is_known else memories(self.substance, effects)
 
     @property
     def substance(self) -> Material:
         """The material with its published values."""
         return material(self.material)
+
+    @classmethod
+    def from_rig_file(cls, described: RigFile) -> Self:
+        """Return the rig that a rig file describes; its keys are named after the fields of the rig."""
+        own: dict[str, Any] = {**described.film, **described.load}
+        whole = {field.name for field in fields(cls) if field.type == "int"}
+        stated = {name: int(value) if name in whole else value for name, value in own.items()}
+        return cls(**{**described.shared, **stated})
 
     def write(self, build: Builder) -> Symbol:
         size = self._size
@@ -116,14 +137,18 @@ class FilmActuator(Rig):
         watch_field(film, build)
         self._watch_limits(film, squared, build)
 
-        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
         unknowns = ca.vertcat(position, *shape.coordinates)
         forces = film.force(unknowns, squared) + ca.gradient(self._potential(position, shape, build), unknowns)
         build.rate(position, velocity)
-        build.rate(velocity, friction - forces[0], mass=build.parameter("mass"))
-        for number in range(len(shape.coordinates)):
-            build.balance(forces[1 + number])
+        self._move(velocity, shape, forces, build)
         return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+
+    def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
+        """Write the motion: `forces` of film and loads hold back the position, and then each further coordinate."""
+        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        build.rate(velocity, friction - forces[0], mass=build.parameter("mass"))
+        for number in range(1, forces.numel()):
+            build.balance(forces[number])
 
     @property
     @abstractmethod
@@ -175,8 +200,8 @@ def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) ->
 
 def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
     """Watch how near the film is to breakdown; a film that is free in its plane does not wrinkle."""
-    thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
-    build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*(breakdown_share(p, voltage, thickness) for p in film.points))))
+    if shares := breakdown_shares(film, build):
+        build.watch(BREAKDOWN, ca.mmax(ca.vertcat(*shares)))
 
 
 def watch_field(film: AnyFilm, build: Builder) -> None:

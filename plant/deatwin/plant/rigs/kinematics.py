@@ -60,6 +60,7 @@ def material_film(shape: Kinematics, substance: Material, rest_stretch: float, b
         elastic=sum(p.volume * substance.energy(*p.stretches, *elastic) for p in points),
         capacitances=point_capacitances(points, build.parameter("permittivity"), build.parameter("thickness")),
         rest_stretch=rest_stretch,
+        breakdown=substance.breakdown,
     )
     for branch in substance.branches:
         modulus, time = build.parameter(branch.modulus.name), build.parameter(branch.time.name)

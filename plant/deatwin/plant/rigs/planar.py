@@ -52,8 +52,8 @@ class Planar(FilmActuator):
         Stretch across the motion; None for the same stretch as along it.
     sides : {"equal", "free", "clamped"}
         Support of the sides.
-    material, thickness, mass, damping, gain, start_ramp, start_hold
-        Film and start procedure, as in every film actuator: material name, undeformed thickness in m, moved mass in kg,
+    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
         damping in N s/m, film volts per command volt, ramp and hold in s. If both directions move, `mass` and `damping`
         act on the motion along 1.
     sample_time, noise, reading, model_error, command_range, chain
@@ -133,8 +133,8 @@ class BlockedPlanar(Rig):
 
     Parameters
     ----------
-    material : str
-        Key of `deatwin.plant.MATERIALS`.
+    material : str or Material
+        Material, or its key in `deatwin.plant.MATERIALS`.
     thickness, length, width : float
         Dimensions before stretching, m.
     prestretch, side_prestretch : float
@@ -145,7 +145,7 @@ class BlockedPlanar(Rig):
         Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """
 
-    material: str = "VHB 4905"
+    material: str | Material = "VHB 4905"
     thickness: float = 0.5e-3
     length: float = 50e-3
     width: float = 50e-3

@@ -1,86 +1,65 @@
-"""Rig files in TOML: what the experimenter knows of a rig.
-
-| section | key | range | default |
-|---|---|---|---|
-| film | material | text | required |
-| film | thickness_mm | 0.001 to 10, before stretching | required |
-| film | prestretch | 1 to 10, equal-biaxial | required |
-| film | frame_diameter_mm | 1 to 1000 | required |
-| film | electrode_diameter_mm | 0.1 to 1000, below the frame's | required |
-| film | ball | "bonded" or "sliding" | not known: the plant's own choice |
-| load | mass_g | 0 to 1000 | required |
-| load | contact_diameter_mm | 0.01 to 1000, below the electrode's | required |
-| drive | gain | 1 to 100000, film volts a command volt | required |
-| drive | start_ramp_s, start_hold_s | 0 to 86400 | required |
-| drive | command_min_V, command_max_V | -1000 to 1000, min below max | not known |
-| sensor | sample_rate_Hz | 0.001 to 1000000 | required |
-| sensor | noise_um | 0 to 10000, rms | required |
-| sensor | resolution_um | 0 to 10000 | 0 |
-| sensor | zero | "displacement at zero volts" | required |
-"""
+"""Rig files in TOML: what the experimenter knows of a rig. `deatwin.plant.rigs.rigkinds` has the keys of each kind."""
 
 import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from deatwin.plant.errors import RigError, nearest
-from deatwin.plant.rigs.rigkeys import RIG_KEYS
+from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigmistakes import format_errors, lines_of, mistakes_of
 from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
-
-
-@dataclass(frozen=True, kw_only=True)
-class FilmSpec:
-    """Film: lengths in m, `thickness` before stretching; `ball` is None if unknown."""
-
-    material: str
-    thickness: float
-    prestretch: float
-    frame_diameter: float
-    electrode_diameter: float
-    ball: str | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoadSpec:
-    """Ball at the centre: mass in kg, diameter of the contact in m."""
-
-    mass: float
-    contact_diameter: float
+from deatwin.plant.substance import Material
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSpec:
-    """Drive: gain in film volts per command volt, start procedure in s, range of commands in V or None."""
+    """Drive: film volts per command volt, start procedure in s, range of commands in V or None.
 
-    gain: float
-    start_ramp: float
-    start_hold: float
+    `start_is_known` is False where the file says so; ramp and hold mean nothing then.
+    """
+
+    gain: float = 1.0
+    start_ramp: float = 0.0
+    start_hold: float = 0.0
+    start_is_known: bool = True
     command_min: float | None = None
     command_max: float | None = None
+
+    @property
+    def command_range(self) -> tuple[float, float] | None:
+        """Lowest and highest command, V; None unless both are known."""
+        low, high = self.command_min, self.command_max
+        return None if low is None or high is None else (low, high)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sensor: sample rate in Hz, rms noise and resolution in m, and the meaning of its zero."""
+    """Sensor: sample rate in Hz, rms noise and resolution in m, and if its zero is that without voltage."""
 
     sample_rate: float
     noise: float
-    zero: str
     resolution: float = 0.0
+    zero_is_known: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
 class RigFile:
     """A rig as its experimenter knows it, in SI units."""
 
-    film: FilmSpec
-    load: LoadSpec
+    kind: str
+    material: str | Material  # Published, by its name, or of the section [material]
+    film: Mapping[str, Any]  # Film and load: values by the field of the keys of the kind
+    load: Mapping[str, Any]
     drive: DriveSpec
     sensor: SensorSpec
+    stated: Mapping[str, Any]  # Sections, keys and values as the file has them
     source: str = ""  # The file that it was read from
 
     @staticmethod
@@ -88,19 +67,32 @@ class RigFile:
         """Make a rig from the sections and keys of a rig file."""
         return _checked(data, source)
 
-    def to_dict(self) -> dict[str, dict[str, Any]]:
+    def to_dict(self) -> dict[str, Any]:
         """Return sections, keys and values of a rig file, in its units, ready for JSON."""
+        return deepcopy(dict(self.stated))
+
+    @property
+    def shared(self) -> dict[str, Any]:
+        """Fields that rigs of every kind take from a rig file, by their names."""
+        drive, sensor = self.drive, self.sensor
         return {
-            section: {
-                name: key.to_file(value)
-                for name, key in keys.items()
-                if (value := getattr(getattr(self, section), key.field)) is not None
-            }
-            for section, keys in RIG_KEYS.items()
+            "material": self.material,
+            "gain": drive.gain,
+            "start_ramp": drive.start_ramp,
+            "start_hold": drive.start_hold,
+            "start_is_known": drive.start_is_known,
+            "zero_is_known": sensor.zero_is_known,
+            "command_range": drive.command_range,
+            "sample_time": 1 / sensor.sample_rate,
+            "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         }
 
-
-_SPECS: Mapping[str, type] = {"film": FilmSpec, "load": LoadSpec, "drive": DriveSpec, "sensor": SensorSpec}
+    @property
+    def widest(self) -> float:
+        """Longest dimension of the film, m, which no reading of a position exceeds."""
+        known = {"frame_diameter": 1.0, "frame_radius": 2.0, "length": 10.0, "width": 10.0}
+        sizes = [factor * self.film[name] for name, factor in known.items() if name in self.film]
+        return max(sizes, default=float("inf"))
 
 
 def read_rig(path: str | Path) -> RigFile:
@@ -145,10 +137,23 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     """Return the rig of sections and keys; several mistakes are listed with their lines in the file's text."""
     if mistakes := mistakes_of(data):
         raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
-    return RigFile(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
-
-
-def _specified(section: str, values: Mapping[str, Any]) -> Any:
-    """Return the specification that a section without mistakes describes."""
-    keys = RIG_KEYS[section]
-    return _SPECS[section](**{keys[name].field: keys[name].to_si(value) for name, value in values.items()})
+    kind = KINDS[data.get("kind", "diaphragm")]
+    values: dict[str, dict[str, Any]] = {
+        section: {keys[name].field: keys[name].to_si(value) for name, value in data.get(section, {}).items()}
+        for section, keys in kind.sections.items()
+    }
+    film, load, drive, sensor = (values.get(section, {}) for section in ("film", "load", "drive", "sensor"))
+    own, _ = read_material(data["material"]) if "material" in data else (None, [])
+    drive.pop("input", None)
+    return RigFile(
+        kind=data.get("kind", "diaphragm"),
+        material=own or film.pop("material"),
+        film=film,
+        load={**kind.absent, **load},
+        drive=DriveSpec(**{n: v for n, v in drive.items() if n != "start"}, start_is_known="start" not in drive),
+        sensor=SensorSpec(
+            **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor["zero"] != "arbitrary"
+        ),
+        stated=deepcopy(dict(data)),
+        source=source,
+    )

@@ -1,9 +1,7 @@
 """Keys of a rig file: one table that reads and writes them, and gives their JSON Schema."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from deatwin.plant.safe_read import clipped
 
@@ -19,6 +17,7 @@ class NumberKey:
     required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
+    instead: str = ""  # Key of the section that takes the place of this one
 
     @property
     def allowed(self) -> str:
@@ -47,13 +46,6 @@ class NumberKey:
                 return f"; if that is {unit}, write {meant:g}"
         return ""
 
-    def to_file(self, value: float) -> float:
-        """Return an SI value as the file has it: the shortest number that `to_si` makes into this value."""
-        near = value * self.per_si  # within two roundings of what the file had
-        shortened = [float(f"{near:.{digits}g}") for digits in range(12, 17)]
-        beside = [near, *(math.nextafter(near, end) for end in (-math.inf, math.inf))]
-        return next((number for number in (*shortened, *beside) if self.to_si(number) == value), near)
-
 
 @dataclass(frozen=True, kw_only=True)
 class TextKey:
@@ -63,6 +55,7 @@ class TextKey:
     choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
     required: bool = True  # True if the key must be present
     about: str = ""
+    instead: str = ""  # Key of the section, or ``[section]``, that takes the place of this one
 
     @property
     def allowed(self) -> str:
@@ -81,10 +74,6 @@ class TextKey:
         """Return the value of a file in SI."""
         return value
 
-    def to_file(self, value: str) -> str:
-        """Return an SI value as the file has it."""
-        return value
-
 
 # Units that a value may have been given in by mistake, with factor and shift to the file's own.
 _MM = (("in m", 1e3, 0.0), ("in um", 1e-3, 0.0))
@@ -96,66 +85,71 @@ _MV = (("in mV", 1e-3, 0.0),)
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
 Keys = Mapping[str, NumberKey | TextKey]
-RIG_KEYS: Mapping[str, Keys] = {
-    "film": {
-        "material": TextKey(field="material", about="a name in the table of materials"),
-        "thickness_mm": NumberKey(
-            field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching"
-        ),
-        "prestretch": NumberKey(
-            field="prestretch",
-            lower=1.0,
-            upper=10.0,
-            slips=_STRETCH,
-            about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
-        ),
-        "frame_diameter_mm": NumberKey(
-            field="frame_diameter", lower=1.0, upper=1e3, per_si=1e3, slips=_MM, about="of the ring, inside"
-        ),
-        "electrode_diameter_mm": NumberKey(
-            field="electrode_diameter", lower=0.1, upper=1e3, per_si=1e3, slips=_MM, about="on the stretched film"
-        ),
-        "ball": TextKey(
-            field="ball",
-            choices=("bonded", "sliding"),
-            required=False,
-            about="left out where it is not known: both are fitted",
-        ),
-    },
-    "load": {
-        "mass_g": NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, slips=_MG, about="of the ball"),
-        "contact_diameter_mm": NumberKey(
-            field="contact_diameter", lower=0.01, upper=1e3, per_si=1e3, slips=_MM, about="of ball and film"
-        ),
-    },
-    "drive": {
-        "gain": NumberKey(field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt"),
-        "start_ramp_s": NumberKey(
-            field="start_ramp",
-            lower=0.0,
-            upper=86400.0,
-            slips=_MS,
-            about="before time 0 the first command was ramped on from 0 V in this time",
-        ),
-        "start_hold_s": NumberKey(
-            field="start_hold", lower=0.0, upper=86400.0, slips=_MS, about="and held for this time"
-        ),
-        "command_min_V": NumberKey(
-            field="command_min", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
-        ),
-        "command_max_V": NumberKey(
-            field="command_max", lower=-1e3, upper=1e3, required=False, slips=_MV, about="what the drive may give"
-        ),
-    },
-    "sensor": {
-        "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
-        "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
-        "resolution_um": NumberKey(
-            field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
-        ),
-        "zero": TextKey(field="zero", choices=("displacement at zero volts",), about="of the readings"),
-    },
+MATERIAL = TextKey(field="material", about="a name in the table of materials", instead="[material]")
+THICKNESS = NumberKey(field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching")
+PRESTRETCH = NumberKey(
+    field="prestretch",
+    lower=1.0,
+    upper=10.0,
+    slips=_STRETCH,
+    about="equal-biaxial: a stretch, so 350 % of strain is 4.5",
+)
+DRIVE: Keys = {
+    "gain": NumberKey(
+        field="gain", lower=1.0, upper=1e5, slips=_KV, about="film volts a command volt", instead="input"
+    ),
+    "input": TextKey(
+        field="input",
+        choices=("film voltage",),
+        required=False,
+        about="instead of gain, where the recordings hold the voltage of the film itself",
+    ),
+    "start": TextKey(
+        field="start",
+        choices=("unknown",),
+        required=False,
+        about="instead of the two below, where nobody knows what the film went through before the first sample",
+    ),
+    "start_ramp_s": NumberKey(
+        field="start_ramp",
+        lower=0.0,
+        upper=86400.0,
+        slips=_MS,
+        about="before time 0 the first command was ramped on from 0 V in this time",
+        instead="start",
+    ),
+    "start_hold_s": NumberKey(
+        field="start_hold", lower=0.0, upper=86400.0, slips=_MS, about="and held for this time", instead="start"
+    ),
+    "command_min_V": NumberKey(
+        field="command_min", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
+    ),
+    "command_max_V": NumberKey(
+        field="command_max", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
+    ),
 }
+SENSOR: Keys = {
+    "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
+    "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
+    "resolution_um": NumberKey(
+        field="resolution", lower=0.0, upper=1e4, per_si=1e6, required=False, slips=_UM, about="0 if left out"
+    ),
+    "zero": TextKey(
+        field="zero",
+        choices=("displacement at zero volts", "arbitrary"),
+        about="of the readings: near 0 without voltage, or anywhere",
+    ),
+}
+
+
+def length(field: str, about: str, *, lower: float = 0.01, per_si: float = 1e3, required: bool = True) -> NumberKey:
+    """Return the key of a length in mm; a diameter that the rig takes as a radius has 2000 of them in an SI unit."""
+    return NumberKey(field=field, lower=lower, upper=1e3, per_si=per_si, required=required, slips=_MM, about=about)
+
+
+def mass(about: str, *, required: bool = False) -> NumberKey:
+    """Return the key of a mass in g."""
+    return NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, required=required, slips=_MG, about=about)
 
 
 def kind_of(value: object) -> str:
@@ -170,36 +164,3 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return text.lower()
     return f'"{clipped(text)}"' if isinstance(value, str) else clipped(text)
-
-
-SCHEMA = "deatwin/rig/1"
-
-
-def rig_schema() -> dict[str, Any]:
-    """Return the schema that ships as ``schemas/rig.schema.json``."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": SCHEMA,
-        "title": "A rig file",
-        "description": "What the experimenter knows of a diaphragm rig, as TOML. The electrode is smaller than the "
-        "frame, the contact than the electrode, command_min_V than command_max_V.",
-        "type": "object",
-        "additionalProperties": False,
-        "required": list(RIG_KEYS),
-        "properties": {
-            section: {
-                "type": "object",
-                "additionalProperties": False,
-                "required": [name for name, key in keys.items() if key.required],
-                "properties": {name: _key(key) for name, key in keys.items()},
-            }
-            for section, keys in RIG_KEYS.items()
-        },
-    }
-
-
-def _key(key: NumberKey | TextKey) -> dict[str, Any]:
-    about = {"description": key.about} if key.about else {}
-    if isinstance(key, NumberKey):
-        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
-    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.plant.errors import nearest
-from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
+from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
+from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
+from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
@@ -14,16 +16,9 @@ Place = tuple[str, ...]
 
 MOST = 20
 """Number of mistakes that are listed one by one."""
-_BELOW = (
-    (("film", "electrode_diameter_mm"), ("film", "frame_diameter_mm")),
-    (("load", "contact_diameter_mm"), ("film", "electrode_diameter_mm")),
-    (("drive", "command_min_V"), ("drive", "command_max_V")),
-)
-"""Numbers that must be below others, since one part cannot hold the other otherwise."""
-
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
 _PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
-_HEADER = re.compile(rf"\s*\[\s*({_PATH})\s*\]\s*(?:#.*)?")
+_HEADER = re.compile(rf"\s*\[{{1,2}}\s*({_PATH})\s*\]{{1,2}}\s*(?:#.*)?")
 _KEY = re.compile(rf"\s*({_PATH})\s*=")
 
 
@@ -45,19 +40,48 @@ class Mistake:
 
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
-    outside = [_outside(name) for name in data if name not in RIG_KEYS]
-    called = {section: section for section in RIG_KEYS}
+    kind, wrong = _kind(data.get("kind", "diaphragm"))
+    table = KINDS[kind].sections
+    outside = [_outside(name, table) for name in data if name not in (*table, "kind", "material")]
+    called = {section: section for section in table}
     for mistake in outside:  # a section with a misspelt name is read by the name that it should have
         name = mistake.line_of[0]
         if len(mistake.meant) == 1 and mistake.meant[0] not in data and isinstance(data[name], Mapping):
             called[mistake.meant[0]] = name
+    read = {section: data.get(name) for section, name in called.items() if section != "material"}
     found = [
+        *wrong,
         *outside,
-        *(mistake for section, name in called.items() for mistake in _inside(section, name, data.get(name))),
-        *_order({section: data.get(name) for section, name in called.items()}, called),
+        *_material(data, read.get("film")),
+        *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
+        *_order((*KINDS[kind].below, COMMANDS), read, called, table),
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
     return [mistake for mistake in found if mistake.missing not in meant]
+
+
+def _kind(name: object) -> tuple[str, list[Mistake]]:
+    """Kind of the rig, or the one that was probably meant, and the mistake in its name."""
+    if isinstance(name, str) and name in KINDS:
+        return name, []
+    hint = nearest(name[:100], KINDS) if isinstance(name, str) else ""
+    said = f'"{clipped(name)}"' if isinstance(name, str) else kind_of(name)
+    text = f"{said} is no kind of rig{hint} (known: {_listed(KINDS)})"
+    return next(iter(_offered(hint, KINDS)), "diaphragm"), [Mistake(text=f"kind: {text}", line_of=("kind",))]
+
+
+def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
+    """Mistakes of the section [material], which stands for the key in [film]."""
+    if "material" not in data:
+        return
+    if isinstance(film, Mapping) and "material" in film:
+        yield Mistake(
+            text="there is a section [material] too; keep one of them",
+            at=("film", "material"),
+            line_of=("film", "material"),
+        )
+    for path, text in read_material(data["material"])[1]:
+        yield Mistake(text=text, at=("material", *path), line_of=("material", *path))
 
 
 def lines_of(text: str) -> dict[Place, int]:
@@ -91,8 +115,9 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
 
 
 def _line(mistake: Mistake, lines: Mapping[Place, int]) -> int | None:
-    """Line of the key, or else of its section: the keys of an inline table stand in its line."""
-    return lines.get(mistake.line_of, lines.get(mistake.line_of[:1]))
+    """Line of the key, or else of what holds it: the keys of an inline table stand in its line."""
+    places = (mistake.line_of[:length] for length in range(len(mistake.line_of), 0, -1))
+    return next((lines[place] for place in places if place in lines), None)
 
 
 def _prefix(line: int | None, where: str) -> str:
@@ -104,38 +129,49 @@ def _parts(path: str) -> Place:
     return tuple(part[1:-1] if part[0] in "\"'" else part for part in re.findall(_PART, path))
 
 
-def _outside(name: str) -> Mistake:
+def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
     """Mistake of an unknown section, or of a key above all sections."""
-    for section, keys in RIG_KEYS.items():
+    for section, keys in table.items():
         if name in keys:
             return Mistake(
                 text=f'the key "{name}" stands outside of the sections; it belongs into [{section}]',
                 line_of=(name,),
                 meant=(section, name),
             )
-    hint = nearest(name[:100], RIG_KEYS)
+    known = (*table, "material")
+    hint = nearest(name[:100], known)
     return Mistake(
-        text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(RIG_KEYS)}'}",
+        text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(known)}'}",
         line_of=(name,),
-        meant=_offered(hint, RIG_KEYS),
+        meant=_offered(hint, known),
     )
 
 
-def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
+def _inside(
+    section: str, called: str, values: object, table: Mapping[str, Keys], data: Mapping[str, Any]
+) -> Iterator[Mistake]:
     """Mistakes of a section, which may have another name in the file."""
-    keys = RIG_KEYS[section]
+    keys = table[section]
     if values is None:
         required = _listed(name for name, key in keys.items() if key.required)
+        if not required:
+            return
         yield Mistake(text=f"the section [{section}] is missing; it must hold {required}", missing=(section,))
         return
     if not isinstance(values, Mapping):
         yield Mistake(text=f"{section} is {kind_of(values)}; it must be a section [{section}]", line_of=(section,))
         return
-    yield from (_unknown(name, section, called) for name in values if name not in keys)
+    yield from (_unknown(name, section, called, table) for name in values if name not in keys)
     for name, key in keys.items():
-        if name not in values and key.required:
+        replaced = key.instead in values or key.instead[1:-1] in data
+        if name in values and key.instead in values:
             yield Mistake(
-                text=f'the key "{name}" is missing; it must be {key.allowed}',
+                text=f'"{key.instead}" stands in its place; keep one of them', at=(called, name), line_of=(called, name)
+            )
+        if name not in values and key.required and not replaced:
+            other = f"; or give {_written(key.instead, keys)} instead" if key.instead else ""
+            yield Mistake(
+                text=f'the key "{name}" is missing; it must be {key.allowed}{other}',
                 at=(called,),
                 line_of=(called,),
                 missing=(section, name),
@@ -144,10 +180,16 @@ def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
             yield Mistake(text=fault, at=(called, name), line_of=(called, name))
 
 
-def _unknown(name: str, section: str, called: str) -> Mistake:
+def _written(name: str, keys: Keys) -> str:
+    """What stands in the place of another key, as a file has it."""
+    key = keys.get(name)
+    return f'{name} = "{key.choices[0]}"' if isinstance(key, TextKey) else name
+
+
+def _unknown(name: str, section: str, called: str, table: Mapping[str, Keys]) -> Mistake:
     """Mistake of an unknown key. It offers the key's own section, else the nearest name, else all names."""
-    keys = RIG_KEYS[section]
-    owners = [other for other, others in RIG_KEYS.items() if name in others]
+    keys = table[section]
+    owners = [other for other, others in table.items() if name in others]
     hint = nearest(name[:100], keys)
     right = f"; it belongs into [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
     meant = (owners[0], name) if owners else (section, *_offered(hint, keys))
@@ -159,10 +201,15 @@ def _unknown(name: str, section: str, called: str) -> Mistake:
     )
 
 
-def _order(sections: Mapping[str, object], called: Mapping[str, str]) -> Iterator[Mistake]:
+def _order(
+    below: Sequence[Pair], sections: Mapping[str, object], called: Mapping[str, str], table: Mapping[str, Keys]
+) -> Iterator[Mistake]:
     """Mistakes of numbers that are each right on their own."""
-    for (section, name), (other, limit) in _BELOW:
-        value, most = _number(sections[section], section, name), _number(sections[other], other, limit)
+    for (section, name), (other, limit) in below:
+        value, most = (
+            _number(sections[section], table[section][name], name),
+            _number(sections[other], table[other][limit], limit),
+        )
         if value is not None and most is not None and value >= most:
             place = (called[section], name)
             yield Mistake(
@@ -170,9 +217,9 @@ def _order(sections: Mapping[str, object], called: Mapping[str, str]) -> Iterato
             )
 
 
-def _number(values: object, section: str, name: str) -> float | None:
+def _number(values: object, key: NumberKey | TextKey, name: str) -> float | None:
     value = values.get(name) if isinstance(values, Mapping) else None
-    return None if value is None or RIG_KEYS[section][name].fault(value) else float(value)
+    return None if value is None or key.fault(value) else float(value)
 
 
 def _offered(hint: str, known: Iterable[str]) -> Place:

@@ -3,16 +3,19 @@
 from collections.abc import Mapping
 
 from deatwin.plant.material import MATERIALS
-from deatwin.plant.rigs.rigkeys import RIG_KEYS, NumberKey, TextKey
+from deatwin.plant.rigs.rigkeys import NumberKey, TextKey
+from deatwin.plant.rigs.rigkinds import KINDS
 
 _HEAD = """\
-# A diaphragm rig: a prestrained film in a ring, with a load at its centre.
+# {about}
 # Lines that begin with "# " explain. A line "#key = value" is an example: take its # away and put your value there.
 # Until the required keys have their values, every command that is given this file lists those that are missing.
+# A material that is not in the table: leave its key out, and write a section [material] with an energy.
+kind = "{kind}"
 """
 _SECTIONS = {
     "film": "the membrane",
-    "load": "the ball at the centre of the film",
+    "load": "what the film moves",
     "drive": "the amplifier, and how the film came to its first voltage",
     "sensor": "what measures the displacement",
 }
@@ -22,9 +25,10 @@ _EXAMPLES: Mapping[str, float | str] = {
     "prestretch": 3.5,
     "frame_diameter_mm": 80.0,
     "electrode_diameter_mm": 35.0,
-    "ball": "sliding",
-    "mass_g": 3.0,
-    "contact_diameter_mm": 6.0,
+    "mass_g": 0.0,
+    "force_N": 0.0,
+    "input": "film voltage",
+    "start": "unknown",
     "gain": 800.0,
     "start_ramp_s": 2.0,
     "start_hold_s": 3.0,
@@ -37,24 +41,25 @@ _EXAMPLES: Mapping[str, float | str] = {
 }
 
 
-def rig_template(known: Mapping[str, tuple[float, str]]) -> str:
+def rig_template(known: Mapping[str, tuple[float, str]], kind: str = "diaphragm") -> str:
     """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key."""
-    parts = [_HEAD]
-    for section, keys in RIG_KEYS.items():
+    parts, described = [_HEAD.format(about=KINDS[kind].about, kind=kind)], KINDS[kind]
+    for section, keys in described.sections.items():
         lines = [f"[{section}]  # {_SECTIONS[section]}"]
         for name, key in keys.items():
-            lines += _entry(name, key, known.get(name))
+            lines += _entry(name, key, known.get(name), {**_EXAMPLES, **described.examples}[name])
         parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
 
 
-def _entry(name: str, key: NumberKey | TextKey, known: tuple[float, str] | None) -> list[str]:
+def _entry(name: str, key: NumberKey | TextKey, known: tuple[float, str] | None, example: float | str) -> list[str]:
     """Return the lines of a key: what it means, and its value or an example."""
     allowed = f"one of {', '.join(MATERIALS)}" if name == "material" else key.allowed
     said = [f"# {name}: {key.about}; {allowed}", "" if key.required else "may be left out"]
-    only = isinstance(key, TextKey) and len(key.choices) == 1
     if known is not None:
         said.append(known[1])
-    value = known[0] if known is not None else _EXAMPLES[name]
+    value = known[0] if known is not None else example
     written = f'"{value}"' if isinstance(value, str) else repr(float(f"{value:.6g}"))
-    return ["; ".join(filter(None, said)), f"{'' if only or known is not None else '#'}{name} = {written}"]
+    # An alternative to a required key stays an example even where the others are filled in.
+    mark = "" if known is not None else "##" if isinstance(key, TextKey) and name in ("input", "start") else "#"
+    return ["; ".join(filter(None, said)), f"{mark}{name} = {written}"]

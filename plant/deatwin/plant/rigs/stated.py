@@ -23,7 +23,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     **dict.fromkeys(("noise", "model_error"), (0.0, LARGEST)),
     **dict.fromkeys(("mass", "damping", "spring_rate"), _AMOUNT),
     **dict.fromkeys(("thickness", "length", "width", "waist_width", "bar_width", "area"), _SIZE),
-    **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius"), _SIZE),
+    **dict.fromkeys(("frame_radius", "electrode_radius", "contact_radius", "disc_radius", "snap_reach"), _SIZE),
     **dict.fromkeys(("prestretch", "side_prestretch", "hoop_prestretch"), _STRETCH),
     **dict.fromkeys(("elements", "layers", "stations"), (1, 1e6)),
 }
@@ -40,7 +40,7 @@ def require_stated(rig: Rig) -> None:
     """Raise RigError unless each field of a rig has the right type and lies in its range."""
     for field in fields(rig):
         value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
-        if kinds[0] in _KINDS and not (value is None and "None" in kinds):
+        if kinds[0] in _KINDS and not (value is None and "None" in kinds) and type(value).__name__ not in kinds[1:]:
             _require(field.name, value, *_KINDS[kinds[0]])
     if rig.command_range is not None:
         _require_range(rig.command_range)

@@ -32,6 +32,13 @@ class RigKind(StrEnum):
     """Kind of a rig that a file can describe."""
 
     DIAPHRAGM = "diaphragm"
+    DISC = "disc"
+    PLANAR = "planar"
+    STACK = "stack"
+    BOW_TIE = "bow_tie"
+    ROLL = "roll"
+    CONE = "cone"
+    PRESSURE = "pressure"
 
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
@@ -40,7 +47,7 @@ OutFolder = Annotated[
 ]
 RigOption = Annotated[
     RigKind | None,
-    typer.Option("--rig", metavar="KIND", help="Also write a rig file to fill in, DIR/rig.toml; KIND is diaphragm."),
+    typer.Option("--rig", metavar="KIND", help="Also write a rig file to fill in, DIR/rig.toml."),
 ]
 
 
@@ -91,8 +98,8 @@ def look(
         result = _result(seen, following)
         if folder is not None and any(one.look is not None for one in seen):
             _draw(folder, [one.look for one in seen if one.look is not None])
-            if place is not None:
-                folder.text(place.name, _rig_file(seen))
+            if place is not None and rig is not None:
+                folder.text(place.name, _rig_file(seen, rig))
             end_run(folder, record, "look", result)
             voice.say(folder.summary)
         voice.result(result)
@@ -161,7 +168,7 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
             folder.text("look.svg" if len(looks) == 1 else f"look_{number}.svg", standalone(figure))
 
 
-def _rig_file(seen: Sequence[Seen]) -> str:
+def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     """Return the rig file to fill in, with what the first recording tells of it."""
     from deatwin.plant.rigs.rigtemplate import rig_template
 
@@ -173,4 +180,4 @@ def _rig_file(seen: Sequence[Seen]) -> str:
         if reading.unit == "m" and reading.noise:
             said = "the recording shows at most this: put the data sheet's value here if you have it"
             known["noise_um"] = (1e6 * reading.noise, said)
-    return rig_template(known)
+    return rig_template(known, kind)

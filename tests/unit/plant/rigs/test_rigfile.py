@@ -3,9 +3,11 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rig_files import RIG
 
+from deatwin.plant import Disc, load_plant
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 
@@ -24,9 +26,9 @@ def read(tmp_path: Path, text: str) -> RigFile:
 
 def test_si_inside(tmp_path: Path) -> None:
     rig = read(tmp_path, RIG)
-    assert rig.film.material == "VHB 4905"
-    assert (rig.film.thickness, rig.film.frame_diameter, rig.film.electrode_diameter) == (0.5e-3, 0.08, 0.035)
-    assert (rig.load.mass, rig.load.contact_diameter) == (3e-3, 6e-3)
+    assert rig.material == "VHB 4905"
+    assert (rig.film["thickness"], rig.film["frame_diameter"], rig.film["electrode_diameter"]) == (0.5e-3, 0.08, 0.035)
+    assert (rig.load["mass"], rig.load["contact_diameter"]) == (3e-3, 6e-3)
     assert (rig.drive.gain, rig.drive.start_ramp, rig.drive.start_hold) == (800.0, 2.0, 3.0)
     assert (rig.sensor.sample_rate, rig.sensor.noise) == (50.0, 2e-6)
     assert rig.source.endswith("rig.toml")
@@ -34,13 +36,13 @@ def test_si_inside(tmp_path: Path) -> None:
 
 def test_defaults_of_what_may_be_left_out(tmp_path: Path) -> None:
     rig = read(tmp_path, RIG)
-    assert (rig.film.ball, rig.drive.command_min, rig.drive.command_max) == (None, None, None)
+    assert (rig.film.get("ball"), rig.drive.command_min, rig.drive.command_max) == (None, None, None)
     assert rig.sensor.resolution == 0.0
 
 
 def test_optional_keys(tmp_path: Path) -> None:
     rig = read(tmp_path, OPTIONAL)
-    assert (rig.film.ball, rig.drive.command_min, rig.drive.command_max) == ("sliding", 1.1, 3.75)
+    assert (rig.film.get("ball"), rig.drive.command_min, rig.drive.command_max) == ("sliding", 1.1, 3.75)
     assert rig.sensor.resolution == pytest.approx(1.2e-6)
 
 
@@ -85,3 +87,69 @@ def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:
         read(tmp_path, RIG.replace(old, new))
     assert "rig.toml" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+SILICONE = """\
+kind = "disc"
+[film]
+material = "Elastosil 2030"
+thickness_mm = 0.1
+prestretch = 1.2
+frame_diameter_mm = 50
+electrode_diameter_mm = 20
+[drive]
+input = "film voltage"
+start = "unknown"
+[sensor]
+sample_rate_Hz = 50
+noise_um = 1.2
+resolution_um = 0.5
+zero = "arbitrary"
+"""
+
+
+def test_a_silicone_disc_is_described_without_a_line_of_python(tmp_path: Path) -> None:
+    described = read(tmp_path, SILICONE)
+    rig = load_plant(described).plant.rig
+    assert isinstance(rig, Disc)
+    assert (rig.material, rig.thickness, rig.prestretch, rig.gain) == ("Elastosil 2030", 1e-4, 1.2, 1.0)
+    assert (rig.frame_radius, rig.electrode_radius, rig.mass) == (25e-3, 10e-3, 0.0)
+    assert not (rig.start_is_known or rig.zero_is_known)
+    assert rig.noise == pytest.approx(np.hypot(1.2e-6, 0.5e-6 / np.sqrt(12)))
+    assert RigFile.from_dict(json.loads(json.dumps(described.to_dict())), described.source) == described
+
+
+def test_a_material_of_ones_own_with_ranges(tmp_path: Path) -> None:
+    own = """
+[material]
+name = "filled silicone"
+energy = "a*(I1 - 3) + b*(I1 - 3)^2"
+permittivity = 5.5
+[material.parameters]
+a = { value = 90e3, low = 50e3, high = 200e3 }
+b = { value = 0, low = -5e3, high = 5e3 }
+[[material.branches]]
+modulus_Pa = 40e3
+time_s = { value = 3, low = 0.5, high = 20 }
+[material.breakdown]
+field_MV_m = 40
+thickness_um = 50
+thickness_power = -0.2
+"""
+    plant = load_plant(read(tmp_path, SILICONE.replace('material = "Elastosil 2030"\n', "") + own)).plant
+    film = plant.rig.substance
+    assert (film.name, film.breakdown.field, film.breakdown.thickness) == ("filled silicone", 40e6, 50e-6)
+    assert film.shear_modulus == pytest.approx(2 * 90e3)
+    a, b, modulus, time, permittivity = film.parameters
+    assert (a.lower, a.upper, b.lower, b.value) == (50e3, 200e3, -5e3, 0.0)
+    assert (modulus.name, modulus.lower, modulus.upper) == ("branch_modulus", 8e3, 200e3)
+    assert (time.name, time.lower, time.upper) == ("branch_time", 0.5, 20.0)
+    assert (permittivity.value, permittivity.lower) == (5.5, 2.75)
+    assert "branch_at_start" in plant.parameters.free
+
+
+def test_a_published_material_may_be_changed_in_part(tmp_path: Path) -> None:
+    text = SILICONE.replace('material = "Elastosil 2030"\n', "")
+    changed = load_plant(read(tmp_path, text + '[material]\nname = "RTV 615"\npermittivity = 3.0\n')).plant
+    assert changed.parameters["permittivity"].value == 3.0
+    assert changed.parameters["stretch_limit"].value == 7.46

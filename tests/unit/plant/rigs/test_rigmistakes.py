@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from rig_files import SOUND
 
+from deatwin.plant import load_plant
 from deatwin.plant.errors import RigError
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
 from deatwin.plant.rigs.rigmistakes import MOST
@@ -43,12 +44,15 @@ ALL = (
         "[film] electrode_diameter_mm: 90 is out of range; it must be below frame_diameter_mm, 80",
     ),
     ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0 to 1000'),
-    ("[drive]", '[drive]: the key "gain" is missing; it must be a number from 1 to 100000'),
+    (
+        "[drive]",
+        '[drive]: the key "gain" is missing; it must be a number from 1 to 100000; or give input = "film voltage" instead',
+    ),
     ("[senser]", 'unknown section [senser]; did you mean "sensor"?'),
     ("noise_um = -2.0", "[senser] noise_um: -2.0 is out of range; it must be from 0 to 10000"),
     (
         'zero = "displacement at rest"',
-        '[senser] zero: "displacement at rest" is not known; it must be "displacement at zero volts"',
+        '[senser] zero: "displacement at rest" is not known; it must be "displacement at zero volts" or "arbitrary"',
     ),
 )
 """The line at which each is told, and what is said, in the order of the file."""
@@ -133,3 +137,91 @@ def test_many_are_counted_and_not_told_one_by_one() -> None:
     with pytest.raises(RigError, match=r"a rig: 1000 mistakes: .* and 980 more$") as caught:
         RigFile.from_dict(data, "a rig")
     assert str(caught.value).count("unknown key") == MOST and len(str(caught.value)) < 3000
+
+
+DISC = """\
+kind = "disc"
+[film]
+material = "Elastosil 2030"
+thickness_mm = 0.1
+prestretch = 1.2
+frame_diameter_mm = 50.0
+electrode_diameter_mm = 20.0
+[drive]
+input = "film voltage"
+start = "unknown"
+[sensor]
+sample_rate_Hz = 50.0
+noise_um = 1.2
+zero = "arbitrary"
+"""
+OWN = """\
+[material]
+name = "mine"
+energy = "gent"
+permittivity = { value = 2.9, low = 2.5, high = 3.1 }
+density_kg_m3 = 1100
+[material.parameters]
+shear_modulus = { value = 300e3, low = 200e3, high = 500e3 }
+stretch_limit = 40
+[[material.branches]]
+modulus_Pa = 20e3
+time_s = 5
+[[material.branches]]
+modulus_Pa = { value = 10e3, low = 0.1, high = 50e3 }
+time_s = { value = 50, low = 20, high = 100 }
+[material.breakdown]
+field_MV_m = 90
+"""
+WITH_OWN = DISC.replace('material = "Elastosil 2030"\n', "") + OWN
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "told"),
+    [
+        (DISC, '"disc"', '"disk"', 'kind: "disk" is no kind of rig; did you mean "disc"?'),
+        (
+            DISC,
+            "electrode_diameter_mm = 20.0",
+            "electrode_diameter_mm = 60.0",
+            "it must be below frame_diameter_mm, 50",
+        ),
+        (DISC, "[drive]", "[load]\nball = 2\n[drive]", 'unknown key "ball"'),
+        (
+            DISC,
+            'start = "unknown"',
+            "start_ramp_s = 1.0",
+            '"start_hold_s" is missing; it must be a number from 0 to 86400; or',
+        ),
+        (DISC, 'start = "unknown"', 'start = "unknown"\nstart_ramp_s = 1.0', '"start" stands in its place'),
+        (DISC, 'input = "film voltage"', "", 'or give input = "film voltage" instead'),
+        (DISC, '"Elastosil 2030"', '"Elastosil 2031"', "unknown material"),
+        (WITH_OWN, "[film]", '[film]\nmaterial = "RTV 615"', r"\[film\] material: there is a section \[material\] too"),
+        (WITH_OWN, '"gent"', '"gnet"', r'\[material\] energy: unknown energy .gnet.; did you mean "gent"'),
+        (WITH_OWN, '"gent"', '"mu/2*(I1 - 3"', r"\[material\] energy: .* not a formula"),
+        (WITH_OWN, "stretch_limit = 40", "", r'\[material\] parameters: the parameter "stretch_limit" is missing'),
+        (WITH_OWN, "stretch_limit = 40", "stretch_limit = true", "true|True is a truth value; it must be a number, or"),
+        (WITH_OWN, "low = 200e3", "low = 400e3", "300000 does not lie in its range from 400000 to 500000"),
+        (WITH_OWN, "time_s = 5", "times = 5", 'branch 1 lacks "time_s"'),
+        (WITH_OWN, "field_MV_m", "field", 'unknown key "field"'),
+        (WITH_OWN, "density_kg_m3 = 1100", "density_kg_m3 = 0", "a density"),
+        (WITH_OWN, 'energy = "gent"\n', "", '"mine" is no published material'),
+    ],
+)
+def test_each_kind_of_mistake(tmp_path: Path, text: str, old: str, new: str, told: str) -> None:
+    right = text.replace("low = 0.1,", "low = 2000,")
+    assert right.count(old) == 1 or old == "[film]"
+    (tmp_path / "rig.toml").write_text(right.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(RigError, match=told) as caught:
+        load_plant(tmp_path / "rig.toml")
+    assert "\n" not in str(caught.value)
+
+
+def test_mistakes_in_material_and_film_are_told_together_with_their_lines(tmp_path: Path) -> None:
+    wrong = WITH_OWN.replace("prestretch = 1.2", "prestretch = 0.2").replace("shear_modulus =", "shear_moduli =")
+    said = said_of(tmp_path, wrong)
+    lines = wrong.splitlines()
+    for start, what in (("prestretch = 0.2", "prestretch: 0.2"), ("shear_moduli", "parameters shear_moduli: unknown")):
+        number = 1 + next(k for k, line in enumerate(lines) if line.startswith(start))
+        assert re.search(rf"line {number}, \[\w+\] {what}", said)
+    assert "modulus_Pa of branch 2 is out of range" in said and "4 mistakes" in said

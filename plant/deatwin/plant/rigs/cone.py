@@ -1,0 +1,179 @@
+"""A film between a rigid disc and a ring, drawn out of its plane to a cone by a mass or a spring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
+from deatwin.plant.errors import RigError
+from deatwin.plant.film import AnyFilm, PointwiseFilm
+from deatwin.plant.limits import watch_limits
+from deatwin.plant.material import Material
+from deatwin.plant.rigs.diaphragm import GRAVITY
+from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
+from deatwin.plant.rigs.kinematics import Kinematics
+from deatwin.plant.rigs.revolved import Revolved
+
+Symbol = Any
+SHAPES, POINTS = 3, 6
+"""Shapes in the plane and as many out of it, besides the cone itself, and Gauss points in the logarithm of the radius."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cone(FilmActuator):
+    r"""Annular film with a rigid disc in its middle and electrodes all over; the reading is the disc's motion.
+
+    With :math:`s = \ln(\rho/\rho_i)/\ln(\rho_o/\rho_i)` from the disc (0) to the ring (1) and the height z of the disc,
+
+    .. math:: r = \rho\,\Bigl[\Lambda + s(1 - s)\sum_k g_k (1 - 2s)^k\Bigr], \qquad
+              z(s) = z\,(1 - s) + s(1 - s)\sum_k h_k (1 - 2s)^k .
+
+    The disc is drawn out of the film's plane by its weight and by the bias
+
+    .. math:: F = F_0 - k z + F_s\,\frac{3\sqrt3}{2}\,\frac yd\Bigl(1 - \frac{y^2}{d^2}\Bigr), \qquad y = z - c,
+
+    a linear spring with the preload :math:`F_0` on the flat film, and a bistable one, at rest in :math:`c \pm d`, whose
+    largest force between them is :math:`F_s`. Voltage lets the disc go further. A bistable spring that is softer than
+    the film gives more stroke; one that is not snaps. The film's mass moves with the disc, as
+    :math:`\int\varrho\,(1-s)^2\,dV_0` of it. Against the membrane's differential equations the stroke and the voltage of
+    pull-in err by less than 0.5 %.
+
+    Parameters
+    ----------
+    frame_radius, disc_radius : float
+        Radius of the ring and of the rigid disc, m.
+    prestretch : float
+        Equal-biaxial stretch of the flat film.
+    mass : float
+        Mass of the disc and what hangs on it, kg; its weight acts along the motion.
+    spring_rate, spring_preload : float
+        k, N/m, and :math:`F_0`, N, of a linear spring; 0 for none.
+    snap_force, snap_middle, snap_reach : float
+        :math:`F_s` in N, 0 for none, and c and d in m, of a bistable spring.
+    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+        Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m,
+        film volts per command volt, ramp and hold in s.
+    sample_time, noise, reading, model_error, command_range, chain, further
+        Drive and sensor; see `Rig`.
+
+    References
+    ----------
+    Hau, York, Rizzello & Seelecke, Smart Mater. Struct. 27 (2018) 074004 (bistable bias of such films; unconfirmed).
+    """
+
+    material: str | Material = "Elastosil 2030"
+    thickness: float = 50e-6
+    prestretch: float = 1.2
+    frame_radius: float = 20e-3
+    disc_radius: float = 8e-3
+    mass: float = 20e-3
+    damping: float = 0.1
+    spring_rate: float = 0.0
+    spring_preload: float = 0.0
+    snap_force: float = 0.0
+    snap_middle: float = 3e-3
+    snap_reach: float = 2e-3
+
+    kind: ClassVar[str] = "cone"
+    model_share: ClassVar[float] = 0.005
+    """Share of the motion by which the film's shape errs."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.disc_radius < self.frame_radius:
+            raise RigError(
+                f"a disc of {1e3 * self.disc_radius:g} mm radius does not fit into a ring of "
+                f"{1e3 * self.frame_radius:g} mm"
+            )
+        if not self.snap_reach > 0.0:
+            raise RigError(f"a bistable spring reaches {self.snap_reach:g} m to each side: it must be above 0")
+
+    @property
+    def _outside(self) -> tuple[tuple[str, float, str], ...]:
+        units = {"spring_rate": "N/m", "spring_preload": "N", "snap_force": "N", "snap_middle": "m", "snap_reach": "m"}
+        return tuple((name, getattr(self, name), unit) for name, unit in units.items())
+
+    @property
+    def _size(self) -> float:
+        return self.frame_radius - self.disc_radius
+
+    @property
+    def _rest_stretch(self) -> float:
+        return self.prestretch
+
+    @property
+    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
+        return watch_limits
+
+    @cached_property
+    def _rest_position(self) -> float:
+        """Height at which a straight cone of the published film first bears weight and bias."""
+        circle, values = 2 * np.pi * self.disc_radius * self.thickness / self.prestretch, np.linspace(0.0, 3.0, 301)
+        for ratio in values:
+            height = float(ratio * self._size)
+            try:
+                along, _ = relaxed_stresses(self.substance, self.prestretch * (1 + ratio**2) ** 0.5, self.prestretch)
+            except RigError:
+                break
+            # The cone is steepest, and its film bears the whole force, at the disc.
+            steepest = ratio * self._size / (self.disc_radius * np.log(self.frame_radius / self.disc_radius))
+            held = circle * along * steepest / (1 + steepest**2) ** 0.5
+            if held >= float(self._force(height, self.mass, *(value for _, value, _ in self._outside))):
+                return height
+        return self._size
+
+    @staticmethod
+    def _force(
+        height: Symbol, mass: Symbol, rate: Symbol, preload: Symbol, snap: Symbol, middle: Symbol, reach: Symbol
+    ) -> Symbol:
+        """Force of weight and bias along the motion, N."""
+        away = (height - middle) / reach
+        return mass * GRAVITY + preload - rate * height + snap * 1.5 * 3**0.5 * away * (1 - away**2)
+
+    @cached_property
+    def _film(self) -> Revolved:
+        inner, outer = self.disc_radius / self.prestretch, self.frame_radius / self.prestretch
+        length = np.log(outer / inner)
+        abscissae, weights = np.polynomial.legendre.leggauss(POINTS)
+        place, rho = (1 + abscissae) / 2, inner * np.exp(length * (1 + abscissae) / 2)
+        arch, skew, powers = place * (1 - place), 1 - 2 * place, np.arange(SHAPES)[:, None]
+        shapes = arch * skew**powers
+        rates = (skew ** (powers + 1) - 2 * powers * arch * skew ** np.maximum(powers - 1, 0)) / length  # rho d/d rho
+        return Revolved(
+            radii=rho,
+            areas=np.pi * rho**2 * length * weights,
+            hoop=shapes,
+            radial=shapes + rates,
+            height=np.vstack([1 - place, shapes]),
+            slope=np.vstack([np.full(POINTS, -1 / length), rates]) / rho,
+        )
+
+    def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
+        flat, heights = (
+            [build.coordinate(f"{name}_{k}", scale=scale) for k in range(SHAPES)]
+            for name, scale in (("flat", 1.0), ("height", self._size))
+        )
+        points = self._film.points(self.prestretch, flat, [position, *heights], build)
+        return Kinematics(points=points, coordinates=[*flat, *heights], film=PointwiseFilm)
+
+    def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
+        film = build.constant("film_mass", self.substance.density * self._film.inertia[0, 0])
+        friction = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
+        mass = build.parameter("mass") + film * build.parameter("thickness")
+        build.rate(velocity, (friction - forces[0]) / mass)
+        for number in range(1, forces.numel()):
+            build.balance(forces[number])
+
+    def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
+        values = [build.parameter(name) for name in ("mass", *(name for name, _, _ in self._outside))]
+        # The force is a cubic: three Gauss points take its work exactly.
+        abscissae, weights = np.polynomial.legendre.leggauss(3)
+        return -position * sum(
+            weight / 2 * self._force(position * (1 + at) / 2, *values)
+            for at, weight in zip(abscissae, weights, strict=True)
+        )

@@ -1,0 +1,78 @@
+r"""A film that is round about an axis, as a sum of shapes: it moves in its plane and out of it.
+
+With the reference radius :math:`\rho` and the prestretch :math:`\Lambda`
+
+.. math:: r = \rho\,\Bigl[\Lambda + \sum_k g_k f_k(\rho)\Bigr], \qquad z = \sum_k h_k e_k(\rho), \qquad
+          \lambda_1^2 = r'^2 + z'^2, \qquad \lambda_2 = \frac r\rho .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+
+from deatwin.plant.film import FilmPoint
+from deatwin.plant.rigs.kinematics import electrode_share
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+Symbol = Any
+
+
+def matrix(name: str, table: np.ndarray, build: Builder) -> Symbol:
+    """Add a matrix of constants to a rig's equations. Shapes: `table` (n, m); returns (n, m)."""
+    return ca.reshape(build.constant(name, table.ravel(order="F")), *table.shape)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Revolved:
+    """Gauss points of a film in a ring, and its shapes there."""
+
+    radii: np.ndarray  # shape (n,): Radius of each point in the unstretched film, m
+    areas: np.ndarray  # shape (n,): Area that it stands for, m²
+    hoop: np.ndarray  # shape (n_g, n): f of each shape in the plane
+    radial: np.ndarray  # shape (n_g, n): Derivative of rho f by rho
+    height: np.ndarray  # shape (n_h, n): e of each shape out of the plane
+    slope: np.ndarray  # shape (n_h, n): Its derivative by rho, 1/m
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """Mass of the film for the speeds of h and g, by density and undeformed thickness, shape (n_h + n_g, n_h + n_g)."""
+        count = len(self.height)
+        whole = np.zeros((count + len(self.hoop),) * 2)
+        whole[:count, :count] = (self.height * self.areas) @ self.height.T
+        whole[count:, count:] = (self.hoop * self.radii**2 * self.areas) @ self.hoop.T
+        return whole
+
+    def points(
+        self, prestretch: float, flat: Sequence[Symbol], heights: Sequence[Symbol], build: Builder
+    ) -> list[FilmPoint]:
+        """Points of the film, all of it under the electrode; `flat` and `heights` are the coordinates g and h."""
+        count, held = self.radii.size, build.constant("prestretch", prestretch)
+        tables = {"hoop": self.hoop, "radial": self.radial, "slope": self.slope}
+        hoop, radial, slope = (matrix(name, table.T, build) for name, table in tables.items())
+        rho, area = build.constant("radii", self.radii), build.constant("areas", self.areas)
+        share, thickness, rim = electrode_share(build), build.parameter("thickness"), build.constant("rim", self.rim)
+        first: Symbol
+        second, along = held + hoop @ ca.vertcat(*flat), held + radial @ ca.vertcat(*flat)
+        first = ca.sqrt(along**2 + (slope @ ca.vertcat(*heights)) ** 2)
+        return [
+            FilmPoint(
+                volume=area[k] * thickness,
+                stretches=(first[k], second[k]),
+                radius=rho[k] / rim,
+                mounted=rho[k] * held,
+                coverage=share,
+            )
+            for k in range(count)
+        ]
+
+    @property
+    def rim(self) -> float:
+        """A radius beyond all points, m."""
+        return float(np.sqrt(self.radii.max() ** 2 + self.areas[-1] / np.pi))

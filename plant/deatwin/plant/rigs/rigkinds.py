@@ -1,0 +1,275 @@
+"""Kinds of rigs that a rig file can describe: the sections and keys of each, and their JSON Schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from deatwin.plant.rigs.rigkeys import (
+    DRIVE,
+    MATERIAL,
+    PRESTRETCH,
+    SENSOR,
+    THICKNESS,
+    Keys,
+    NumberKey,
+    TextKey,
+    length,
+    mass,
+)
+from deatwin.plant.rigs.rigmaterial import MATERIAL_SCHEMA
+
+Pair = tuple[tuple[str, str], tuple[str, str]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RigKind:
+    """Sections and keys of one kind of rig. The fields of its keys in ``film`` and ``load`` are those of the rig."""
+
+    about: str
+    film: Keys
+    load: Keys = field(default_factory=dict)
+    below: tuple[Pair, ...] = ()  # Numbers that must be below others, since one part cannot hold the other otherwise
+    absent: Mapping[str, Any] = field(default_factory=dict)  # Fields of the rig where the file does not have their key
+    examples: Mapping[str, float | str] = field(default_factory=dict)  # Values of a template
+
+    @property
+    def sections(self) -> Mapping[str, Keys]:
+        """Sections in the order of a file, without [material]."""
+        load = {"load": self.load} if self.load else {}
+        return {"film": {"material": MATERIAL, "thickness_mm": THICKNESS, **self.film}, **load} | {
+            "drive": DRIVE,
+            "sensor": SENSOR,
+        }
+
+
+_ELECTRODE_IN_FRAME = (("film", "electrode_diameter_mm"), ("film", "frame_diameter_mm"))
+COMMANDS = (("drive", "command_min_V"), ("drive", "command_max_V"))
+_SIDE = NumberKey(field="side_prestretch", lower=0.1, upper=10.0, required=False, about="across the motion")
+_FORCE = NumberKey(field="load", lower=-1e3, upper=1e3, required=False, about="0 if left out; it pulls the rig longer")
+_SILICONE: Mapping[str, float | str] = {
+    "material": "Elastosil 2030",
+    "thickness_mm": 0.05,
+    "prestretch": 1.2,
+    "frame_diameter_mm": 40.0,
+}
+_MOVED = mass("that moves; 0 if left out")
+
+KINDS: Mapping[str, RigKind] = MappingProxyType(
+    {
+        "diaphragm": RigKind(
+            about="A diaphragm rig: a prestrained film in a ring, with a load at its centre.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_diameter", "of the ring, inside", lower=1.0),
+                "electrode_diameter_mm": length("electrode_diameter", "on the stretched film", lower=0.1),
+                "ball": TextKey(
+                    field="ball",
+                    choices=("bonded", "sliding"),
+                    required=False,
+                    about="left out where it is not known: both are fitted",
+                ),
+            },
+            load={
+                "mass_g": mass("of the ball", required=True),
+                "contact_diameter_mm": length("contact_diameter", "of ball and film"),
+            },
+            below=(_ELECTRODE_IN_FRAME, (("load", "contact_diameter_mm"), ("film", "electrode_diameter_mm"))),
+            examples={"ball": "sliding", "mass_g": 3.0, "contact_diameter_mm": 6.0},
+        ),
+        "disc": RigKind(
+            about="A disc: a round electrode in the middle of a prestretched film in a ring; its edge is read.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+                "electrode_diameter_mm": length("electrode_radius", "on the stretched film", lower=0.1, per_si=2e3),
+            },
+            load={"mass_g": mass("that the electrode's edge carries; 0 if left out")},
+            below=(_ELECTRODE_IN_FRAME,),
+            examples={
+                "material": "Elastosil 2030",
+                "thickness_mm": 0.1,
+                "prestretch": 1.2,
+                "frame_diameter_mm": 50.0,
+                "electrode_diameter_mm": 20.0,
+                "mass_g": 0.0,
+            },
+        ),
+        "planar": RigKind(
+            about="A planar actuator: a film between a fixed and a moving bar, which a dead load pulls.",
+            film={
+                "length_mm": length("length", "along the motion, before stretching"),
+                "width_mm": length("width", "across the motion, before stretching"),
+                "prestretch": PRESTRETCH,
+                "side_prestretch": _SIDE,
+                "sides": TextKey(
+                    field="sides", choices=("equal", "free", "clamped"), required=False, about="equal if left out"
+                ),
+            },
+            load={"mass_g": _MOVED},
+            absent={"mass": 0.0},
+            examples={"length_mm": 50.0, "width_mm": 50.0, "side_prestretch": 3.5, "sides": "equal"},
+        ),
+        "stack": RigKind(
+            about="A stack: films on top of each other that contract across their faces.",
+            film={
+                "layers": NumberKey(field="layers", lower=1.0, upper=1e6, about="number of films"),
+                "area_mm2": NumberKey(field="area", lower=0.01, upper=1e6, per_si=1e6, about="of a film's electrode"),
+            },
+            load={"force_N": _FORCE, "mass_g": _MOVED},
+            absent={"mass": 0.0, "load": 0.0},
+            examples={"layers": 100.0, "area_mm2": 400.0, "thickness_mm": 0.1},
+        ),
+        "bow_tie": RigKind(
+            about="A bow-tie: a film that narrows to a waist between a fixed and a moving bar.",
+            film={
+                "length_mm": length("length", "along the motion, before stretching"),
+                "waist_width_mm": length("waist_width", "before stretching"),
+                "bar_width_mm": length("bar_width", "before stretching"),
+                "prestretch": PRESTRETCH,
+                "side_prestretch": _SIDE,
+                "sides": TextKey(
+                    field="sides", choices=("clamped", "free"), required=False, about="clamped if left out"
+                ),
+            },
+            load={"mass_g": _MOVED},
+            absent={"mass": 0.0},
+            examples={"length_mm": 40.0, "waist_width_mm": 20.0, "bar_width_mm": 60.0, "prestretch": 1.5}
+            | {"side_prestretch": 0.8, "sides": "clamped"},
+        ),
+        "roll": RigKind(
+            about="A spring roll: a film wound around a compressed spring, which voltage lets lengthen.",
+            film={
+                "length_mm": length("length", "along the axis, before stretching"),
+                "width_mm": NumberKey(
+                    field="width", lower=0.1, upper=1e5, per_si=1e3, about="along the winding, before stretching"
+                ),
+                "prestretch": PRESTRETCH,
+                "hoop_prestretch": NumberKey(field="hoop_prestretch", lower=1.0, upper=10.0, about="around the axis"),
+            },
+            load={
+                "spring_rate_N_m": NumberKey(field="spring_rate", lower=0.0, upper=1e6, about="of the core"),
+                "force_N": _FORCE,
+                "mass_g": _MOVED,
+            },
+            absent={"mass": 0.0, "load": 0.0},
+            examples={"length_mm": 15.0, "width_mm": 500.0, "prestretch": 3.0, "hoop_prestretch": 4.5}
+            | {"spring_rate_N_m": 250.0},
+        ),
+        "cone": RigKind(
+            about="A cone: a film between a rigid disc and a ring, drawn out of its plane by a mass or a spring.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+                "disc_diameter_mm": length("disc_radius", "of the rigid disc in the middle", lower=0.1, per_si=2e3),
+            },
+            load={
+                "mass_g": mass("of the disc and what hangs on it", required=True),
+                "spring_rate_N_m": NumberKey(
+                    field="spring_rate", lower=0.0, upper=1e6, required=False, about="of a linear spring; 0 if left out"
+                ),
+                "spring_preload_N": NumberKey(
+                    field="spring_preload",
+                    lower=-1e3,
+                    upper=1e3,
+                    required=False,
+                    about="force of the springs on the flat film, along the motion; 0 if left out",
+                ),
+                "snap_force_N": NumberKey(
+                    field="snap_force",
+                    lower=0.0,
+                    upper=1e3,
+                    required=False,
+                    about="largest force of a bistable spring between its two places; 0 if left out",
+                ),
+                "snap_middle_mm": NumberKey(
+                    field="snap_middle",
+                    lower=-1e3,
+                    upper=1e3,
+                    per_si=1e3,
+                    required=False,
+                    about="height of the disc in the middle between these places; 3 if left out",
+                ),
+                "snap_reach_mm": length("snap_reach", "from the middle to each place; 2 if left out", required=False),
+            },
+            below=((("film", "disc_diameter_mm"), ("film", "frame_diameter_mm")),),
+            examples={
+                **_SILICONE,
+                "disc_diameter_mm": 16.0,
+                "mass_g": 20.0,
+                "spring_rate_N_m": 0.0,
+                "spring_preload_N": 0.0,
+                "snap_force_N": 0.0,
+                "snap_middle_mm": 3.0,
+                "snap_reach_mm": 2.0,
+            },
+        ),
+        "pressure": RigKind(
+            about="An inflated film: a constant pressure bulges a film in a ring, with electrodes all over.",
+            film={
+                "prestretch": PRESTRETCH,
+                "frame_diameter_mm": length("frame_radius", "of the ring, inside", lower=1.0, per_si=2e3),
+            },
+            load={
+                "pressure_kPa": NumberKey(
+                    field="pressure", lower=1e-4, upper=1e3, per_si=1e-3, about="inside above that outside"
+                ),
+                "mass_g": mass("on the apex besides the film; 0 if left out"),
+            },
+            examples={**_SILICONE, "pressure_kPa": 0.5},
+        ),
+    }
+)
+"""Kinds by the name under ``kind``; a file without it describes a diaphragm."""
+SCHEMA = "deatwin/rig/1"
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the schema that ships as ``schemas/rig.schema.json``."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": SCHEMA,
+        "title": "A rig file",
+        "description": "What the experimenter knows of a rig, as TOML. A part is smaller than the one that holds it, "
+        "command_min_V than command_max_V.",
+        "oneOf": [_schema_of(name, kind) for name, kind in KINDS.items()],
+        "$defs": {"material": MATERIAL_SCHEMA},
+    }
+
+
+def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
+    sections = {section: _section(keys) for section, keys in kind.sections.items()}
+    required = [section for section, keys in kind.sections.items() if any(key.required for key in keys.values())]
+    named = {"properties": {"film": {"required": ["material"]}}}
+    return {
+        "type": "object",
+        "description": kind.about,
+        "additionalProperties": False,
+        "required": required if name == "diaphragm" else ["kind", *required],
+        "properties": {"kind": {"const": name}, **sections, "material": {"$ref": "#/$defs/material"}},
+        "oneOf": [named, {"required": ["material"]}],
+    }
+
+
+def _section(keys: Keys) -> dict[str, Any]:
+    replaced = [{"oneOf": _either(name, key)} for name, key in keys.items() if key.instead in keys]
+    return {
+        "type": "object",
+        "additionalProperties": False,
+        "required": [name for name, key in keys.items() if key.required and not key.instead],
+        "properties": {name: _key(key) for name, key in keys.items()},
+        **({"allOf": replaced} if replaced else {}),
+    }
+
+
+def _either(name: str, key: NumberKey | TextKey) -> list[dict[str, Any]]:
+    return [{"required": [name]}, {"required": [key.instead]}]
+
+
+def _key(key: NumberKey | TextKey) -> dict[str, Any]:
+    about = {"description": key.about} if key.about else {}
+    if isinstance(key, NumberKey):
+        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
+    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

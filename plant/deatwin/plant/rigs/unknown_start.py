@@ -1,0 +1,46 @@
+"""An experiment of which nobody knows how it began: what remembers is free, what is fast has settled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from deatwin.plant.parameters import Parameter
+from deatwin.plant.rigs.base import StartProcedure
+from deatwin.plant.substance import Material
+
+if TYPE_CHECKING:
+    from deatwin.plant.effects.base import Effect
+
+SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0)
+"""The first command is held for a second: amplifier, electrode and motion settle in it, and memories, which are free
+before it, are free after it."""
+FARTHEST = {"1": 0.5, "V": 20e3}
+"""Farthest displacement of a memory, by its unit: half of the film's stretch, more than any amplifier gives."""
+
+
+def memories(substance: Material, effects: Sequence[Effect]) -> tuple[Parameter, ...]:
+    """Return the parameters that displace the memories of branches and effects from rest at the start."""
+    units = {f"{branch.name}_at_start": "1" for branch in substance.branches}
+    units |= {f"{effect.name}.at_start": effect.remembers for effect in effects if effect.remembers}
+    return tuple(
+        Parameter(
+            name=name,
+            value=0.0,
+            unit=unit,
+            lower=-FARTHEST[unit],
+            upper=FARTHEST[unit],
+            source="the start is not known: at rest at 0 V as a start value",
+        )
+        for name, unit in units.items()
+    )
+
+
+def zero_of(reach: float, is_known: bool) -> Parameter:
+    """Return the offset of a position sensor: near 0, or anywhere where the sensor's zero is arbitrary."""
+    end, source = (reach, "sensor offset") if is_known else (ANYWHERE, "arbitrary zero of the sensor")
+    return Parameter(name="zero", value=0.0, unit="m", lower=-end, upper=end, source=source)
+
+
+ANYWHERE = 10.0
+"""Largest reading of a position sensor, m."""

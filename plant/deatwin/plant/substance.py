@@ -1,0 +1,165 @@
+"""The material of a film: an energy, its Maxwell branches, a permittivity, a breakdown law and a density."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from types import FunctionType
+from typing import Any, Self
+
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.laws.breakdown import BreakdownLaw
+from deatwin.plant.laws.energies import ENERGIES
+from deatwin.plant.laws.formula import Formula
+from deatwin.plant.laws.stress import shear_modulus
+from deatwin.plant.parameters import Parameter, Scale
+
+Symbol = Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Branch:
+    """Maxwell branch in parallel with the equilibrium network: a neo-Hookean spring in series with a dashpot.
+
+    Parameters
+    ----------
+    name : str
+        Name: ``branch`` for the first branch, ``branch_2``, ``branch_3``, ... for the others.
+    modulus : Parameter
+        Shear modulus of the spring, Pa.
+    time : Parameter
+        Relaxation time, s.
+    """
+
+    name: str
+    modulus: Parameter
+    time: Parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """Film material: an energy function and starting values with their ranges.
+
+    Parameters
+    ----------
+    name : str
+        Name in a rig file.
+    energy : callable
+        Function ``energy(stretch_1, stretch_2, *elastic_parameters)``, J/m³: one of `deatwin.plant.laws`, a
+        `deatwin.plant.laws.Formula`, or a function of your own in CasADi. A file names a function of your own, so
+        whoever reads the file must have imported its module.
+    elastic : tuple of Parameter
+        Parameters of `energy`, in the order of its arguments.
+    branches : tuple of Branch
+        Maxwell branches; empty for a purely elastic material.
+    permittivity : Parameter
+        Relative permittivity of the stretched film.
+    breakdown : BreakdownLaw, or None
+        Field that the film bears; None if it is unknown, so that no breakdown is watched.
+    density : float
+        Density, kg/m³, for rigs in which the film's own inertia matters.
+    """
+
+    name: str
+    energy: Callable[..., Symbol]
+    elastic: tuple[Parameter, ...]
+    branches: tuple[Branch, ...] = ()
+    permittivity: Parameter
+    breakdown: BreakdownLaw | None = None
+    density: float = 1000.0
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters of the material: elastic ones, those of the branches, permittivity."""
+        of_branches = (parameter for branch in self.branches for parameter in (branch.modulus, branch.time))
+        return (*self.elastic, *of_branches, self.permittivity)
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus at small strain when all branches are relaxed, Pa; a third of the elastic modulus."""
+        return float(shear_modulus(self.energy, *(parameter.value for parameter in self.elastic)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `from_dict` makes the same material."""
+        return {
+            "name": self.name,
+            "energy": _name_of(self.energy),
+            "elastic": [_plain(parameter) for parameter in self.elastic],
+            "branches": [{"name": b.name, "modulus": _plain(b.modulus), "time": _plain(b.time)} for b in self.branches],
+            "permittivity": _plain(self.permittivity),
+            "breakdown": None if self.breakdown is None else asdict(self.breakdown),
+            "density": self.density,
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Return the material that `to_dict` described.
+
+        Parameters
+        ----------
+        data : mapping
+            Plain data, also after a round trip through JSON.
+
+        Returns
+        -------
+        Material
+
+        Raises
+        ------
+        RigError
+            If the data are incomplete, or name an energy that is not known here.
+        """
+        try:
+            return cls(
+                name=str(data["name"]),
+                energy=energy_named(data["energy"]),
+                elastic=tuple(map(_parameter, data["elastic"])),
+                branches=tuple(
+                    Branch(name=b["name"], modulus=_parameter(b["modulus"]), time=_parameter(b["time"]))
+                    for b in data["branches"]
+                ),
+                permittivity=_parameter(data["permittivity"]),
+                breakdown=None if data["breakdown"] is None else BreakdownLaw(**data["breakdown"]),
+                density=float(data["density"]),
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            if isinstance(error, RigError):
+                raise
+            raise RigError(f"malformed material: {error!r}") from None
+
+
+def energy_named(name: str) -> Callable[..., Symbol]:
+    """Return the energy of a name, of a formula, or of ``module:function`` where that module is imported already."""
+    known = name.lower().replace("-", "_").replace(" ", "_")
+    if known in ENERGIES:
+        return ENERGIES[known]
+    if ":" not in name:
+        if name.isidentifier():  # a name alone is no formula
+            raise RigError(f"unknown energy {name!r}{nearest(known, ENERGIES)} (known: {', '.join(ENERGIES)})")
+        return Formula(name)
+    module, _, function = name.partition(":")
+    # Nothing is imported by the word of a file.
+    found = getattr(sys.modules.get(module), function, None)
+    if not isinstance(found, FunctionType) or found.__module__ != module:
+        raise RigError(
+            f"the energy {name} is a function of its author's own: import the module {module} first, or write the "
+            'energy as a formula, as in "mu/2*(I1 - 3)"'
+        )
+    return found
+
+
+def _name_of(energy: Callable[..., Symbol]) -> str:
+    """Return the name by which `energy_named` finds an energy again."""
+    if isinstance(energy, Formula):
+        return energy.text
+    name = getattr(energy, "__qualname__", type(energy).__name__)
+    return name if ENERGIES.get(name) is energy else f"{energy.__module__}:{name}"
+
+
+def _plain(parameter: Parameter) -> dict[str, Any]:
+    return {**asdict(parameter), "scale": parameter.scale.name}
+
+
+def _parameter(data: Mapping[str, Any]) -> Parameter:
+    return Parameter(**{**data, "scale": Scale[data["scale"]]})
