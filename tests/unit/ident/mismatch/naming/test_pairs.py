@@ -15,11 +15,6 @@ from deatwin.ident.mismatch.naming.sets import Search
 CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
 
 
-@pytest.fixture(autouse=True)
-def no_simulation(monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
-
-
 @pytest.fixture
 def leaving(candidate):
     """``leaving(base, clip, creep, pair)``: what leaves so much, or so much of the fitted and of the unseen part."""
@@ -42,6 +37,9 @@ class Known(Search):
         self.tried.update({c.effects: c for c in (*candidates, *replaced)})
         self.pair, self.asked = PAIR, 0
         self.others, self.better = [c.effects for c in replaced], {c.effects: c for c in better}
+
+    def with_distances(self, naming, competing):
+        return naming
 
     def beside(self, names, finished=None):
         self.asked += 1
@@ -194,12 +192,14 @@ def test_an_answer_of_two_and_none_are_left_as_they_are(leaving):
     assert search.asked == 0
 
 
-def test_the_pair_must_be_likelier_by_far(leaving, monkeypatch):
-    search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
-    gain = search.tried[PAIR].evidence - search.tried[CLIP].evidence
-    for strong, found in ((0.9 * gain, PAIR), (1.1 * gain, CLIP)):
-        monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.STRONG", strong)
-        assert decided(search).best is search.tried[found]
+@pytest.mark.parametrize(("parameters", "found"), [(21, PAIR), (23, CLIP)])
+def test_the_pair_must_be_likelier_by_far(leaving, parameters, found):
+    """100 ln(3²/2.2²) = 62 nats, of which each parameter more costs half of ln 200 = 2.65; ln 20 = 3.0 are strong."""
+    *known, pair = leaving(5.0, 3.0, 4.6, 2.2)
+    names = (*known[1].calibration.names, *("b",) * parameters)
+    pair = replace(pair, calibration=SimpleNamespace(**vars(pair.calibration) | {"names": names}))
+    search = Known(*known, pair)
+    assert decided(search).best is search.tried[found]
 
 
 @pytest.fixture
@@ -249,7 +249,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     assert answers(search) == [CLIP, PAIR]
     looked = [("fewer than", *PAIR), ("as one of", *PAIR)]
     assert asked[1:] == [alone, PAIR, pairs, *looked, pairs]  # the first one was over single effects
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.held_back_by", lambda c: ("damping",) * len(c.effects))
+    search.is_possible = lambda c: not c.effects
     assert answers(search) == [CLIP, None]
 
 
@@ -271,16 +271,9 @@ def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained
     assert answers(search) == [CLIP, PAIR]
 
 
-def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, monkeypatch):
+@pytest.mark.parametrize(("cost", "rivals"), [(1.4, [CLIP]), (1.5, [])])  # the floor is 1.2² = 1.44
+def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, held, cost, rivals):
     """Without its second effect the pair leaves little more; in the one case only a film that is none does so."""
-    search = Known(*leaving(5.0, 2.3, 4.6, 2.1))
-    for held, rivals in ((), [CLIP]), (("damping",), []):
-        monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.held_back_by", lambda c, held=held: held)
-        monkeypatch.setattr(
-            search,
-            "decision",
-            lambda competing, good: Naming(
-                candidates=(), best=search.tried[PAIR], rivals=(), probabilities={PAIR: 1.0}, noise=2.0
-            ),
-        )
-        assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals
+    base, clip, creep, pair = leaving(5.0, 2.3, 4.6, 2.1)
+    search = Known(base, held(clip, cost, "damping"), creep, pair)
+    assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals
