@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
-from deatwin.ident.mismatch.gate import noise_level
+from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
