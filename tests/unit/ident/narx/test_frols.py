@@ -36,17 +36,6 @@ def test_finds_terms_parameters_and_noise():
     assert 0.99 < frols.err_.sum() < 1.0
 
 
-def test_units_change_nothing_but_the_units():
-    plain = Frols(degree=2).fit(bilinear())
-    small = Frols(degree=2).fit(bilinear(units=(2.0**11, 2.0**-13)))
-    assert plain.terms_ == small.terms_
-    np.testing.assert_array_equal(plain.err_, small.err_)
-    powers = {"y(k-1)": 0, "u(k-2)": -24, "y(k-1)u(k-1)": -11}
-    factors = np.array([2.0 ** powers[str(term)] for term in plain.terms_])
-    np.testing.assert_array_equal(small.model_.theta, plain.model_.theta * factors)
-    np.testing.assert_array_equal(small.model_.theta_cov, plain.model_.theta_cov * np.outer(factors, factors))
-
-
 def test_covariance_is_that_of_least_squares():
     recording = bilinear()
     model = Frols(degree=2).fit(recording).model_
@@ -273,20 +262,6 @@ def test_the_path_is_drawn():
     ax = frols.plot()
     assert [label.get_text() for label in ax.get_xticklabels()] == [str(term) for term in frols.path_]
     assert [bar.get_height() for bar in ax.patches] == pytest.approx(list(frols.path_err_))
-
-
-def test_scikit_learn_contract():
-    base = pytest.importorskip("sklearn.base")
-    lags = [1, 3]
-    frols = Frols(output_lags=lags, criterion="aic")
-    assert frols.output_lags is lags
-    again = base.clone(frols)
-    assert again is not frols and again.get_params() == frols.get_params()
-    assert again.set_params(degree=3).degree == 3
-    with pytest.raises(ModelError, match='did you mean "degree"'):
-        frols.set_params(degre=3)
-    assert not [name for name in vars(frols) if name.endswith("_")]
-    assert repr(Frols(degree=3)).startswith("Frols(output_lags=2, input_lags=2, degree=3")
 
 
 @pytest.mark.parametrize(

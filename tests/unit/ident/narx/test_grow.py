@@ -186,14 +186,6 @@ def test_its_plot_shows_the_path():
     assert axes.get_xlabel() == "terms"
 
 
-def test_the_model_goes_through_its_file(tmp_path):
-    model = Grow(degree=3, max_terms=6).fit(record(0)).model_
-    model.save(tmp_path / "narx.json")
-    again = NarxModel.load(tmp_path / "narx.json")
-    assert again.terms == model.terms and again.provenance["identifier"].startswith("Grow(")
-    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
-
-
 def test_the_autocovariance_of_an_autoregressive_process_is_found():
     """AR(2) by its own law: g(k) = a1 g(k-1) + a2 g(k-2), g(1) = a1 g(0) / (1 - a2)."""
     from scipy.signal import lfilter

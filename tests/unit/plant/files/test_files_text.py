@@ -76,12 +76,6 @@ class TestKinds:
         with pytest.raises(DataError, match=r"dt is 0.0 s; the sample time must be positive"):
             read_recording(path, dt=0.0)
 
-    def test_sample_time_that_the_times_contradict(self, write) -> None:
-        path = write([HEADER, *LINES])
-        check(read_recording(path, dt=0.02))
-        with pytest.raises(DataError, match=r"do not keep the stated sample time of 0.01 s; they go on by 0.02 s"):
-            read_recording(path, dt=0.01)
-
     def test_single_column(self, write) -> None:
         path = write(["command_V", *map(str, COMMANDS)])
         np.testing.assert_array_equal(read_commands(path, dt=0.02).inputs[0], COMMANDS)
