@@ -94,7 +94,7 @@ class Plant:
         Parameters
         ----------
         *effects : Effect
-            To be added.
+            Effects to add.
 
         Returns
         -------
@@ -157,7 +157,7 @@ class Plant:
         Parameters
         ----------
         effect : Effect
-            To be added.
+            Effect to add.
 
         Returns
         -------
