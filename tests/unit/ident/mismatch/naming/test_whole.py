@@ -6,9 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.whole import _holds, _of_the_fitted_part, judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.whole import (
+    _holds,
+    _of_the_fitted_part,
+    _on_everything,
+    judged_on_everything,
+    settled_on_everything,
+)
+from deatwin.plant import Diaphragm, Plant
 
 NOISE = 2.0
 FAILS = -1.0
@@ -329,3 +337,20 @@ def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_s
 )
 def test_what_holds_takes_most_of_what_is_missing_in_the_unseen_part(unseen, left, holds):
     assert _holds(candidate("creep", 2.1, left), candidate("base", 9.0, unseen)) is holds
+
+
+def test_a_fit_to_everything_leaves_nothing_unseen(oscillator, experiment):
+    plant, rng = Plant(rig=oscillator(noise=1e-4)), np.random.default_rng(0)
+    first, second = (Part.whole(plant.record(experiment(rng.standard_normal(n)), rng)) for n in (300, 200))
+    fit = calibrate(plant, [first], starts=1)
+    one = Candidate(effects=("creep",), calibration=fit, unseen=np.ones(200), noise=1e-4)
+    whole = _on_everything(one, (first, second))
+    assert whole.sizes == ((300, 0), (200, 0)) and whole.unseen.size == 0
+    np.testing.assert_array_equal(whole.measured, np.concatenate([first.measured, second.measured]))
+    np.testing.assert_allclose(whole.calibration.rms, 1e-4, rtol=0.15)  # three of 500 degrees of freedom; 5 sigma
+
+
+def test_a_plant_that_pulls_in_has_no_fit_to_everything(experiment):
+    soft = Plant(rig=Diaphragm()).with_values({"shear_modulus": 6e3, "stretch_limit": 1e4})
+    part = Part.whole(experiment(np.repeat([3.5, 3.7], 100)))
+    assert _on_everything(SimpleNamespace(calibration=SimpleNamespace(plant=soft)), (part,)) is None
