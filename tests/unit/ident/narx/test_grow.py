@@ -160,25 +160,6 @@ def test_an_interrupt_within_a_refinement_ends_the_search(monkeypatch):
     assert grow.status_ is FitStatus.INTERRUPTED and len(runs) < 230
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"max_terms": 0}, "max_terms = 0"),
-        ({"held_out": 1.0}, "between 0 and 1"),
-        ({"parts": 1.5}, "parts = 1.5; it must be an integer of at least 1"),
-        ({"rule": lambda term: term.degree == 2}, r"begins with a linear model.*allow y\(k-1\) and u\(k-1\)"),
-    ],
-)
-def test_wrong_arguments_are_refused(wrong, says):
-    with pytest.raises(ModelError, match=says):
-        Grow(**wrong).fit(record(0))
-
-
-def test_too_few_samples_are_refused():
-    with pytest.raises(ModelError, match="too few"):
-        Grow().fit(record(0, n=20))
-
-
 def test_its_plot_shows_the_path():
     grow = Grow(degree=3, max_terms=6).fit(record(0))
     axes = grow.plot()

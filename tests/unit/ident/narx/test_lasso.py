@@ -7,7 +7,6 @@ from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso, lasso_path
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 
@@ -122,21 +121,3 @@ def test_the_path_is_drawn():
     named = [text.get_text() for text in ax.get_legend().get_texts()]
     assert named == [str(lasso.path_.terms[i]) for i in largest]
     assert ax.get_xscale() == "log"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"max_terms": 0}, "max_terms"),
-        ({"held_out": 0.0}, "held_out"),
-        ({"max_terms": 300, "output_lags": 6, "input_lags": 6, "degree": 3}, "too few"),
-    ],
-)
-def test_senseless_arguments_are_refused(arguments, says):
-    with pytest.raises(ModelError, match=says):
-        Lasso(**arguments).fit(bilinear(300))
-
-
-def test_data_without_variation_are_refused():
-    with pytest.raises(ModelError, match="constant"):
-        Lasso().fit(Recording.from_arrays(np.ones(100), np.ones(100), 1.0))

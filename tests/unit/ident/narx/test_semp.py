@@ -9,7 +9,6 @@ from deatwin.ident.narx.neighbours import CompressedRegression
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp import Semp, SempStep
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 PUBLISHED = {"level": 0.5, "significance": None, "max_exchanges": 0}
@@ -223,19 +222,6 @@ def test_draws_the_reduction_ratios_and_the_threshold():
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), semp.srr_)
     np.testing.assert_array_equal(axes.lines[1].get_ydata(), [1e-3, 1e-3])
     assert axes.get_xticklabels()[0].get_text() == f"+ {semp.path_[0].added[0]}"
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"max_terms": 0}, {"level": 0.0}, {"level": 0.6}, {"significance": 1.0}, {"max_exchanges": -1}]
-)
-def test_arguments_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ModelError, match=next(iter(wrong))):
-        Semp(**wrong).fit(draw("S4", 0))
-
-
-def test_too_few_samples_are_refused():
-    with pytest.raises(ModelError, match="too few"):
-        Semp(output_lags=2, input_lags=2, max_terms=10).fit(draw("S4", 0, 12))
 
 
 def test_the_final_model_is_never_far_worse_than_the_best_of_the_path(monkeypatch):

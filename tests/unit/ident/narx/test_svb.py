@@ -221,11 +221,3 @@ def test_pictures_mark_the_choice():
     labels = [line.get_label() for line in draw_relevance_paths(svb.path_).get_lines()]
     assert {str(term) for term in svb.terms_} <= set(labels)
     pyplot.close("all")
-
-
-@pytest.mark.parametrize(
-    "arguments", [{"clean_up": "evidnce"}, {"resolution": 1.0}, {"b0": 0.0}, {"max_iterations": 0}, {"degree": 0}]
-)
-def test_senseless_arguments_are_refused(arguments):
-    with pytest.raises(ModelError):
-        SvbNarx(**arguments).fit(bilinear())
