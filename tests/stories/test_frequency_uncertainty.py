@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_bands import mean
 from pages import story_page
 
-from deatwin.ident.frequency.comparison.bands import BandMean
-from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.comparison.fleet import shares_of
 from deatwin.ident.frequency.uncertainty import beside_draws
 from deatwin.ident.frequency.uncertainty.propagate import propagate
@@ -31,20 +30,6 @@ from deatwin.scenarios.frequency_uncertainty.study import Plan
 from deatwin.studies.stories import Setting
 
 SAMPLE_TIME = 0.12
-
-
-def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:
-    """A response over a band, known with a circular normal law."""
-    return BandMean(
-        order=1,
-        from_Hz=0.0,
-        to_Hz=0.1,
-        value=np.array([value.real, value.imag]),
-        gradient=np.zeros((2, 1)),
-        scatter=Scatter(scale=variance * np.eye(2), dof=1e9),
-        gain=gain,
-        unit="m/V",
-    )
 
 
 def fleet_of(values: list[complex], variance: float = 0.0) -> Consistency:

@@ -78,7 +78,7 @@ class History:
     Parameters
     ----------
     story : str
-        Sentence that tells what is observed and why.
+        Sentence that describes what is observed and why.
     effects : tuple of Effect
         Effects that cause the changes.
     """
@@ -127,7 +127,7 @@ class Actuator:
     plant : Plant
         Plant as fabricated, with the effects of its history.
     story : str
-        Sentence that tells what happens to the actuator.
+        Sentence that describes what happens to the actuator.
     seed : tuple of int
         Seed of the excitation and of the sensor noise.
     """

@@ -46,7 +46,7 @@ class Event:
     film_voltage : float
         Film voltage, V; NaN for a rig that does not watch it.
     place : str
-        Place in the film; empty if the rig does not tell it.
+        Place in the film; empty if the rig does not give it.
     """
 
     status: RunStatus

@@ -94,7 +94,7 @@ class Plant:
         Parameters
         ----------
         *effects : Effect
-            To be added.
+            Effects to add.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class Plant:
         Parameters
         ----------
         effect : Effect
-            To be added.
+            Effect to add.
 
         Returns
         -------

@@ -30,6 +30,7 @@ from deatwin.ident.mismatch import (
 from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.located import PlaceSummary, Window
 from deatwin.ident.mismatch.result import (
+    Ablation,
     Errors,
     FormSummary,
     IndistinguishablePair,
@@ -38,10 +39,10 @@ from deatwin.ident.mismatch.result import (
     TermSummary,
     UnseenErrors,
 )
-from deatwin.ident.mismatch.verify import Ablation, Verification
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
+from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError

@@ -189,6 +189,44 @@ PASSES = {
 }
 
 
+SENSELESS = [
+    ("PidGains", {"integral": 0.0}, "needs integral action"),
+    ("PidGains", {"filter_time": 0.0}, "positive filter_time"),
+    ("PidGains", {"filter_time": -0.1}, "positive filter_time"),
+    ("loop_shaping", {"max_sensitivity": 1.0}, "must be above 1"),
+    ("loop_shaping", {"phase_margin_deg": 90.0}, "below 90"),
+    ("loop_shaping", {"crossover_Hz": 5.1}, "half the sampling rate"),
+    ("loop_shaping", {"crossover_Hz": -1.0}, "half the sampling rate"),
+    ("lqg", {"closed_loop_time": 0.001}, "at least a sample"),
+    ("lqg", {"noise": 0.0}, "must be positive"),
+    ("lqg", {"drift": -1.0}, "must be positive"),
+    ("lambda_tuning", {"closed_loop_time": 0.001}, "at least a sample"),
+    ("lambda_tuning_pid", {"closed_loop_time": 0.001}, "at least a sample"),
+    ("scheduled", {"command_limits": (1.2, 0.0)}, "must rise"),
+    ("static_curve", {"command_range": (1.0, 0.2)}, "it must rise"),
+    ("static_curve", {"count": 1}, "at least 2"),
+    ("StaticCurve", {"inputs": [1.0, 2.0, 3.0, 4.0], "outputs": [0.0, 1.0, 3.0, 2.0]}, "turns at 3"),
+    ("StaticCurve", {"inputs": [1.0, 2.0, 3.0, 4.0], "outputs": [1.0, 0.0, 2.0, 9.0]}, "turns at 2"),
+    ("StaticCurve", {"inputs": [1.0, 2.0, 3.0], "outputs": [1.0, 1.0, 2.0]}, "turns at 2"),
+    ("StaticCurve", {"inputs": [1.0, 2.0, 3.0, 4.0], "outputs": [0.0, -3.0, -2.0, -1.9]}, "turns at 2"),
+    ("StaticCurve", {"inputs": [1.0], "outputs": [1.0]}, "at least two points"),
+    ("StaticCurve", {"inputs": [2.0, 1.0], "outputs": [1.0, 2.0]}, "must increase"),
+    ("Law", {"a": np.eye(2), "b": np.zeros((2, 2)), "c": np.zeros(1), "d": np.zeros(2)}, "the shape"),
+    ("LinearController", {"operating_input": 5.0}, "must lie between the limits"),
+    ("LinearController", {"closed_loop_time": 0.0}, "closed_loop_time is 0: it must be positive"),
+    ("LinearController", {"sample_time": -1.0}, "sample_time is -1: it must be positive"),
+    ("LinearController", {"windup": np.zeros(2)}, "windup has the shape"),
+    ("LinearController", {"windup": np.zeros(1)}, "drift away"),
+    ("LinearController", {"windup": np.array([2.5])}, "drift away"),
+    ("ScheduledController", {"points": [0.4, 0.4]}, "increasing points"),
+    ("ScheduledController", {"points": [0.4]}, "a law at each"),
+    ("ScheduledController", {"windup": np.zeros(2)}, "windup has the shape"),
+    ("ScheduledController", {"windup": np.zeros(1)}, "drift away at 0.4"),
+    ("Limit", {"poor": 2.0}, "two finite numbers that differ"),
+]
+"""Values of the right kind that make no sense, and what is said."""
+
+
 def called(name, given):
     return getattr(control, name)(*FIRST.get(name, ()), **given, **FURTHER.get(name, {}))
 
@@ -209,6 +247,12 @@ def test_what_is_wrong_is_one_clear_error(name, argument):
             pytest.fail(f"{name} takes {argument} = {kind}")
         assert len(str(caught.value)) < 250 and "object at 0x" not in str(caught.value)
         assert argument in str(caught.value) or name not in NAMING
+
+
+@pytest.mark.parametrize(("name", "given", "says"), SENSELESS, ids=lambda part: part if isinstance(part, str) else "")
+def test_what_makes_no_sense_is_said(name, given, says):
+    with pytest.raises(ControlError, match=says):
+        called(name, {**GIVEN[name], **given})
 
 
 def test_the_error_names_the_argument_and_what_would_be_right():

@@ -15,19 +15,20 @@ from deatwin.ident.greybox.identifiability import Profile
 from deatwin.ident.mismatch import Base, Candidate, Naming
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm
-from deatwin.ident.mismatch.locate import Location
 from deatwin.ident.mismatch.locate.frequency import Band, Bands
 from deatwin.ident.mismatch.locate.lines import LineGroup, Lines
+from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.locate.place import OpenedPlace, Places
 from deatwin.ident.mismatch.locate.region import Bin, Region, Regions
 from deatwin.ident.mismatch.locate.response import ResponseDifference
 from deatwin.ident.mismatch.locate.time import Times, Window
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
-from deatwin.ident.mismatch.verify import Ablation, Verification
+from deatwin.ident.mismatch.result import Ablation
 from deatwin.ident.mismatch.verify.constancy import Constancy
 from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
+from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.narx.pruning import PruningStep
 from deatwin.ident.narx.terms import Term
 from deatwin.plant import Diaphragm, Parameter, Plant, ReadingTime, Recording

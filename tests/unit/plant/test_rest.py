@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.plant import (
     Builder,
@@ -19,7 +20,6 @@ from deatwin.plant import (
     Parameter,
     Plant,
     Recording,
-    Rig,
     RigError,
     RunStatus,
     SimulationError,
@@ -42,15 +42,12 @@ def plant(equations: Callable[[Builder], Any], **values: float) -> Plant:
     """Of a rig with one parameter k = 1 whose `write` is given."""
 
     @dataclass(frozen=True, kw_only=True)
-    class Toy(Rig):
+    class Toy(Bare):
         sample_time: float = STEP
         noise: float = 1e-3
 
         kind: ClassVar[str] = "toy"
-        input_name: ClassVar[str] = "command"
-        input_unit: ClassVar[str] = "V"
         output_name: ClassVar[str] = "level"
-        output_unit: ClassVar[str] = "m"
         sizes: ClassVar[Sizes] = Sizes()
 
         @property

@@ -46,7 +46,7 @@ class Part:
         return cls(experiment=experiment, masks=masks)
 
     def until_last(self) -> Part:
-        """The same samples, with the experiment cut after the last of them."""
+        """Return the same samples, with the experiment cut after the last of them."""
         last = max(k for k, mask in enumerate(self.masks) if mask.any())
         end = int(np.flatnonzero(self.masks[last])[-1]) + 1
         records = self.experiment.recordings

@@ -37,7 +37,7 @@ _SHORTEST = 16
 
 
 class LinkStatus(Enum):
-    """Says whether an output follows an input; the value is a sentence."""
+    """Answer to whether an output follows an input; the value is a sentence."""
 
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
@@ -50,7 +50,7 @@ class LinkStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link:
-    """Tells what ties an output to an input."""
+    """Link of an output to an input: its status, coherence and dead time."""
 
     input_name: str
     output_name: str

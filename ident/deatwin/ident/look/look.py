@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
-from deatwin.ident.mismatch.gate import noise_level
+from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
@@ -64,7 +64,7 @@ class ChannelLook:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Look:
-    """What `look_at` sees in one recording, or in the pieces of one between gaps.
+    """Description of one recording, or of its pieces between gaps; see `look_at`.
 
     Parameters
     ----------
@@ -75,13 +75,13 @@ class Look:
     patterns : tuple of InputPattern
         Shape and period of each input, in the longest piece.
     excitations : tuple of Excitation or None
-        Excited bands of each input, in the longest piece; None where its spectrum cannot be told.
+        Excited bands of each input, in the longest piece; None if the spectrum cannot be estimated.
     links : tuple of Link
-        Of each input to each output, those of the first output first.
+        Coherence and dead time from each input to each output, ordered by output.
     findings : tuple of Finding
         Trends, drifts, outliers, steps, limits, stuck stretches.
     sampling : SamplingChoice or None
-        Whether the sample time suits a NARX model; None where that cannot be told.
+        Advice on the sample time for a NARX model; None if the record is too short.
     """
 
     recordings: tuple[Recording, ...]
@@ -121,7 +121,7 @@ class Look:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """All that was seen, in lines of plain text."""
+        """Describe the recording in lines of plain text."""
         found = [self.clock, *map(str, self.channels)]
         for pattern, excited in zip(self.patterns, self.excitations, strict=True):
             bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)
@@ -209,10 +209,10 @@ class Look:
 
 
 def look_at(recordings: Recordings) -> Look:
-    """Look at a recording before a model is made of it.
+    """Inspect a recording before identifying a model.
 
-    Nothing is fitted but the regression that finds dead times, and nothing is altered. A recording of any length is
-    looked at; what it is too short for is left out.
+    Nothing is fitted except the regression that finds dead times, and nothing is altered. Recordings of any length are
+    accepted; results that need a longer one are omitted.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def look_at(recordings: Recordings) -> Look:
     Raises
     ------
     DataError
-        If there is no output.
+        If the recording has no output.
     ModelError
         If the recordings do not fit together.
     """

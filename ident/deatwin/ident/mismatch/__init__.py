@@ -1,17 +1,24 @@
 """Where a simulation and a recording differ: locate the mismatch, name the missing physics, verify it."""
 
-from deatwin.ident.mismatch.advise import INPUT_FILE, Advice, advise
+from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
+from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import Detection, detect
+from deatwin.ident.mismatch.detect.detect import detect
+from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnose import diagnose
 from deatwin.ident.mismatch.diagnosis import Diagnosis
-from deatwin.ident.mismatch.discover import Discovery, discover
+from deatwin.ident.mismatch.discover.discover import discover
+from deatwin.ident.mismatch.discover.discovery import Discovery
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.gate import Gate, confirm, gate
+from deatwin.ident.mismatch.gate.gate import Gate, confirm, gate
 from deatwin.ident.mismatch.layout import Readings
-from deatwin.ident.mismatch.locate import Location, locate
+from deatwin.ident.mismatch.locate.location import Location, locate
+from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, Unexplained
-from deatwin.ident.mismatch.naming import Candidate, Distance, Footprint, Naming, footprints, name_causes
+from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.name import name_causes
+from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.plan.plan import plan_experiment
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
 from deatwin.ident.mismatch.prepare import prepare
@@ -26,7 +33,8 @@ from deatwin.ident.mismatch.result import (
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import Step
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, FittedParameter, Interval, Verdict
-from deatwin.ident.mismatch.verify import Verification, verify
+from deatwin.ident.mismatch.verify.verification import Verification
+from deatwin.ident.mismatch.verify.verify import verify
 
 __all__ = [
     "INPUT_FILE",
@@ -72,6 +80,7 @@ __all__ = [
     "name_causes",
     "plan_experiment",
     "prepare",
+    "readings",
     "say",
     "verify",
 ]

@@ -10,13 +10,15 @@ from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import conclude
-from deatwin.ident.mismatch.detect import Detection, detect
+from deatwin.ident.mismatch.detect.detect import detect
+from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
-from deatwin.ident.mismatch.locate import locate, readings
+from deatwin.ident.mismatch.locate.location import locate
+from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations

@@ -10,7 +10,8 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, split
-from deatwin.ident.mismatch.locate import locate_time, tracks
+from deatwin.ident.mismatch.locate.time import locate_time
+from deatwin.ident.mismatch.locate.track import tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import ModelError

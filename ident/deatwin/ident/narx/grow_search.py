@@ -30,7 +30,7 @@ _ROUNDING = 1e-12  # of the output: between smaller errors, of exact recordings,
 
 @dataclass(frozen=True, kw_only=True)
 class GrowStep:
-    """Model on the path of `Grow`, and how it came from the one before.
+    """Model on the path of `Grow`, with the terms that were added and removed.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class GrowStep:
     error : float
         Root mean square of the free-run error on the samples on which the structure was grown, in the output's unit.
     held_out_error : float
-        The same on the held-out samples; infinite if the free run diverges there.
+        Root mean square of the free-run error on the held-out samples; infinite if the run diverges.
     """
 
     added: tuple[Term, ...]

@@ -100,7 +100,7 @@ class Effect(ABC):
         Returns
         -------
         tuple of Effect
-            This effect at promising shapes. Empty by default: a grid of shapes is then tried.
+            This effect with promising values; empty by default, in which case a grid of values is tried.
         """
         return ()
 

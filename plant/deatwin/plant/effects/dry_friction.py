@@ -20,13 +20,13 @@ class DryFriction(CoulombFriction):
 
     .. math:: F = -F_c\,\zeta\,(1 + a\,\zeta)\,\bigl(1 + s\,e^{-(v/v_S)^2}\bigr)
 
-    with the direction :math:`\zeta` of `CoulombFriction`, whose name it has: on rigs that are no film actuators it
-    stands in its place. s > 0 is stiction with the Stribeck curve: the part breaks loose at :math:`(1 + s)F_c` and
-    slides against :math:`F_c` far above :math:`v_S`. a > 0 is more friction forwards, as in a drive that lifts or a
+    with the direction :math:`\zeta` of `CoulombFriction`, which this class replaces under the same name on rigs that
+    are not film actuators. s > 0 is stiction with the Stribeck curve: the part breaks loose at :math:`(1 + s)F_c` and
+    slides against :math:`F_c` far above :math:`v_S`. a > 0 gives more friction forwards, as in a drive that lifts or a
     seal with one lip. Typical: s from 0 to 1; :math:`v_S` 2 to 40 % of the usual speed, since less is lost in the slip
     of a part that sticks, and more is viscous damping; a up to 0.3 to either side. Signature of s: small motion sticks,
-    breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift by :math:`aF_c` while the part moves, which
-    an `amplifier_offset` has at rest, too. Off at :math:`F_c = 0`.
+    breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift by :math:`aF_c` while the part moves; that of
+    an `amplifier_offset` remains at rest. Off at :math:`F_c = 0`.
 
     Parameters
     ----------

@@ -81,8 +81,8 @@ class PeriodicDisturbance(Effect):
         Returns
         -------
         tuple of Effect
-            At most three, each with amplitude and phase, at frequencies up to half the sampling rate and within this
-            effect's range.
+            Up to three effects with amplitude and phase, at frequencies within this effect's range and below half the
+            sampling rate.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]

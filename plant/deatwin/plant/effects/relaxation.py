@@ -20,14 +20,14 @@ STARTS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Relaxation(Effect):
-    r"""A spring in series with a damper acts beside the force of the plant, which thereby relaxes.
+    r"""A spring in series with a damper acts in parallel to the plant, whose force then relaxes.
 
     .. math:: F \to F - k_r\,(y - \xi), \qquad \tau_r\,\dot\xi = y - \xi
 
     One state :math:`\xi` (m), the displacement of the damper; at rest :math:`\xi = y`. In a plant with a spring k this
-    is the standard linear solid: k is what is left after long, :math:`k + k_r` what fast motion feels. In other plants
-    y is the quantity in place of a displacement, and the branch is a store that fills and empties through a resistance:
-    furniture in a room, slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones,
+    is the standard linear solid: its stiffness is k for slow and :math:`k + k_r` for fast motion. In other plants y is
+    the quantity that corresponds to a displacement, and the branch is a store that fills and empties through a
+    resistance: furniture in a room, slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones,
     over times far longer than the motion. Signature: a tail after each step, linear in it, that recovers; the gain is
     higher for slow than for fast commands, with a loop that is widest at a period of :math:`2\pi\tau_r`, whereas that
     of `hysteresis` keeps its width. A `sensor_drift` does not follow the command; a :math:`\tau_r` far below the period

@@ -85,7 +85,7 @@ class Resonance(Effect):
         Returns
         -------
         tuple of Effect
-            At most four; empty if the record is too short.
+            Up to four effects; empty if the record is too short.
         """
         known = self.described("frequency")
         peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorJump(Effect):
-    r"""All readings shift at some time, as when somebody knocks against the sensor.
+    r"""All readings shift by a constant from some time on, for example because the sensor was knocked.
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 

@@ -99,8 +99,8 @@ class ThermalStiffness(Effect):
         Returns
         -------
         tuple of Effect
-            At most three. A stiffer film sags less, so that with a negative `change_per_kelvin` the film's cycle has
-            the phase of the residual.
+            Up to three effects. A stiffer film sags less, so with a negative `change_per_kelvin` the temperature cycle
+            has the phase of the residual.
         """
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))

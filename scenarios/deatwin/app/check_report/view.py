@@ -31,7 +31,7 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A check with all that it was made of."""
+    """Check with the model, the plants and the limits that its report shows."""
 
     check: Check
     model: NarxModel

@@ -1,7 +1,7 @@
-"""Sweeps: many cases on one core, all cores or a cluster, each written when it is through.
+"""Sweeps: run many cases on one core, all cores or a cluster, and write each when it is done.
 
-A sweep is sealed before its first case, can be killed and gone on with at any time, and refuses to mix cases that were
-run under different conditions. Which backend runs it is said by ``joblib.parallel_config``.
+A sweep is sealed before its first case. It can be killed and resumed at any time, and it refuses to mix cases that were
+run under different conditions. ``joblib.parallel_config`` chooses the backend.
 """
 
 from deatwin.studies.sweep.results import Study, open_study

@@ -1,4 +1,4 @@
-"""The results of a study: one by one, or as one table of arrays."""
+"""Read the results of a study one by one, or as one table of arrays."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ ERROR = "error"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Cases that have been run.
+    """Results of the cases that have been run.
 
     Parameters
     ----------
     store : CaseStore
-        With their files.
+        Store that holds the results.
     names : tuple of str
-        Their names, in order.
+        Names of the cases, in order.
     """
 
     store: CaseStore[SweepSeal]
@@ -43,7 +43,7 @@ class Study:
         return len(self.names)
 
     def __iter__(self) -> Iterator[Mapping[str, Any]]:
-        """Each case with its ``result``, or with its ``error``."""
+        """Yield each case with its ``result``, or with its ``error``."""
         return map(self.store.get, self.names)
 
     @property
@@ -52,14 +52,14 @@ class Study:
         return {found["name"]: found[ERROR] for found in self if ERROR in found}
 
     def discard_failures(self) -> None:
-        """Remove the cases that ended in an error: the next run runs them again."""
+        """Remove the cases that ended in an error, so that the next run repeats them."""
         self.store.discard(self.failures)
 
     def to_xarray(self) -> xarray.Dataset:
-        """All results along the dimension ``case``.
+        """Return all results as a dataset with the dimension ``case``.
 
-        Needs xarray (the extra ``files``). What a case is made of are coordinates. Of a case that failed numbers are
-        NaN and texts are empty, and its message is in the variable ``error``.
+        This needs xarray (the extra ``files``). The values that define a case are coordinates. For a case that failed,
+        numbers are NaN, texts are empty, and the variable ``error`` holds the message.
 
         Returns
         -------
@@ -68,7 +68,7 @@ class Study:
         Raises
         ------
         DataError
-            If xarray is not installed, a result has arrays of several shapes, or is text here and number there.
+            If xarray is not installed, or a result has different shapes or types in different cases.
         """
         try:
             import xarray
@@ -95,29 +95,29 @@ class Study:
         )
 
     def to_netcdf(self, path: Path | str) -> None:
-        """Write `to_xarray` into one NetCDF file, whole or not at all.
+        """Write the dataset of `to_xarray` to one NetCDF file, completely or not at all.
 
         Parameters
         ----------
         path : path
-            The file; needs h5netcdf (the extra ``files``).
+            File to write; this needs h5netcdf (the extra ``files``).
 
         Raises
         ------
         DataError
-            As `to_xarray`, or if it cannot be written.
+            For the reasons given in `to_xarray`, or if the file cannot be written.
         """
         with replacing(path) as half:
             self.to_xarray().to_netcdf(half, engine="h5netcdf")
 
 
 def open_study(folder: Path | str) -> Study:
-    """The study in a folder: all cases that are through, in the order of their names.
+    """Open a study on disk, with all finished cases in the order of their names.
 
     Parameters
     ----------
     folder : path
-        That `run_study` was given.
+        Folder that was given to `run_study`.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def open_study(folder: Path | str) -> Study:
     Raises
     ------
     DataError
-        If it holds no study.
+        If the folder holds no study.
     """
     store = CaseStore(folder, read_seal(SweepSeal, folder))
     return Study(store=store, names=tuple(sorted(store.names())))

@@ -1,4 +1,4 @@
-"""The running of a sweep: in parallel, killed and gone on with at any time, no case lost and none repeated."""
+"""Run a sweep in parallel; it can be killed and resumed at any time without losing or repeating a case."""
 
 from __future__ import annotations
 
@@ -44,34 +44,35 @@ def run_sweep(
 ) -> None:
     """Run every case that has no result yet.
 
-    The user's ``joblib.parallel_config`` decides where: no backend is set here. The worker that runs a case writes its
-    result. A case whose worker dies is run again; one that is through is never run again, whoever asks for it.
+    The user's ``joblib.parallel_config`` chooses the backend. The worker that runs a case writes its result. A case
+    whose worker dies is repeated; a finished case never is.
 
     Parameters
     ----------
     work : callable
-        Takes a case and returns its result as plain data. Importable by name, so that worker processes find it.
+        Function that takes a case and returns its result as plain data. Worker processes must be able to import it.
     cases : mapping of str to case
-        All cases by name, in the order in which they are to be run.
+        All cases by name, in running order.
     store : CaseStore
-        For the results.
+        Store that receives the results.
     jobs : int, optional
-        Worker processes: 1 runs in this one, -1 takes all cores; by default what ``joblib.parallel_config`` says, or 1.
+        Number of worker processes: 1 uses this process, -1 all cores. The default is that of
+        ``joblib.parallel_config``, or 1.
     tell : callable
-        Takes the share that is done and a text with the time left.
+        Callback that receives the completed share, from 0 to 1, and a text with the time left.
     noun : str
-        What a case is called in it.
+        Word for a case in that text.
     efforts : mapping of str to float, optional
-        By case, how long it takes in comparison with others; 1 where nothing is said.
+        Relative duration of each case; 1 for cases that are not listed.
 
     Raises
     ------
     DataError
         If another process is running these cases, or a case ends its worker again and again.
     KeyboardInterrupt
-        With a line that says what is through and where.
+        If the user interrupts; the text says how many cases are done, and where they are.
     Exception
-        What `work` raises; the cases that are through keep their results.
+        If `work` raises it; finished cases keep their results.
     """
     with store.exclusive_lock():
         progress = _Progress(cases, store.missing(list(cases)), tell, noun, efforts or {})

@@ -23,7 +23,7 @@ class Sealed(ABC):
     @property
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """Everything that must not change, as plain data."""
+        """Return everything that must not change, as plain data."""
 
     @property
     @abstractmethod
@@ -41,7 +41,7 @@ class Sealed(ABC):
 
     @abstractmethod
     def changes(self, other: Self) -> str:
-        """Say how this seal differs from another, `other`; empty if cases of both may stand together."""
+        """Say how this seal differs from `other`; empty if cases of both may be mixed."""
 
     @cached_property
     def hash(self) -> str:
@@ -80,14 +80,14 @@ class Sealed(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSeal(Sealed):
-    """A seal of named parts; what changed is told part by part, as it was and as it is.
+    """Seal made of named parts; its error lists each part that changed, with its old and its new value.
 
     Parameters
     ----------
     schema : str
-        Of the files of the cases, such as ``deatwin/study-case/1``.
+        Schema of the case files, such as ``deatwin/study-case/1``.
     parts : mapping of str to plain data
-        Code (its hash), versions, seed, settings: each by its name.
+        Hash of the code, versions, seed and settings, each under its name.
     """
 
     schema: str
@@ -115,12 +115,12 @@ class SweepSeal(Sealed):
 
 
 def digest(data: Any) -> str:
-    """SHA-256 of plain data, whatever the order of its keys.
+    """Return the SHA-256 of plain data, independent of the order of its keys.
 
     Parameters
     ----------
     data : plain data
-        As for JSON.
+        Data that JSON can hold.
 
     Returns
     -------
@@ -131,14 +131,14 @@ def digest(data: Any) -> str:
 
 
 def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
-    """SHA-256 of the Python and C sources of packages, and of further files.
+    """Return the SHA-256 of the Python and C sources of packages and of further files.
 
     Parameters
     ----------
     packages : iterable of str
-        Names, such as ``deatwin.plant``; what lies below them counts.
+        Names of packages, such as ``deatwin.plant``; subpackages are included.
     files : iterable of path
-        Further ones, by their names.
+        Further files.
 
     Returns
     -------

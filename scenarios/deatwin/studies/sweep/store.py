@@ -1,4 +1,4 @@
-"""Results of cases on the disk: one file each, whole or absent, under one seal."""
+"""Store the results of cases on disk, one complete file each, under one seal."""
 
 from __future__ import annotations
 
@@ -34,22 +34,21 @@ Content = TypeVar("Content")
 
 
 class CaseStore(Generic[S]):
-    """The cases of a sealed sweep.
+    """Results of a sealed sweep on disk.
 
-    Any number of processes may write into it. A case is a NetCDF file in the folder ``cases``; where there are to
-    be many, they are spread over 256 folders in it, ``00`` to ``ff``, by the first digits of the SHA-256 of their
-    names.
+    Any number of processes may write at the same time. Each case is a NetCDF file in the folder ``cases``. Large sweeps
+    are spread over 256 subfolders, ``00`` to ``ff``, by the first digits of the SHA-256 of the names.
 
     Parameters
     ----------
     folder : path
-        Of the sweep. On a cluster all workers must see it under this path.
+        Folder of the sweep. On a cluster all workers must see it under this path.
     seal : Sealed
-        Of the sweep as it is to be run now. It is written if the folder has none.
+        Seal of the present run; written if the folder has none.
     cases : str
         Name of the folder for the cases.
     expected : int
-        How many cases are to come: it decides whether those of a new folder are spread.
+        Expected number of cases, which decides whether a new folder is spread over subfolders.
 
     Raises
     ------
@@ -75,26 +74,26 @@ class CaseStore(Generic[S]):
         self.sealed_as = path.read_text(encoding="utf-8")
 
     def adopt(self) -> None:
-        """Look at what a folder without a seal holds.
+        """Check a folder that has no seal.
 
         Raises
         ------
         DataError
-            If it holds cases.
+            If the folder holds cases.
         """
         if self.names():
             raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}: what they were run under cannot be known")
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Write the result of a case; one that is there already is left as it is.
+        """Write the result of a case, unless it has one.
 
         Parameters
         ----------
         name : str
-            Of the case.
+            Name of the case.
         result : mapping
-            Plain data: mappings with texts as keys, lists, texts, numbers, truth values, None. All is read back as it
-            was.
+            Plain data: mappings with texts as keys, lists, texts, numbers, truth values and None; `get` returns the
+            same.
 
         Raises
         ------
@@ -114,17 +113,17 @@ class CaseStore(Generic[S]):
         Parameters
         ----------
         name : str
-            Of the case.
+            Name of the case.
 
         Returns
         -------
         dict
-            What was written, and ahead of it what the seal stamps.
+            Stamp of the seal, followed by what was written.
 
         Raises
         ------
         DataError
-            If there is none, it is damaged or no file of a case, or it was run under another seal.
+            If there is no such file, it is damaged or not a case file, or it was run under another seal.
         """
         path = self.path(name)
         found = read_case(path)
@@ -159,12 +158,12 @@ class CaseStore(Generic[S]):
             ) from None
 
     def has(self, name: str) -> bool:
-        """Test if a case is through.
+        """Test if a case is finished.
 
         Parameters
         ----------
         name : str
-            Of the case.
+            Name of the case.
 
         Returns
         -------
@@ -173,7 +172,7 @@ class CaseStore(Generic[S]):
         return self.path(name).exists()
 
     def names(self) -> set[str]:
-        """The cases that are through."""
+        """Return the names of the finished cases."""
         found: set[str] = set()
         for folder in self._folders():
             with os.scandir(folder) as entries:
@@ -182,7 +181,7 @@ class CaseStore(Generic[S]):
         return found
 
     def missing(self, names: Sequence[str]) -> list[str]:
-        """The cases that are not through.
+        """Return the names of the cases that are not finished.
 
         Parameters
         ----------
@@ -192,29 +191,29 @@ class CaseStore(Generic[S]):
         Returns
         -------
         list of str
-            In the same order.
+            Their names, in the same order.
         """
         through = self.names()
         return [name for name in names if name not in through]
 
     def discard(self, names: Iterable[str]) -> None:
-        """Remove results: the cases are run again when the sweep is gone on with.
+        """Remove results, so that the cases are repeated when the sweep is resumed.
 
         Parameters
         ----------
         names : iterable of str
-            Of the cases.
+            Names of the cases.
         """
         for name in names:
             self.path(name).unlink(missing_ok=True)
 
     def path(self, name: str) -> Path:
-        """The file of a case.
+        """Return the path of a case's file.
 
         Parameters
         ----------
         name : str
-            Of the case: letters, digits and ``_ . + -``, 200 at most, no dot in front.
+            Name of the case: at most 200 letters, digits and ``_ . + -``, not beginning with a dot.
 
         Returns
         -------
@@ -223,7 +222,7 @@ class CaseStore(Generic[S]):
         Raises
         ------
         DataError
-            If a file cannot bear the name.
+            If the name cannot be that of a file.
         """
         if not NAME.fullmatch(name):
             raise DataError(f"a case cannot be called {name!r}: letters, digits and _ . + - only, 200 at most")
@@ -232,12 +231,12 @@ class CaseStore(Generic[S]):
 
     @contextmanager
     def running(self, name: str) -> Iterator[None]:
-        """Note that a case is being run; of a worker that was killed the note stays.
+        """Mark a case as running; if its worker is killed, the mark remains.
 
         Parameters
         ----------
         name : str
-            Of the case.
+            Name of the case.
         """
         note = self.folder / RUNNING / name
         note.parent.mkdir(exist_ok=True)
@@ -248,7 +247,7 @@ class CaseStore(Generic[S]):
             note.unlink(missing_ok=True)
 
     def left_running(self) -> list[str]:
-        """The cases that were being run when their worker was killed; the notes of them are removed."""
+        """Return the cases whose worker was killed, and remove their marks."""
         notes = [note for note in (self.folder / RUNNING).glob("*") if note.name[0] != "."]
         for note in notes:
             note.unlink(missing_ok=True)
@@ -256,7 +255,7 @@ class CaseStore(Generic[S]):
 
     @contextmanager
     def exclusive_lock(self) -> Iterator[None]:
-        """Keep a second run off the folder, and clear away what a killed one left.
+        """Lock the folder against a second run, and remove what a killed run left.
 
         Raises
         ------
@@ -285,7 +284,7 @@ class CaseStore(Generic[S]):
 
 
 def read_seal(kind: type[S], folder: Path | str) -> S:
-    """The seal of a folder."""
+    """Read the seal of a folder."""
     path = Path(folder) / SEAL_FILE
     found = read_object(path, "the seal of a study; a study is sealed before its first case")
     try:

@@ -1,4 +1,4 @@
-"""A study of the user's own: cases, a work function, a folder."""
+"""Run a user's own study: cases, a work function and a folder."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ DIGITS = 16
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
-    """Every combination of values.
+    """Return every combination of values.
 
     Parameters
     ----------
     **axes : iterable
-        Values by name.
+        Values of each name.
 
     Returns
     -------
     list of dict
-        The last axis runs fastest.
+        Combinations; the last axis varies fastest.
 
     Examples
     --------
@@ -58,30 +58,30 @@ def run_study(
     jobs: int | None = None,
     tell: Callable[[float, str], None] | None = None,
 ) -> Study:
-    """Run a function on every case, or go on where a former run stopped.
+    """Run a function on every case, or resume an earlier run.
 
-    Each result is written into the folder as soon as it is there. An error that `work` raises is the result of its
-    case: see `Study.failures`. A case is known by its content, so a study may be extended by further cases; it
-    is refused if its function, seed, settings, or the version or code of deatwin have changed since its first case.
+    Each result is written to the folder as soon as it is known. If `work` raises an error, that is the result of the
+    case; see `Study.failures`. Cases are identified by their content, so a study can be extended. It is refused if its
+    function, seed or settings, or the version or code of deatwin, have changed since its first case.
 
     Parameters
     ----------
     cases : iterable of mapping
-        Each of names to numbers, texts, or None, such as `grid` makes.
+        Mappings from names to numbers, texts or None, for example from `grid`.
     work : callable
-        Takes a case and a `numpy.random.Generator` that depends on seed and case alone; returns numbers, texts,
-        and arrays by name. A function of a module or of the script; it may not hold values of its own, as a partial
-        or a closure does, since these could not be sealed.
+        Function of a case and a `numpy.random.Generator` that depends on seed and case alone; it returns numbers,
+        texts and arrays by name. It must be defined in a module or in the script; a partial or a closure is refused,
+        because the values that it holds cannot be sealed.
     folder : path
-        Of the study. On a cluster all workers must see it under this path.
+        Folder of the study. On a cluster all workers must see it under this path.
     seed : int
-        Of all that is random.
+        Seed of all random numbers.
     settings : mapping, optional
         Further plain data that must not change, such as the hash of a file that `work` reads.
     jobs : int, optional
-        Worker processes; by default what ``joblib.parallel_config`` says, or 1.
+        Number of worker processes; by default that of ``joblib.parallel_config``, or 1.
     tell : callable, optional
-        Takes the share that is done and a text; by default a bar with the time left, where stderr is a terminal.
+        Callback that receives the completed share and a text; by default a progress bar on a terminal.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def run_study(
     DataError
         If the folder was begun under another seal, or cases or function are not as described.
     KeyboardInterrupt
-        With a line that says what is through; what is stays.
+        If the user interrupts; finished cases are kept, and the text says how many there are.
     """
     from deatwin.studies.voice import Voice
 

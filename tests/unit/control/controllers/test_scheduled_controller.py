@@ -48,20 +48,6 @@ def test_a_schedule_of_one_law_is_that_law(made):
         assert float(command) == pytest.approx(float(expected), rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"points": np.array([1.5, 1.5, 3.0])}, "increasing points"),
-        ({"points": np.array([1.5, 3.0])}, "a law at each"),
-        ({"windup": np.zeros(2)}, "windup has the shape"),
-        ({"windup": np.zeros(1)}, "drift away at 1.5"),
-    ],
-)
-def test_senseless_schedules_are_refused(made, changes, message):
-    with pytest.raises(ControlError, match=message):
-        replace(made.scheduled, **changes)
-
-
 def test_far_apart_gains_do_not_throw_it_from_limit_to_limit(made):
     # Held at the upper limit by a large error: the proportional part of 3 V/um at 1.5 V is nearly none at 3 V.
     laws = tuple(PidGains(proportional=p, integral=1.0).law(H) for p in (3.0, 0.5, 0.01))

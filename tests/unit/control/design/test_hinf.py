@@ -1,12 +1,10 @@
 """H-infinity: bounds on a grid of their own, integral action, and what is said where it cannot be done."""
 
-import importlib.util
-
 import control
 import numpy as np
 import pytest
 
-from deatwin.control import ControlError, MissingPackageError
+from deatwin.control import ControlError
 from deatwin.control.design import hinf as module
 from deatwin.control.design.hinf import MixedSensitivity, hinf
 from deatwin.control.design.states import States
@@ -122,9 +120,3 @@ def test_the_weights_of_python_control_have_the_same_values():
     for system, values in zip(bounds.weights(), bounds.values(omega), strict=True):
         found = np.abs(system(1j * np.tan(0.5 * omega * H)))
         np.testing.assert_allclose(found, values, rtol=1e-12)
-
-
-def test_without_slycot_it_says_how_to_get_it(monkeypatch, sampled):
-    monkeypatch.setattr(module, "find_spec", lambda name: None if name == "slycot" else importlib.util.find_spec(name))
-    with pytest.raises(MissingPackageError, match=r"pip install \"slycot"):
-        hinf(sampled(1.0, [0.5]), command_limits=LIMITS, bandwidth_Hz=0.5)

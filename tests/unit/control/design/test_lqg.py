@@ -138,20 +138,6 @@ def test_what_cannot_be_reached_is_refused_with_what_can(sampled):
     assert float(str(error.value).split("allows ")[1].split(" s")[0]) > 0.2
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"closed_loop_time": 0.001}, "at least a sample"),
-        ({"noise": 0.0}, "must be positive"),
-        ({"drift": -1.0}, "must be positive"),
-        ({"noise": np.nan}, "must be positive"),
-    ],
-)
-def test_senseless_settings_are_refused(sampled, settings, message):
-    with pytest.raises(ControlError, match=message):
-        lqg(sampled(1.0, [0.5]), command_limits=LIMITS, **settings)
-
-
 def test_a_model_that_answers_at_once_is_refused():
     linear = linear_model([1.0], [1.0, -0.5], operating_input=2.0, operating_output=1.0)
     with pytest.raises(ControlError, match="in_loop"):

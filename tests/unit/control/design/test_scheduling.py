@@ -81,11 +81,6 @@ def test_points_may_lie_on_the_limits(models):
     np.testing.assert_allclose(controller.points, POINTS)
 
 
-def test_limits_that_do_not_rise_are_refused(models):
-    with pytest.raises(ControlError, match="must rise"):
-        scheduled(models, PI, command_limits=(4.0, 1.0))
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

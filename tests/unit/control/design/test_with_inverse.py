@@ -147,16 +147,6 @@ def test_a_model_that_turns_has_no_inverse(model):
         static_curve(model, (-4.0, 4.0), count=17)
 
 
-@pytest.mark.parametrize(
-    ("given", "count", "message"),
-    [((3.0, 1.0), 9, "it must rise"), ((1.0, np.nan), 9, "must be finite"), ((1.0, 3.0), 1, "at least 2")],
-)
-def test_senseless_ranges_are_refused(model, plant, given, count, message):
-    for system in (model, plant):
-        with pytest.raises(ControlError, match=message):
-            static_curve(system, given, count=count)
-
-
 def test_nothing_else_has_a_curve():
     with pytest.raises(ControlError, match="NarxModel or a Plant, not of a str"):
         static_curve("model", LIMITS)

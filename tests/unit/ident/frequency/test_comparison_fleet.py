@@ -4,25 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_bands import mean
 
-from deatwin.ident.frequency.comparison.bands import BandMean
 from deatwin.ident.frequency.comparison.compare import Agreement
-from deatwin.ident.frequency.comparison.equality import Scatter
 from deatwin.ident.frequency.comparison.fleet import contrast, share_of
-
-
-def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:
-    """A response over a band, known with a circular normal law."""
-    return BandMean(
-        order=1,
-        from_Hz=0.0,
-        to_Hz=0.1,
-        value=np.array([value.real, value.imag]),
-        gradient=np.zeros((2, 1)),
-        scatter=Scatter(scale=variance * np.eye(2), dof=1e9),
-        gain=gain,
-        unit="m/V",
-    )
 
 
 def test_a_measured_difference_beside_the_true_one() -> None:

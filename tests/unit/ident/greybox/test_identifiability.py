@@ -5,20 +5,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.greybox import Part, calibrate, survey
 from deatwin.ident.greybox.identifiability import profile
 from deatwin.ident.greybox.minimum import minimise
-from deatwin.plant import Experiment, Parameter, Plant, Recording, Rig
+from deatwin.plant import Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scales(Rig):
+class Scales(Bare):
     """Reading = gain times the low-passed command, plus offset."""
 
-    sample_time: float = 0.02
     noise: float = 0.1
 
     kind: ClassVar[str] = "scales"

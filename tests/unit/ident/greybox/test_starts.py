@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.greybox import FitStatus, Part, calibrate, starts
 from deatwin.ident.greybox.minimum import Minimum
-from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Rig, Scale
+from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Scale
 from deatwin.plant.builder import Builder
 
 H, COUNT, NOISE = 0.02, 450, 0.02
@@ -17,14 +18,13 @@ TRUE = {"gain": 8.0, "damping": 1.2, "stiffness": 20.0}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rotor(Rig):
+class Rotor(Bare):
     """A motor turns an unbalanced rotor, which may turn over: the error over a long record has many minima."""
 
     sample_time: float = H
     noise: float = 0.0
     kind: ClassVar[str] = "rotor"
     input_name: ClassVar[str] = "voltage"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "angle"
     output_unit: ClassVar[str] = "rad"
 

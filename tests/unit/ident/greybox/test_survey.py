@@ -5,11 +5,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, dlsim
 
 from deatwin.ident.greybox import Calibration, FitStatus, calibrate
-from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Rig, Scale, StartProcedure
+from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Scale
 from deatwin.plant.builder import Builder
 
 H, MASS, NOISE = 0.005, 0.25, 2e-6
@@ -17,16 +18,13 @@ TRUE = {"coil": 1.0, "damping": 5.0, "stiffness": 3000.0}
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table(Rig):
+class Table(Bare):
     """A coil pushes a mass on a spring: under a slow sine only its first tenth of a second tells the coil."""
 
     sample_time: float = H
     noise: float = NOISE
     kind: ClassVar[str] = "table"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "position"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -36,10 +34,6 @@ class Table(Rig):
             Parameter(name="damping", value=5.0, unit="N s/m", lower=0.01, upper=100.0, scale=log),
             Parameter(name="stiffness", value=1000.0, unit="N/m", lower=100.0, upper=1e4, scale=log),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position, velocity = build.state("position", scale=1e-3), build.state("velocity", scale=0.05)

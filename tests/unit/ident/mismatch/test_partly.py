@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
@@ -19,12 +20,10 @@ from deatwin.plant import (
     Place,
     Plant,
     Recording,
-    Rig,
     Scale,
     SensorDrift,
     SensorLag,
     Sizes,
-    StartProcedure,
 )
 from deatwin.plant.integrator.compiled import compiler
 
@@ -115,14 +114,12 @@ def _sizes(answer: Candidate, noise: float) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motor(Rig):
+class Motor(Bare):
     """Inertia and back electromotive force, no friction."""
 
     sample_time: float = 0.05
     noise: float = 0.1
     kind: ClassVar[str] = "motor_with_a_counter"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "speed"
     output_unit: ClassVar[str] = "rad/s"
     model_share: ClassVar[float] = 0.01
@@ -145,10 +142,6 @@ class Motor(Rig):
             Parameter(name="inertia", value=0.2, unit="V s2/rad", lower=1e-3, upper=10.0, scale=log),
             Parameter(name="back_emf", value=0.8, unit="V s/rad", lower=0.01, upper=10.0, scale=log),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         angle = build.watch("displacement", build.state("angle", scale=10.0, start=0.0))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch import confirm, detect, diagnose, footprints, gate, prepare
-from deatwin.ident.mismatch.locate import readings
+from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.prepare import _motion
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.parallel import spawn_generators

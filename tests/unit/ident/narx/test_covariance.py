@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deatwin.ident.narx import NarxModel
@@ -30,6 +30,7 @@ def normal_matrix(rng, n, condition):
     return p.T @ p
 
 
+@settings(deadline=None)
 @given(SEEDS, st.integers(1, 12), st.floats(0, 12))
 def test_the_inverse_of_an_ill_conditioned_normal_matrix_is_one(seed, n, decades):
     rng = np.random.default_rng(seed)
@@ -40,6 +41,7 @@ def test_the_inverse_of_an_ill_conditioned_normal_matrix_is_one(seed, n, decades
     np.testing.assert_allclose(kept / np.outer(sizes, sizes), cov / np.outer(sizes, sizes), rtol=0, atol=1e-3)
 
 
+@settings(deadline=None)
 @given(SEEDS, st.integers(1, 12), st.integers(1, 12))
 def test_what_is_symmetric_stays_to_the_last_bit_and_through_the_file(tmp_path_factory, seed, n, rank):
     rng = np.random.default_rng(seed)
@@ -51,6 +53,7 @@ def test_what_is_symmetric_stays_to_the_last_bit_and_through_the_file(tmp_path_f
     np.testing.assert_array_equal(NarxModel.load(path).theta_cov, model.theta_cov)
 
 
+@settings(deadline=None)
 @given(SEEDS, st.integers(2, 12), st.floats(-6, 0))
 def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
     rng = np.random.default_rng(seed)
@@ -61,6 +64,7 @@ def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
         model_of((wrong + wrong.T) * np.outer(units, units))
 
 
+@settings(deadline=None)
 @given(SEEDS, st.integers(2, 12), st.floats(-2, 9))
 def test_a_pair_that_disagrees_is_named(seed, n, decades):
     rng = np.random.default_rng(seed)
@@ -109,6 +113,7 @@ def test_what_must_be_finite(name):
         LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], **({"sample_time": 0.1} | {name: np.inf}))
 
 
+@settings(deadline=None)
 @given(SEEDS, st.floats(0, 15))
 def test_a_map_that_cancels_leaves_a_covariance(seed, decades):
     """As that to deviations from an operating point: the product J C J' itself is indefinite there."""

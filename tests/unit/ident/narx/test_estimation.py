@@ -316,24 +316,6 @@ def test_given_terms_of_several_outputs():
         Fixed(terms={"y1": ["u(k-1)"]}).fit(both)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"terms": []}, "give a list"),
-        ({"terms": "y(k-1)"}, "give a list"),
-        ({"terms": ["y(k-1)", "y(k-1)"]}, "only once"),
-        ({"terms": ["e(k-1)"]}, "Narmax"),
-        ({"terms": ["u2(k-1)"]}, "use 2 inputs"),
-        ({"terms": ["y(k)"]}, "at least 1"),
-        ({"terms": ["y(k-1)"], "estimator": None}, "estimator"),
-        ({"terms": ["u(k-1)", "u(k-1)^2", "y(k-400)"]}, "at least 401"),
-    ],
-)
-def test_given_terms_that_make_no_sense_are_refused(arguments, says):
-    with pytest.raises(ModelError, match=says):
-        Fixed(**arguments).fit(recording())
-
-
 LONGLEY = [
     (60323, 83.0, 234289, 2356, 1590, 107608, 1947),
     (61122, 88.5, 259426, 2325, 1456, 108632, 1948),

@@ -12,7 +12,6 @@ from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
 
@@ -34,17 +33,6 @@ def test_finds_terms_parameters_and_noise():
     assert frols.model_.noise_variance == pytest.approx(1e-4, rel=0.2)
     assert len(frols.path_) == frols.criterion_.size == 10 and frols.err_.size == 3
     assert 0.99 < frols.err_.sum() < 1.0
-
-
-def test_units_change_nothing_but_the_units():
-    plain = Frols(degree=2).fit(bilinear())
-    small = Frols(degree=2).fit(bilinear(units=(2.0**11, 2.0**-13)))
-    assert plain.terms_ == small.terms_
-    np.testing.assert_array_equal(plain.err_, small.err_)
-    powers = {"y(k-1)": 0, "u(k-2)": -24, "y(k-1)u(k-1)": -11}
-    factors = np.array([2.0 ** powers[str(term)] for term in plain.terms_])
-    np.testing.assert_array_equal(small.model_.theta, plain.model_.theta * factors)
-    np.testing.assert_array_equal(small.model_.theta_cov, plain.model_.theta_cov * np.outer(factors, factors))
 
 
 def test_covariance_is_that_of_least_squares():
@@ -273,60 +261,6 @@ def test_the_path_is_drawn():
     ax = frols.plot()
     assert [label.get_text() for label in ax.get_xticklabels()] == [str(term) for term in frols.path_]
     assert [bar.get_height() for bar in ax.patches] == pytest.approx(list(frols.path_err_))
-
-
-def test_scikit_learn_contract():
-    base = pytest.importorskip("sklearn.base")
-    lags = [1, 3]
-    frols = Frols(output_lags=lags, criterion="aic")
-    assert frols.output_lags is lags
-    again = base.clone(frols)
-    assert again is not frols and again.get_params() == frols.get_params()
-    assert again.set_params(degree=3).degree == 3
-    with pytest.raises(ModelError, match='did you mean "degree"'):
-        frols.set_params(degre=3)
-    assert not [name for name in vars(frols) if name.endswith("_")]
-    assert repr(Frols(degree=3)).startswith("Frols(output_lags=2, input_lags=2, degree=3")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"criterion": "bik"}, 'did you mean "bic"'),
-        ({"held_out": 1.0}, "held_out"),
-        ({"criterion": "free_run", "held_out": 0.001}, "too short"),
-        ({"estimator": "ridge"}, "Ridge"),
-        ({"max_terms": 0}, "max_terms"),
-        ({"degree": 0}, "degree"),
-        ({"max_terms": 500, "output_lags": 8, "input_lags": 8, "degree": 3}, "too few"),
-        ({"output_lags": 600, "degree": 1}, "samples"),
-    ],
-)
-def test_senseless_arguments_are_refused(arguments, says):
-    with pytest.raises(ModelError, match=says):
-        Frols(**arguments).fit(bilinear())
-
-
-def test_data_that_say_nothing_are_refused():
-    with pytest.raises(ModelError, match="constantly zero"):
-        Frols().fit(Recording.from_arrays(np.ones(50), np.zeros(50), 1.0))
-    with pytest.raises(ModelError, match="every candidate is zero"):
-        rest = Recording.from_arrays(np.zeros(50), np.arange(50.0), 1.0)
-        Frols(output_lags=0, rule=lambda term: term.degree > 0).fit(rest)
-    with pytest.raises(ModelError, match=r"constantly 1\.0"):
-        Frols().fit(Recording.from_arrays(np.arange(50.0), np.ones(50), 1.0))
-    with pytest.raises(ModelError, match="take input_lags=0"):
-        Frols().fit(Recording.from_arrays(np.zeros((0, 50)), np.arange(50.0), 1.0))
-    with pytest.raises(ModelError, match="at least one"):
-        Frols().fit([])
-    with pytest.raises(ModelError, match="sample time"):
-        Frols().fit([bilinear(), Recording.from_arrays(np.ones(50), np.ones(50), 1.0)])
-
-
-@pytest.mark.parametrize("given", ["recording.csv", None, 3.0])
-def test_fit_refuses_what_is_no_recording(given):
-    with pytest.raises(ModelError, match="fit takes recordings and experiments"):
-        Frols().fit(given)
 
 
 def test_an_interrupted_free_run_keeps_the_models_that_were_run():

@@ -160,38 +160,11 @@ def test_an_interrupt_within_a_refinement_ends_the_search(monkeypatch):
     assert grow.status_ is FitStatus.INTERRUPTED and len(runs) < 230
 
 
-@pytest.mark.parametrize(
-    ("wrong", "says"),
-    [
-        ({"max_terms": 0}, "max_terms = 0"),
-        ({"held_out": 1.0}, "between 0 and 1"),
-        ({"parts": 1.5}, "parts = 1.5; it must be an integer of at least 1"),
-        ({"rule": lambda term: term.degree == 2}, r"begins with a linear model.*allow y\(k-1\) and u\(k-1\)"),
-    ],
-)
-def test_wrong_arguments_are_refused(wrong, says):
-    with pytest.raises(ModelError, match=says):
-        Grow(**wrong).fit(record(0))
-
-
-def test_too_few_samples_are_refused():
-    with pytest.raises(ModelError, match="too few"):
-        Grow().fit(record(0, n=20))
-
-
 def test_its_plot_shows_the_path():
     grow = Grow(degree=3, max_terms=6).fit(record(0))
     axes = grow.plot()
     assert {label.get_text() for label in axes.get_legend().get_texts()} >= {"training", "held out", "kept"}
     assert axes.get_xlabel() == "terms"
-
-
-def test_the_model_goes_through_its_file(tmp_path):
-    model = Grow(degree=3, max_terms=6).fit(record(0)).model_
-    model.save(tmp_path / "narx.json")
-    again = NarxModel.load(tmp_path / "narx.json")
-    assert again.terms == model.terms and again.provenance["identifier"].startswith("Grow(")
-    np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
 
 
 def test_the_autocovariance_of_an_autoregressive_process_is_found():

@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Fixed, Frols, Narmax, SvbNarx
+from deatwin.ident.narx import Fixed, Frols, Narmax, Semp, SvbNarx
+from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx
 from deatwin.ident.testing import example_recordings
 from deatwin.plant.errors import ModelError
@@ -77,6 +78,32 @@ def test_a_grid_search_over_a_list_of_recordings_finds_the_structure_of_the_data
     assert search.score(data) == search.best_estimator_.score(data)
     scores = selection.cross_val_score(identifier, data, cv=selection.LeaveOneOut())
     assert scores.shape == (4,) and np.all(scores <= 1)
+
+
+@pytest.mark.parametrize(
+    "identifier",
+    [
+        Frols(),
+        Lasso(degree=2),
+        SvbNarx(),
+        Semp(output_lags=2, input_lags=2, degree=2),
+        Fixed(terms=["y(k-1)", "u(k-2)"]),
+    ],
+    ids=lambda one: type(one).__name__,
+)
+def test_units_change_nothing_but_the_units(identifier):
+    """Powers of two change no digit: each parameter is scaled by what its term is."""
+    record = example_recordings()[0]
+    units = {"u": 2.0**11, "y": 2.0**-13}
+    other = Recording.from_arrays(record.inputs * units["u"], record.outputs * units["y"], record.sample_time)
+    plain, scaled = (
+        identifier.fit(record).model_,
+        type(identifier)(**identifier.get_params(deep=False)).fit(other).model_,
+    )
+    assert scaled.terms == plain.terms
+    factors = np.array([units["y"] / np.prod([units[v.kind] for v in term.expanded]) for term in plain.terms])
+    np.testing.assert_array_equal(scaled.theta, plain.theta * factors)
+    np.testing.assert_array_equal(scaled.theta_cov, plain.theta_cov * np.outer(factors, factors))
 
 
 def test_importing_the_identifiers_does_not_import_scikit_learn():

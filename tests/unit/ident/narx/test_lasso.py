@@ -7,7 +7,6 @@ from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso, lasso_path
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 
@@ -102,20 +101,6 @@ def test_true_terms_are_kept_among_165_candidates(name):
     assert kept >= 4  # S6 is at the limit of what 500 samples tell
 
 
-def test_several_recordings_and_outputs():
-    rng = np.random.default_rng(6)
-    u, y = rng.uniform(-1, 1, 400), np.zeros((2, 400))
-    for k in range(1, 400):
-        y[0, k] = 0.5 * y[0, k - 1] + 0.3 * y[1, k - 1] + u[k - 1] + 0.02 * rng.normal()
-        y[1, k] = -0.4 * y[1, k - 1] + 0.5 * u[k - 1] + 0.02 * rng.normal()
-    whole = Recording.from_arrays(u, y, 1.0)
-    lasso = Lasso(output_lags=1, input_lags=1, degree=1).fit([whole.section(0, 150), whole.section(150, 400)])
-    first, second = lasso.equations_
-    assert {str(term) for term in first.terms_} >= {"y1(k-1)", "y2(k-1)", "u(k-1)"}
-    assert {str(term) for term in second.terms_} >= {"y2(k-1)", "u(k-1)"}
-    assert lasso.model_.simulate(whole).rms_error < 0.1
-
-
 def test_an_interrupt_keeps_the_best_knot():
     told = []
 
@@ -136,21 +121,3 @@ def test_the_path_is_drawn():
     named = [text.get_text() for text in ax.get_legend().get_texts()]
     assert named == [str(lasso.path_.terms[i]) for i in largest]
     assert ax.get_xscale() == "log"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"max_terms": 0}, "max_terms"),
-        ({"held_out": 0.0}, "held_out"),
-        ({"max_terms": 300, "output_lags": 6, "input_lags": 6, "degree": 3}, "too few"),
-    ],
-)
-def test_senseless_arguments_are_refused(arguments, says):
-    with pytest.raises(ModelError, match=says):
-        Lasso(**arguments).fit(bilinear(300))
-
-
-def test_data_without_variation_are_refused():
-    with pytest.raises(ModelError, match="constant"):
-        Lasso().fit(Recording.from_arrays(np.ones(100), np.ones(100), 1.0))

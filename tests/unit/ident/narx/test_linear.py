@@ -306,35 +306,6 @@ def test_contract():
     assert Arx().set_params(na=3).na == 3
 
 
-@pytest.mark.parametrize(
-    ("estimator", "says"),
-    [
-        (Arx(na=-1), "na = -1"),
-        (Arx(nb=0), "nb = 0"),
-        (OutputError(nb=(1, 2)), r"nb = \(1, 2\)"),
-        (OutputError(nf=1.5), "nf = 1.5"),
-        (Arx(na=200), "recording 1 has 120 samples"),
-        (Arx(na=40, nb=40), "too few for 81 unknowns"),
-    ],
-)
-def test_what_makes_no_sense_is_one_clear_error(estimator, says):
-    with pytest.raises(ModelError, match=says):
-        estimator.fit(record(np.random.default_rng(12), n=120))
-
-
-def test_several_outputs_or_no_input_are_refused():
-    two = Recording.from_arrays(np.ones(50), np.ones((2, 50)), 1.0)
-    with pytest.raises(ModelError, match="2 outputs"):
-        Arx().fit(two)
-    none = Recording.from_arrays(np.ones((0, 50)), np.ones(50), 1.0)
-    with pytest.raises(ModelError, match="no input"):
-        Arx().fit(none)
-
-    still = Recording.from_arrays(np.stack([np.arange(50.0), np.full(50, 2.0)]), np.arange(50.0), 1.0)
-    with pytest.raises(ModelError, match='"input_2" is constant'):
-        Arx().fit(still)
-
-
 def test_what_the_data_do_not_determine_is_uncertain():
     # white noise answers to nothing: where B is zero, F has no meaning; two equal inputs share in any way
     rng = np.random.default_rng(14)

@@ -16,7 +16,6 @@ from deatwin.ident.narx.prediction_error import NoiseStatus, _PredictionErrors, 
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.ident.narx.terms import Term, TermTable
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 ARMAX = {"y(k-1)": 0.8, "u(k-1)": 1.0, "e(k-1)": 0.7}
@@ -344,25 +343,3 @@ def test_the_covariance_counts_the_recursion():
     scatter = np.std(found, axis=0)
     np.testing.assert_allclose(np.mean(told, axis=0), scatter, rtol=0.2)
     assert np.mean(plain, axis=0)[0] < 0.7 * scatter[0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        ({"process": "frols"}, "give an identifier"),
-        ({"process": Frols(max_terms=0)}, "max_terms"),
-        ({"noise_lags": 0}, "no lag"),
-        ({"noise_lags": [0]}, "at least 1"),
-        ({"noise_degree": 0}, "noise_degree"),
-        ({"criterion": "press"}, "known are ebic"),
-        ({"tolerance": 0.0}, "tolerance"),
-        ({"noise_terms": "e(k-1)"}, "list of terms"),
-        ({"noise_terms": ["u(k-1)"]}, "its own output"),
-        ({"noise_terms": ["e2(k-1)"]}, "its own output"),
-        ({"noise_terms": ["e(k-1)", "e(k-1)"]}, "only once"),
-        ({"noise_terms": ["u2(k-1)e(k-1)"]}, "2 inputs"),
-    ],
-)
-def test_senseless_arguments_are_refused(arguments, says):
-    with pytest.raises(ModelError, match=says):
-        Narmax(**{"process": Frols(), **arguments}).fit(armax(0))

@@ -9,8 +9,6 @@ from deatwin.ident.narx.neighbours import CompressedRegression
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp import Semp, SempStep
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.ident.testing import check_identifier
-from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 PUBLISHED = {"level": 0.5, "significance": None, "max_exchanges": 0}
@@ -191,29 +189,6 @@ def test_goes_on_from_forward_regression_where_one_term_at_a_time_leads_nowhere(
     assert any(len(step.added) > 1 for step in semp.path_)
 
 
-def test_each_of_several_outputs_has_its_equation():
-    rng = np.random.default_rng(7)
-    n = 600
-    u, y = rng.uniform(-1, 1, n), np.zeros((2, n))
-    for k in range(2, n):
-        noise = 0.01 * rng.normal(size=2)
-        y[0, k] = 0.5 * y[0, k - 1] + 0.6 * u[k - 1] * y[1, k - 1] + 0.4 * u[k - 2] + noise[0]
-        y[1, k] = -0.4 * y[1, k - 2] + 0.8 * u[k - 1] + noise[1]
-    semp = Semp(output_lags=2, input_lags=2, degree=2).fit(Recording.from_arrays(u, y, 1.0))
-    assert {str(t) for t in semp.equations_[0].terms_} == {"y1(k-1)", "y2(k-1)u(k-1)", "u(k-2)"}
-    assert {str(t) for t in semp.equations_[1].terms_} == {"y2(k-2)", "u(k-1)"}
-
-
-def test_units_change_nothing_but_the_units():
-    plain, small = draw("S4", 6), draw("S4", 6)
-    small = Recording.from_arrays(small.inputs * 2.0**11, small.outputs * 2.0**-13, small.sample_time)
-    arguments = {"output_lags": 2, "input_lags": 2, "degree": 3}
-    one, other = Semp(**arguments).fit(plain), Semp(**arguments).fit(small)
-    assert one.terms_ == other.terms_
-    np.testing.assert_array_equal(one.srr_, other.srr_)
-    np.testing.assert_array_equal(one.msse_ * 2.0**-26, other.msse_)
-
-
 def test_an_exact_record_gives_the_exact_model():
     recording = SYSTEMS["S4"].model.simulate(draw("S4", 8))
     exact = Recording.from_arrays(draw("S4", 8).inputs, recording.outputs, 1.0)
@@ -241,29 +216,12 @@ def test_an_interrupt_keeps_the_best_so_far():
     assert [share for share, _ in told] == [pytest.approx(1 / 15), pytest.approx(2 / 15), 1.0]
 
 
-def test_keeps_the_contract_of_identifiers():
-    check_identifier(Semp())
-
-
 def test_draws_the_reduction_ratios_and_the_threshold():
     semp = Semp(output_lags=2, input_lags=2, degree=3, threshold=1e-3).fit(draw("S4", 0))
     axes = semp.plot()
     np.testing.assert_array_equal(axes.lines[0].get_ydata(), semp.srr_)
     np.testing.assert_array_equal(axes.lines[1].get_ydata(), [1e-3, 1e-3])
     assert axes.get_xticklabels()[0].get_text() == f"+ {semp.path_[0].added[0]}"
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"max_terms": 0}, {"level": 0.0}, {"level": 0.6}, {"significance": 1.0}, {"max_exchanges": -1}]
-)
-def test_arguments_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ModelError, match=next(iter(wrong))):
-        Semp(**wrong).fit(draw("S4", 0))
-
-
-def test_too_few_samples_are_refused():
-    with pytest.raises(ModelError, match="too few"):
-        Semp(output_lags=2, input_lags=2, max_terms=10).fit(draw("S4", 0, 12))
 
 
 def test_the_final_model_is_never_far_worse_than_the_best_of_the_path(monkeypatch):

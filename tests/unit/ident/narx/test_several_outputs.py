@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Grow, NarxModel, SvbNarx
+from deatwin.ident.narx import Frols, Grow, NarxModel, Semp, SvbNarx
+from deatwin.ident.narx.lasso import Lasso
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -75,7 +76,7 @@ def test_a_model_of_several_outputs_prints_an_equation_each():
     )
 
 
-@pytest.mark.parametrize("identifier", [Frols(), SvbNarx(), Grow()], ids=repr)
+@pytest.mark.parametrize("identifier", [Frols(), SvbNarx(), Grow(), Semp(), Lasso()], ids=repr)
 def test_estimators_find_every_equation(identifier):
     rng = np.random.default_rng(2)
     u = rng.uniform(-1, 1, 2000)

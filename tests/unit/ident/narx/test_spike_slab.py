@@ -4,19 +4,10 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from made_regressions import regression
 
 from deatwin.ident.narx.bayes import Statistics
 from deatwin.ident.narx.spike_slab import SpikeSlab, sample_structures
-
-
-def regression(seed: int, n_terms: int = 8, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Correlated regressors of which three count, one of them weakly."""
-    rng = np.random.default_rng(seed)
-    rows = rng.standard_normal((n_terms, n))
-    rows[1] = rows[0] + 0.3 * rows[1]
-    weights = np.zeros(n_terms)
-    weights[[0, 2, 5]] = 0.5, 0.3, 0.15
-    return rows, weights @ rows + 0.5 * rng.standard_normal(n)
 
 
 def test_flips_change_the_evidence_as_its_formula_says() -> None:

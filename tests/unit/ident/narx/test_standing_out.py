@@ -4,18 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from made_regressions import regression
 
 from deatwin.ident.narx.standing_out import full_margin, near_margin
-
-
-def regression(seed: int, n_terms: int = 8, n: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Correlated regressors of which three count, one of them weakly."""
-    rng = np.random.default_rng(seed)
-    rows = rng.standard_normal((n_terms, n))
-    rows[1] = rows[0] + 0.3 * rows[1]
-    weights = np.zeros(n_terms)
-    weights[[0, 2, 5]] = 0.5, 0.3, 0.15
-    return rows, weights @ rows + 0.5 * rng.standard_normal(n)
 
 
 def test_t_values_of_all_candidates() -> None:

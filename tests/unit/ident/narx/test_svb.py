@@ -120,21 +120,6 @@ def test_posterior_of_the_model_is_close_to_least_squares():
     assert model.theta_dof == pytest.approx(398 + 0.02)
 
 
-def test_units_change_nothing_but_the_units():
-    plain, small = SvbNarx().fit(bilinear()), SvbNarx().fit(bilinear(units=(2.0**11, 2.0**-13)))
-    assert plain.terms_ == small.terms_ and plain.lower_bound_ == small.lower_bound_
-    volts = {"y(k-1)": 0, "u(k-2)": -24, "y(k-1)u(k-1)": -11}
-    factors = np.array([2.0 ** volts[str(term)] for term in plain.terms_])
-    np.testing.assert_array_equal(small.model_.theta, plain.model_.theta * factors)
-
-
-def test_scikit_learn_contract():
-    base = pytest.importorskip("sklearn.base")
-    svb = SvbNarx(resolution=20.0, d0=1e-3)
-    assert base.clone(svb).get_params() == svb.get_params()
-    assert not [name for name in vars(svb) if name.endswith("_")]
-
-
 def test_each_step_starts_afresh():
     """A step of the path is what the same terms give on their own."""
     svb = SvbNarx(output_lags=2, input_lags=2, degree=2).fit(bilinear())
@@ -206,12 +191,6 @@ def test_an_interrupt_before_anything_is_found_goes_on(monkeypatch):
         SvbNarx().fit(bilinear())
 
 
-def test_progress_rises_to_one():
-    told = []
-    SvbNarx().fit(bilinear(), progress=lambda share, doing: told.append(share))
-    assert told[-1] == 1.0 and np.all(np.diff(told) >= 0) and 0 <= told[0] < 1
-
-
 def test_several_recordings_count_each_with_its_own_lags():
     """Their regressors stacked by hand, and the closed form of the posterior at the relevances found."""
     recordings = [bilinear(200, seed=1), bilinear(150, seed=2)]
@@ -225,18 +204,6 @@ def test_several_recordings_count_each_with_its_own_lags():
     # the prior weighs E[alpha] < 1 of 346 samples
     np.testing.assert_allclose(model.theta, theta, rtol=2e-3)
     np.testing.assert_allclose(model.noise_variance, residual[0] / 346, rtol=0.05)
-
-
-def test_several_outputs_have_an_equation_each():
-    rng = np.random.default_rng(3)
-    u, y = rng.uniform(-1, 1, 500), np.zeros((2, 500))
-    for k in range(2, 500):
-        y[0, k] = 0.5 * y[0, k - 1] + 0.4 * y[1, k - 2] + 0.01 * rng.normal()
-        y[1, k] = 0.6 * u[k - 1] - 0.3 * y[0, k - 1] * u[k - 2] + 0.01 * rng.normal()
-    svb = SvbNarx().fit(Recording.from_arrays(u, y, 1.0))
-    found = [{str(term) for term in one.terms_} for one in svb.equations_]
-    assert found == [{"y1(k-1)", "y2(k-2)"}, {"u(k-1)", "y1(k-1)u(k-2)"}]
-    assert svb.model_.equations == (0, 0, 1, 1)
 
 
 def test_pictures_mark_the_choice():
@@ -254,11 +221,3 @@ def test_pictures_mark_the_choice():
     labels = [line.get_label() for line in draw_relevance_paths(svb.path_).get_lines()]
     assert {str(term) for term in svb.terms_} <= set(labels)
     pyplot.close("all")
-
-
-@pytest.mark.parametrize(
-    "arguments", [{"clean_up": "evidnce"}, {"resolution": 1.0}, {"b0": 0.0}, {"max_iterations": 0}, {"degree": 0}]
-)
-def test_senseless_arguments_are_refused(arguments):
-    with pytest.raises(ModelError):
-        SvbNarx(**arguments).fit(bilinear())

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.linalg import expm
 
 from deatwin.plant import (
@@ -22,7 +23,6 @@ from deatwin.plant import (
     Plant,
     Recording,
     Rig,
-    StartProcedure,
     effect_named,
 )
 
@@ -33,20 +33,15 @@ MACHINES = ("backlash", "coulomb_friction", "dead_zone", "relaxation")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pushed(Rig):
+class Pushed(Bare):
     """A mass between spring and damper; a stiffness of zero leaves it free."""
 
-    sample_time: float = STEP
     noise: float = 0.0
     stiffness: float = 30.0
     damping: float = 0.05
     mass: float = 3e-3
 
     kind: ClassVar[str] = "pushed mass"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -55,10 +50,6 @@ class Pushed(Rig):
             Parameter(name="damping", value=self.damping, unit="N s/m", lower=0.0, upper=10.0),
             Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=1e3),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         y = build.watch("displacement", build.state("position", scale=1e-3))

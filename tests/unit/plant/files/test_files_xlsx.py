@@ -66,8 +66,3 @@ def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:
     assert safe_read.TEXT_BYTES > 1000
     with pytest.raises(DataError, match=r"it unpacks to .*; at most 1"):
         read_recording(path, **ASKED)
-
-
-def test_old_workbooks(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"save the sheet as .xlsx or .csv"):
-        read_recording(tmp_path / "rec.xls")

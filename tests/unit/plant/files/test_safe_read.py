@@ -1,6 +1,5 @@
 """Files that are no plain files, too large, or unpack to too much: refused before the memory is spent."""
 
-import gzip
 import json
 import os
 import struct
@@ -224,13 +223,6 @@ def test_samples_in_another_file_are_not_fetched(tmp_path: Path) -> None:
                 file.create_virtual_dataset("time_s", layout)
         with pytest.raises(DataError, match=f'{path.name}: "time_s" lies in another file'):
             read_recording(path)
-
-
-def test_a_packed_table_is_not_unpacked(tmp_path: Path) -> None:
-    path = tmp_path / "table.mat.gz"
-    path.write_bytes(gzip.compress(bytes(10**6)))
-    with pytest.raises(DataError, match="it is packed; unpack it"):
-        read_recording(path)
 
 
 @pytest.mark.parametrize("term", ["y(k-1)^99999999999", "u(k-999999999)", "u99999(k-1)", "y(k-1)^" + "9" * 5000])

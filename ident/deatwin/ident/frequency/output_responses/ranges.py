@@ -20,7 +20,7 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
     """Return the frequencies at which the n-th order of the output can have energy if the input lies in a band.
 
     The output frequencies are sums w_1 + ... + w_n of n input frequencies, each of either sign. With k negative ones
-    the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum stands for its magnitude.
+    the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum counts as its magnitude.
     In sampled signals, sums beyond half the sampling rate fold back below it.
 
     Parameters

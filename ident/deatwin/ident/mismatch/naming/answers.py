@@ -11,13 +11,13 @@ from functools import partial
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, with_distances
+from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.pairs import barely, with_doubt
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names, once
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.whole import judged_on_everything, settled_on_everything
+from deatwin.ident.mismatch.naming.whole import judged_on_everything
 from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
@@ -233,14 +233,12 @@ def _enough(search: Search, stage: Sequence[Names]) -> Naming:
 
 def _settled(search: Search, stage: Sequence[Names]) -> Naming:
     sets = [names for names in stage if len(names) <= MOST_NEARLY and not search.is_padded(names)]
-    competing, tried = [search.tried[names] for names in sets], tuple(search.tried.values())
 
     def hopeful(candidate: Candidate) -> bool:
         most = explained(candidate, search.tried[()]) > MOST
         return is_near_floor(candidate.fitted_test) and most and search.counts(candidate)
 
-    naming = settled_on_everything(competing, tried, search.bench, hopeful, search.is_possible)
-    return with_distances(naming, competing, search.bench, search.is_possible)
+    return search.settled([search.tried[names] for names in sets], hopeful)
 
 
 def _sufficing(search: Search, stage: Sequence[Names]) -> Naming:

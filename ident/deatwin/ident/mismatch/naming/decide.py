@@ -280,7 +280,11 @@ def _credible(
 
 
 def with_distances(
-    naming: Naming, stage: Sequence[Candidate], bench: Bench, possible: Callable[[Candidate], bool]
+    naming: Naming,
+    stage: Sequence[Candidate],
+    bench: Bench,
+    possible: Callable[[Candidate], bool],
+    distance: Callable[..., float] = separation,
 ) -> Naming:
     """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
 
@@ -296,6 +300,8 @@ def with_distances(
         Recordings.
     possible : callable
         Whether a candidate could be a rival.
+    distance : callable
+        Gives d² between two fits, as `separation`.
 
     Returns
     -------
@@ -311,7 +317,7 @@ def with_distances(
         (best.calibration, c.calibration, bench.everything, naming.noise, STEPS if close else 0)
         for c, close in zip(others, alike, strict=True)
     ]
-    found = run_jobs(separation, tasks, workers=bench.jobs)
+    found = run_jobs(distance, tasks, workers=bench.jobs)
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
@@ -321,7 +327,7 @@ def with_distances(
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
 
 
-def with_all_distances(naming: Naming, bench: Bench) -> Naming:
+def with_all_distances(naming: Naming, bench: Bench, distance: Callable[..., float] = separation) -> Naming:
     """The same answer, with the distances from its best to those rivals of which none is known yet.
 
     Evidence alone may have kept them, or another form of the rig brought them, or another one led before.
@@ -332,6 +338,8 @@ def with_all_distances(naming: Naming, bench: Bench) -> Naming:
         An answer with rivals.
     bench : Bench
         Recordings.
+    distance : callable
+        Gives d² between two fits, as `separation`.
 
     Returns
     -------
@@ -342,7 +350,7 @@ def with_all_distances(naming: Naming, bench: Bench) -> Naming:
         return naming
     others = [c for c in naming.rivals if "+".join(c.effects) not in known]
     tasks = [(best.calibration, c.calibration, bench.everything, naming.noise) for c in others]
-    found = run_jobs(separation, tasks, workers=bench.jobs)
+    found = run_jobs(distance, tasks, workers=bench.jobs)
     further = (_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, distances=(*naming.distances, *further))
 

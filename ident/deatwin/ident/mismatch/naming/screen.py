@@ -224,31 +224,6 @@ def _off(change: np.ndarray, wanted: float) -> float:
     return float(np.log(max(np.sqrt(np.mean(change**2)), TINY) / max(wanted, TINY)))
 
 
-def detectable_size(known: Sequence[Footprint], base: Calibration, name: str) -> float | None:
-    """Rms that an effect must add to the readings to be detected after the base refit.
-
-    Parameters
-    ----------
-    known : sequence of Footprint
-        Of the base plant.
-    base : Calibration
-        Of the plant without the effect.
-    name : str
-        Of the effect.
-
-    Returns
-    -------
-    float or None
-        SI; what the refit leaves of it equals the model error, to first order, at the shape that is seen best.
-        None where the refit absorbs it all, or the plant cannot be simulated.
-    """
-    basis = tangent_basis(base.jacobian)
-    sizes = [np.linalg.norm(f.change) for f in known if f.effect.name == name]
-    lefts = [np.linalg.norm(taken_off(f.change, basis)) for f in known if f.effect.name == name]
-    share = max((float(left / size) for left, size in zip(lefts, sizes, strict=True) if size > 0), default=0.0)
-    return base.plant.rig.model_error / share if share > 1e-6 else None
-
-
 def _lead(known: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
     direction = taken_off(known.change, basis)
     length = float(np.linalg.norm(direction))

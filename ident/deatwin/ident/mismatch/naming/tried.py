@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.decide import Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbent_like
+from deatwin.ident.mismatch.naming.whole import settled_on_everything
 from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.plant.model import Plant
 
@@ -157,6 +158,16 @@ class Tried:
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
         """The decision among the `competing` candidates, of which those that are `good` may lead."""
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self.is_possible)
+        return self.with_distances(naming, competing)
+
+    def settled(self, competing: Sequence[Candidate], hopeful: Callable[[Candidate], bool]) -> Naming:
+        """The decision among the `competing` candidates by fits to all recordings, of which one must be `hopeful`."""
+        tried = tuple(self.tried.values())
+        naming = settled_on_everything(competing, tried, self.bench, hopeful, self.is_possible)
+        return self.with_distances(naming, competing)
+
+    def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
+        """A decision that also keeps those of the `competing` candidates which these inputs cannot distinguish."""
         return with_distances(naming, competing, self.bench, self.is_possible)
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:

@@ -19,6 +19,7 @@ from deatwin.ident.parallel import run_jobs
 
 TINY = 1e-300
 """Probability where there is none: thousands of nats may lie between explanations."""
+Refit = Callable[[Candidate, Sequence[Part]], Candidate | None]
 
 
 def settled_on_everything(
@@ -27,6 +28,7 @@ def settled_on_everything(
     bench: Bench,
     hopeful: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
+    refit: Refit | None = None,
 ) -> Naming:
     """The decision over a stage by fits to all recordings.
 
@@ -45,6 +47,8 @@ def settled_on_everything(
         Whether a candidate could be the answer, but for what it leaves of the unseen part.
     possible : callable
         Whether it could be a rival.
+    refit : callable, optional
+        Fits a candidate to all parts; None of it where there is no fit.
 
     Returns
     -------
@@ -63,7 +67,7 @@ def settled_on_everything(
     others = [c for c in stage if c.effects not in known and len(c.effects) == 1 and not held_back_by(c)]
     strayed = {c.effects: c for c in others if is_near_floor(c.fitted_test)}
     competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
-    base, *found = run_jobs(_on_everything, competing, workers=bench.jobs)
+    base, *found = run_jobs(refit or _on_everything, competing, workers=bench.jobs)
     if base is None:
         return decide(tried, (), noise, hopeful, possible)
     fitted = [whole for whole in found if whole is not None]
@@ -89,7 +93,9 @@ def settled_on_everything(
     return replace(led, best=best, rivals=rivals, probabilities=normalised(odds))
 
 
-def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candidate], bool]) -> Naming:
+def judged_on_everything(
+    naming: Naming, bench: Bench, possible: Callable[[Candidate], bool], refit: Refit | None = None
+) -> Naming:
     """Also keep as rivals the explanations that hold as well as the best when both are fitted to all recordings.
 
     The unseen part is extrapolated. A slow effect whose law is not quite the catalogue's errs there although it is the
@@ -104,6 +110,8 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
         Recordings and number of workers.
     possible : callable
         Whether a candidate could be a rival.
+    refit : callable, optional
+        As for `settled_on_everything`.
 
     Returns
     -------
@@ -123,7 +131,7 @@ def judged_on_everything(naming: Naming, bench: Bench, possible: Callable[[Candi
     if not doubtful:
         return naming
     competing = {c.effects: c for c in (best, *doubtful)}
-    fits = run_jobs(_on_everything, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
+    fits = run_jobs(refit or _on_everything, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
     whole = {c.effects: c for c in fits if c is not None}
     leading = [whole[best.effects]] if best.effects in whole else []
     back = [whole[c.effects] for c in doubtful if c.effects in whole]

@@ -112,7 +112,7 @@ class DeadTime:
 
     @property
     def samples(self) -> int | None:
-        """Most probable dead time in samples, the first lag at which the input acts; None if no single one is told."""
+        """Most probable dead time in samples, the first lag at which the input acts; None if several fit equally well."""
         told = self.probabilities.size and self.status is not DeadTimeStatus.ALIKE
         return int(np.argmax(self.probabilities)) if told else None
 
@@ -199,11 +199,11 @@ def estimate_dead_time(
     effect seem a sample or two earlier. For a plant of higher
     order the estimate is the dead time of its low-order approximation, within the bound of the tests.
 
-    Where the input repeats itself, as a triangle does, several dead times far apart fit equally well (`ALIKE`); the
-    interval reaches over all of them. Where a few sines leave no single lag to be seen, none is told (`POOR`).
+    If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (`ALIKE`); the
+    interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
 
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
-    feedback: behind a filter without delay each sample holds something of later ones.
+    feedback: after a zero-phase filter each sample depends on later ones.
 
     Parameters
     ----------

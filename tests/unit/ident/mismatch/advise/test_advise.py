@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.stats import binom, norm
 
 from deatwin.ident.greybox.fit import calibrate
@@ -35,10 +36,8 @@ from deatwin.plant import (
     PermittivityStretch,
     Plant,
     Recording,
-    Rig,
     SensorCurvature,
     SensorLag,
-    StartProcedure,
     actuation_curve,
 )
 from deatwin.plant.builder import Builder
@@ -54,18 +53,13 @@ compiled = pytest.mark.skipif(compiler() is None, reason="many fits: without a C
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wire(Rig):
+class Wire(Bare):
     """A capacitor behind an amplifier, and a sensor that reads its voltage."""
 
-    sample_time: float = STEP
     noise: float = 2e-6
 
     kind: ClassVar[str] = "wire"
     follows_at_once: ClassVar[bool] = True
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -73,10 +67,6 @@ class Wire(Rig):
             Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         command = build.place(Place.DRIVE, "command", build.command)

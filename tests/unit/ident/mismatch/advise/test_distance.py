@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.stats import binom
 
 from deatwin.ident.greybox.fit import Calibration, calibrate
@@ -17,11 +18,9 @@ from deatwin.plant import (
     Parameter,
     Plant,
     Recording,
-    Rig,
     SensorCurvature,
     SensorLag,
     SimulationError,
-    StartProcedure,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
@@ -30,17 +29,10 @@ STEP, NOISE = 0.02, 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Amplifier(Rig):
+class Amplifier(Bare):
     """A first-order lag between command and reading."""
 
-    sample_time: float = STEP
-    noise: float = NOISE
-
     kind: ClassVar[str] = "amplifier"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -49,10 +41,6 @@ class Amplifier(Rig):
             Parameter(name="time", value=0.1, unit="s", lower=0.0, upper=1.0),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.state("position", scale=1e-4)

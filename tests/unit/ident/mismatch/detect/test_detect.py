@@ -12,9 +12,11 @@ from scipy.stats import kstwobign
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.detect import Leftover, Origin, detect, detect_in, leftover_of, origin_of
+from deatwin.ident.mismatch.detect.detect import detect, detect_in
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
+from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.null import Refit, _autoregression, colour
+from deatwin.ident.mismatch.detect.origin import Origin, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.greybox.filter import linearise
 from deatwin.ident.greybox.fit import calibrate
@@ -28,7 +29,7 @@ from deatwin.ident.mismatch.discover.discover import (
 )
 from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig, StartProcedure
+from deatwin.plant import Effect, Experiment, Parameter, Plant, Recording, Rig
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Family, Place
 from deatwin.plant.effects.catalogue import effect_from
@@ -43,18 +44,13 @@ SAMPLES, SAMPLE_TIME, NOISE = 2400, 0.02, 20e-6
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mass(Rig):
+class Mass(Bare):
     """A mass on a spring and a damper, pushed by the square of a voltage as a film pushes."""
 
-    sample_time: float = SAMPLE_TIME
     noise: float = NOISE
     model_error: float = NOISE / 2
 
     kind: ClassVar[str] = "mass"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -63,10 +59,6 @@ class Mass(Rig):
             Parameter(name="damping", value=5.0, unit="N s/m", lower=0.1, upper=100.0),
             Parameter(name="gain", value=0.3, unit="N/V2", lower=0.01, upper=10.0),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         x = build.watch("displacement", build.state("position", scale=1e-2))

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.mismatch.locate import Track, locate_frequency, locate_region, locate_time, tracks
+from deatwin.ident.mismatch.locate.frequency import locate_frequency
+from deatwin.ident.mismatch.locate.region import locate_region
+from deatwin.ident.mismatch.locate.time import locate_time
+from deatwin.ident.mismatch.locate.track import Track, tracks
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler

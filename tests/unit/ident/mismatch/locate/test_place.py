@@ -8,8 +8,8 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.filter import Opening, linearise
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.locate import Places, locate_place
 from deatwin.ident.mismatch.locate.closure import closure_p_value, regressions
+from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant import CoulombFriction, Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew

@@ -11,11 +11,29 @@ from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.plant.parameters import Parameter, Scale
 
 NOISE, MODEL_ERROR = 2.0, 1.2
-RIG = SimpleNamespace(model_error=MODEL_ERROR)
+RIG = SimpleNamespace(model_error=MODEL_ERROR, sample_time=0.02, noise=NOISE)
 RECORD = SimpleNamespace(extras={})
 PARTS = (SimpleNamespace(experiment=SimpleNamespace(recordings=(RECORD,)), timepts=np.array([0.0, 420.0])),)
+
+FITTED = (SimpleNamespace(masks=(np.ones(7000, bool),), commands=np.arange(7000.0), measured=np.zeros(7000)),)
+
+
+class Nominal:
+    """A plant that stays what it is in any form and with any effects."""
+
+    effect_names = ()
+
+    def with_rig(self, rig: object) -> "Nominal":
+        return self
+
+    def with_effects(self, *effects: object) -> "Nominal":
+        return self
+
+    def with_values(self, values: object) -> "Nominal":
+        return self
 
 
 @pytest.fixture
@@ -60,6 +78,36 @@ def candidate() -> Callable[..., Candidate]:
 
 
 @pytest.fixture
+def held() -> Callable[..., Candidate]:
+    """``held(candidate, cost, *at_bound)``: the same, of which more damping would leave ``cost`` less in mean square.
+
+    The damping has a value of its range from 1 to 2, and moves on some scale.
+    """
+
+    def make(
+        whole: Candidate, cost: float, *at_bound: str, value: float = 2.0, scale: Scale = Scale.LINEAR
+    ) -> Candidate:
+        residuals, rms = whole.calibration.residuals, whole.calibration.rms
+        other = np.tile([1.0, 1.0, -1.0, -1.0], residuals.size // 4)  # at right angles to the residuals
+        share = cost / rms**2  # of their power a direction takes the square of the cosine
+        damping = np.sqrt(share) * residuals / rms + np.sqrt(1.0 - share) * other
+        jacobian = np.column_stack([np.ones_like(residuals), damping * scale.slope(value)])
+        parameters = {
+            name: Parameter(name=name, value=value, unit="1", lower=1.0, upper=2.0, scale=scale)
+            for name in ("shear_modulus", "damping")
+        }
+        known = vars(whole.calibration) | {
+            "names": tuple(parameters),
+            "jacobian": jacobian,
+            "at_bound": at_bound,
+            "plant": SimpleNamespace(**vars(whole.calibration.plant), parameters=parameters),
+        }
+        return replace(whole, calibration=SimpleNamespace(**known))
+
+    return make
+
+
+@pytest.fixture
 def differing_fast() -> Callable[[Candidate, float], Candidate]:
     """``differing_fast(candidate, size)``: what it leaves, slower, and so much more at half the sample rate."""
 
@@ -80,10 +128,12 @@ def search_over() -> Callable[..., Search]:
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:
-        search = Search(SimpleNamespace(effects=(), jobs=1, everything=PARTS), candidates[0], ())
+        bench = SimpleNamespace(effects=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
+        search = Search(bench, candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
         search._together = list  # no pairs: nothing was screened
         search._siblings = lambda names, best: []  # nothing acts as anything does
+        search.with_distances = lambda naming, competing: naming  # nor is nothing as near as it looks
         return search
 
     return make

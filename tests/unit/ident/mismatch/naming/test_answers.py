@@ -7,13 +7,16 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, on_everything, settled, shown_first
+from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.versus import advantage
 from deatwin.ident.mismatch.naming.worth import suffices
+from deatwin.plant import PeriodicDisturbance, ThermalStiffness
+from deatwin.plant.effects.base import Effect
 
 
-def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candidate, search_over, monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
+def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candidate, search_over):
     base, lucky = candidate(rms=9.0), candidate("delay", rms=2.3)
     # leaves 1.25 µm of the fitted part, the floor is 1.2; less than the other one on both parts taken together
     likelier = candidate("sensor_drift", rms=2.36, unseen=1.9)
@@ -31,51 +34,55 @@ def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candid
     assert naming.rivals == (bad,)
 
 
-@pytest.mark.parametrize(("nats", "leads"), [(3.1, True), (2.9, False)])  # ln 20 = 3.0 are strong
-def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, search_over, monkeypatch, nats, leads):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.advantage", lambda one, other: nats)
-    lucky, likelier = candidate("delay", rms=2.3), candidate("sensor_drift", rms=2.36, unseen=1.9)
+@pytest.mark.parametrize(("fast", "leads"), [(0.15, True), (0.0, False)])
+def test_what_is_likelier_by_far_is_so_by_what_the_two_differ_in(candidate, search_over, differing_fast, fast, leads):
+    """By blocks they have less than 1 nat between them; ln 20 = 3.0 are strong."""
+    lucky = differing_fast(candidate("delay", rms=2.25), fast)
+    likelier = differing_fast(candidate("sensor_drift", rms=2.36, unseen=1.95), 0.0)
+    assert lucky.adequate and not likelier.adequate
+    assert bool(advantage(likelier, lucky) > np.log(20)) is leads
     found = decided(search_over(candidate(rms=9.0), lucky, likelier), [("delay",), ("sensor_drift",)])
     assert (found.best is likelier) is leads
 
 
-@pytest.fixture
-def shown(monkeypatch):
-    """``shown(*names)``: of these effects enough was recorded."""
+SEEN, UNSEEN = 1600.0, 1700.0
+"""Periods, of which 420 s are more than a quarter, and less."""
 
-    def only(*names: str) -> None:
-        shows = "deatwin.ident.mismatch.naming.answers.shows_its_cycles"
-        monkeypatch.setattr(shows, lambda candidate, parts: {*candidate.effects} <= {*names})
 
-    return only
+def with_a_period(swing: Candidate, effect: Effect) -> Candidate:
+    """The same, in whose plant the effect stands."""
+    plant = swing.calibration.plant
+    plant.effects, plant.effect_names = (effect,), swing.effects
+    plant.parameters = {p.name: p for p in effect.parameters}
+    return swing
 
 
 @pytest.mark.parametrize(
-    ("seen", "left", "lead"),
+    ("period", "tone", "left", "lead"),
     [
-        ({"creep"}, 2.2, "creep"),
-        ({"creep", "thermal_stiffness"}, 2.2, "thermal_stiffness"),  # its cycle was recorded
-        (set(), 2.2, "thermal_stiffness"),  # the other one's was not, either
-        ({"creep"}, 4.0, "thermal_stiffness"),  # the other one does not suffice
+        (UNSEEN, SEEN, 2.2, "periodic_disturbance"),
+        (SEEN, SEEN, 2.2, "thermal_stiffness"),  # its cycle was recorded
+        (UNSEEN, UNSEEN, 2.2, "thermal_stiffness"),  # the other one's was not, either
+        (UNSEEN, SEEN, 4.0, "thermal_stiffness"),  # the other one does not suffice
     ],
 )
-def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, shown, seen, left, lead):
+def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, period, tone, left, lead):
     """As a rule it is the likeliest: with a period and a phase that are free it is any slow curve."""
-    shown(*seen)
-    swing, creep, base = candidate("thermal_stiffness", rms=2.05), candidate("creep", rms=left), candidate(rms=9.0)
-    likely = {swing.effects: 0.9, creep.effects: 0.1}
-    naming = Naming(candidates=(base, swing, creep), best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
-    found = shown_first(search_over(base, swing, creep), naming)
+    swing = with_a_period(candidate("thermal_stiffness", rms=2.05), ThermalStiffness(period=period))
+    other = with_a_period(candidate("periodic_disturbance", rms=left), PeriodicDisturbance(frequency=1 / tone))
+    likely, base = {swing.effects: 0.9, other.effects: 0.1}, candidate(rms=9.0)
+    naming = Naming(candidates=(base, swing, other), best=swing, rivals=(other,), probabilities=likely, noise=2.0)
+    found = shown_first(search_over(base, swing, other), naming)
     assert found.best.effects == (lead,)
-    assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, creep.effects}
+    assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, other.effects}
     assert found.probabilities == likely
 
 
 @pytest.fixture
 def led_by_a_swing(candidate, search_over):
     """A search, and its decision: a swing, and a creep that a drift comes nearer to than to the swing."""
-    base, swing, creep = candidate(rms=9.0), candidate("thermal_stiffness", rms=2.0), candidate("creep", rms=2.1)
+    base, creep = candidate(rms=9.0), candidate("creep", rms=2.1)
+    swing = with_a_period(candidate("thermal_stiffness", rms=2.0), ThermalStiffness(period=UNSEEN))
     drift, delay = candidate("sensor_drift", rms=2.15), candidate("delay", rms=4.0)
     search = search_over(base, swing, creep, drift, delay)
     likely = {c.effects: p for c, p in ((swing, 0.9), (creep, 0.08), (drift, 0.02), (delay, 0.0))}
@@ -83,33 +90,28 @@ def led_by_a_swing(candidate, search_over):
     return search, Naming(candidates=tried, best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
 
 
-def test_what_leads_instead_brings_its_own_rivals(led_by_a_swing, shown):
+def test_what_leads_instead_brings_its_own_rivals(led_by_a_swing):
     """Against the swing the drift has 100 ln(2.15/2.0) = 7.2 nats, against the creep 2.4: less than ln 20."""
     search, naming = led_by_a_swing
-    shown("creep", "sensor_drift")
     found = shown_first(search, naming)
     assert found.best.effects == ("creep",)
     assert [c.effects for c in found.rivals] == [("thermal_stiffness",), ("sensor_drift",)]
 
 
-def test_what_was_fitted_in_another_form_does_not_lead(led_by_a_swing, candidate, shown):
+def test_what_was_fitted_in_another_form_does_not_lead(led_by_a_swing, candidate):
     """It would be judged against this form without effects, and its reading of the rig would count for it."""
     search, naming = led_by_a_swing
     elsewhere = replace(naming, rivals=(candidate("creep", rms=2.1),))
-    shown("creep")
     assert shown_first(search, elsewhere) is elsewhere
 
 
 @pytest.mark.parametrize(
-    ("seen", "orders"),
-    [(("creep",), [("creep",), ("thermal_stiffness",)]), (("creep", "thermal_stiffness"), [("thermal_stiffness",)])],
+    ("period", "orders"), [(UNSEEN, [("creep",), ("thermal_stiffness",)]), (SEEN, [("thermal_stiffness",)])]
 )
-def test_what_the_evidence_has_first_comes_after_what_was_shown(led_by_a_swing, shown, monkeypatch, seen, orders):
+def test_what_the_evidence_has_first_comes_after_what_was_shown(led_by_a_swing, period, orders):
     """Were the one that leads refuted, nobody would have asked the likelier one."""
     search, naming = led_by_a_swing
-    shown(*seen)
-    for step in ("judged_on_everything", "with_limits"):
-        monkeypatch.setattr(f"deatwin.ident.mismatch.naming.answers.{step}", lambda naming, *_: naming)
+    with_a_period(naming.best, ThermalStiffness(period=period))
     assert [answer.best.effects for answer in on_everything(search, naming)] == orders
 
 
@@ -125,7 +127,6 @@ def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum
         search.tried["creep",] = settled
 
     monkeypatch.setattr(search, "fit_from", fit)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     assert decided_surely(search, [pair.effects]).best is settled
     search.tried[("creep",)], settled = stuck, stuck  # where the second look finds nothing better, both stay
     assert decided_surely(search, [pair.effects]).best is pair
@@ -133,7 +134,6 @@ def test_a_pair_gives_way_to_one_effect_whose_rough_fit_was_far_from_its_minimum
 
 def test_whatever_is_decided_for_is_fitted_without_each_of_its_effects_first(candidate, search_over, monkeypatch):
     """Better fits of single effects may leave nothing to one pair, and the next one's are as rough as those were."""
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     alone = [candidate("creep", rms=4.0), candidate("delay", rms=4.0), candidate("mullins", rms=4.0)]
     first, second = candidate("creep", "delay", rms=2.05), candidate("delay", "mullins", rms=2.1)
     search = search_over(candidate(rms=9.0), *alone, first, second)
@@ -144,15 +144,13 @@ def test_whatever_is_decided_for_is_fitted_without_each_of_its_effects_first(can
         search.tried[better[full].effects] = better[full]
 
     monkeypatch.setattr(search, "fit_from", fit)
-    held = "deatwin.ident.mismatch.naming.tried.held_back_by"
-    monkeypatch.setattr(held, lambda c: ("damping",) * (len(c.effects) < 2))  # creep alone needs a film that is none
+    monkeypatch.setattr(search, "is_possible", lambda c: len(c.effects) > 1)  # creep alone needs a film that is none
     assert decided_surely(search, [first.effects, second.effects]).best is second
     assert asked == [first.effects, second.effects]
 
 
 def test_in_two_that_come_out_of_three_each_may_be_replaced_by_what_acts_as_it(candidate, search_over, monkeypatch):
     """A tone imitates a swing of temperature; beside a clip that was lost, too, the swing had not been fitted well."""
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     names = "amplifier_saturation", "periodic_disturbance", "thermal_stiffness"
     alone = [candidate(name, rms=7.0) for name in names]
     three, tone, swing = candidate(*names, rms=2.05), candidate(*names[:2], rms=2.1), candidate(*names[::2], rms=2.0)
@@ -181,13 +179,11 @@ def test_in_two_that_come_out_of_three_each_may_be_replaced_by_what_acts_as_it(c
 def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(
     candidate, search_over, monkeypatch, answered, known
 ):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.with_distances", lambda naming, *_: naming)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", lambda candidate, parts: candidate)
     alone = [candidate(name, rms=7.0) for name in ("creep", "periodic_disturbance", "thermal_stiffness")]
     tone, swing = candidate("creep", "periodic_disturbance", rms=2.1), candidate("creep", "thermal_stiffness", rms=2.0)
     before = (candidate("creep", "thermal_stiffness", rms=5.0),) if known else ()
     search = search_over(candidate(rms=9.0), *alone, tone, *before)
+    monkeypatch.setattr(search, "settled", search.decision)
     monkeypatch.setattr(search, "fit_from", lambda full, several: None)
 
     def siblings(rest, full):
@@ -215,18 +211,16 @@ def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
     assert nearly(search_over(base, better, drift)).best is better
 
 
-@pytest.mark.parametrize("alone, answer", [(2.34, [("creep", "delay"), ("delay",)]), (2.22, [])])
+@pytest.mark.parametrize("alone, answer", [(2.3, [("creep", "delay"), ("delay",)]), (2.06, [])])
 def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(
     candidate, search_over, monkeypatch, alone, answer
 ):
     """Nothing else explains the recordings: it is better than no answer, and the other effect alone stays possible."""
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
-    base, creep, delay = candidate(rms=3.2), candidate("creep", rms=2.9), candidate("delay", rms=alone)
-    # 1.2² is 1.44. Without creep 2.34² - 2.06² = 1.23 return, or 0.68 of 2.22²: less than half
-    pair = candidate("creep", "delay", rms=2.06)
+    base, creep, delay = candidate(rms=3.2), candidate("creep", rms=2.9), candidate("delay", rms=alone, unseen=2.6)
+    # 1.2² is 1.44. Without creep 1.31 return, or 0.58: less than half
+    pair = candidate("creep", "delay", rms=2.06, unseen=2.2)
     search = search_over(base, creep, delay, pair)
     monkeypatch.setattr(Search, "fit_from", lambda *_: None)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.suffices", lambda *_: False)
     naming = nearly(search)
     found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
     assert found == answer
@@ -236,9 +230,7 @@ def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(
 def test_a_second_effect_that_is_a_trifle_of_the_mismatch_is_none_whatever_it_counts_for(
     candidate, search_over, monkeypatch
 ):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     monkeypatch.setattr(Search, "fit_from", lambda *_: None)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.suffices", lambda *_: False)
     # without creep 4.18² - 2.3² = 12.2 return, eight times 1.2², but of 22² - 2² a fortieth
     base, creep, delay = candidate(rms=22.0), candidate("creep", rms=20.0), candidate("delay", rms=4.18)
     search = search_over(base, creep, delay, candidate("creep", "delay", rms=2.3))
@@ -247,7 +239,6 @@ def test_a_second_effect_that_is_a_trifle_of_the_mismatch_is_none_whatever_it_co
 
 def test_two_that_suffice_are_fitted_without_each_of_them_first(candidate, search_over, monkeypatch):
     """2.6 µm are 1.7 beyond the noise: more than 1.2, but of 8.8 hardly anything. A creep of 2.5 alone does as well."""
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     alone, pair = [candidate("creep", rms=8.0), candidate("delay", rms=7.0)], candidate("creep", "delay", rms=2.6)
     search, asked = search_over(candidate(rms=9.0), *alone, pair), []
     monkeypatch.setattr(search, "fit_from", lambda full, several: asked.append(full))
@@ -262,16 +253,12 @@ def test_two_that_suffice_are_fitted_without_each_of_them_first(candidate, searc
 
 
 @pytest.mark.parametrize("late, hope", [(4.3, True), (4.4, False)])
-def test_what_may_settle_takes_most_of_the_unseen_part_too(candidate, search_over, monkeypatch, late, hope):
+def test_what_may_settle_takes_most_of_the_unseen_part_too(candidate, search_over, late, hope):
     """Of 5.7² - 2² - 1.2² = 27.1 beyond noise and floor, 4.3 µm leave 13.1 and 4.4 µm 13.9, where half is 13.5."""
-    asked = []
-    settling = "deatwin.ident.mismatch.naming.answers.settled_on_everything"
-    monkeypatch.setattr(settling, lambda *given: asked.extend(given))
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.with_distances", lambda naming, *_: naming)
     slow = candidate("dielectric_absorption", rms=2.1, unseen=late)
-    settled(search_over(candidate(rms=5.7), slow), [slow.effects])
-    *_, hopeful, _ = asked
-    assert hopeful(slow) is hope
+    search = search_over(candidate(rms=5.7), slow)
+    search.settled = lambda competing, hopeful: [hopeful(c) for c in competing]
+    assert settled(search, [slow.effects]) == [hope]
 
 
 @pytest.mark.parametrize("alone, answer", [(2.3, ("creep",)), (3.6, ("creep", "delay"))])
@@ -288,9 +275,7 @@ def test_of_two_that_settle_none_is_named_where_one_is_enough(
 
     monkeypatch.setattr(search, "fit_from", fit)
     found = replace(nothing, best=both)
-    settling = "deatwin.ident.mismatch.naming.answers._settled"
-    monkeypatch.setattr(settling, lambda search, stage: found if both.effects in stage else nothing)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
+    monkeypatch.setattr(search, "settled", lambda competing, hopeful: found if both in competing else nothing)
     assert settled(search, [both.effects]).best.effects == answer
 
 

@@ -87,11 +87,10 @@ def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form
         asked.append((one, other, level))
         return 2.0
 
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", apart)
-    told = with_all_distances(naming.beside([rival]), bench)
+    told = with_all_distances(naming.beside([rival]), bench, apart)
     assert asked == [(best.calibration, rival.calibration, noise)]  # of what is known nothing is asked again
     assert {d.effects: d.d2 for d in told.distances} == {("creep", "leakage"): 4.0, ("creep", "delay"): 2.0}
-    led = with_all_distances(told.led_by(rival), bench)  # from which only one distance is known
+    led = with_all_distances(told.led_by(rival), bench, apart)  # from which only one distance is known
     assert {d.effects: d.d2 for d in led.distances} == {("delay", "creep"): 2.0, ("delay", "leakage"): 2.0}
     assert {d.effects[1] for d in led.distances} == {"+".join(r.effects) for r in led.rivals}
 
@@ -158,11 +157,10 @@ def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
 ):
     """2.3² + 1.2² = 2.59²; of the two the inputs are said to predict no difference."""
     best, other = candidate("creep", rms=2.3), candidate("mullins", rms=rms)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 9.0)
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
     assert decided.rivals == ()
     bench = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), bench, lambda c: True)
+    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: 9.0)
     assert (found.rivals == (other,)) is kept
     assert [d.d2 for d in found.distances] == [9.0]
 
@@ -177,8 +175,8 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     other = replace(other, calibration=SimpleNamespace(**{**vars(other.calibration), "names": names}))
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
     assert decided.rivals == (() if more else (other,))
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: d2)
-    found = with_distances(decided, (best, other), SimpleNamespace(everything=(), jobs=1), lambda c: True)
+    bench = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: d2)
     assert (found.rivals == (other,)) is kept
 
 
@@ -188,8 +186,8 @@ def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise
     best, rival, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("mullins", rms=3.0)
     known = {best.effects: 0.6, rival.effects: 0.4}
     naming = Naming(candidates=(best, rival, lost), best=best, rivals=(rival,), probabilities=known, noise=noise)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.decide.separation", lambda *given: 100.0)
-    found = with_distances(naming, (best, rival, lost), SimpleNamespace(everything=(), jobs=1), lambda c: True)
+    bench = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(naming, (best, rival, lost), bench, lambda c: True, lambda *given: 100.0)
     assert found.rivals == (rival,)
     assert found.probabilities == known
 

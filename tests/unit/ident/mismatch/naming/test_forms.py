@@ -78,7 +78,6 @@ def elsewhere(
         return judged
 
     monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     return leave
 
 

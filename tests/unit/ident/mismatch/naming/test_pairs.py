@@ -14,11 +14,6 @@ from deatwin.ident.mismatch.naming.sets import Search
 CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturation", "creep")
 
 
-@pytest.fixture(autouse=True)
-def no_simulation(monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
-
-
 @pytest.fixture
 def leaving(candidate):
     """``leaving(base, clip, creep, pair)``: what leaves so much, or so much of the fitted and of the unseen part."""
@@ -41,6 +36,9 @@ class Known(Search):
         self.tried.update({c.effects: c for c in candidates})
         self.replaced, self.better = {c.effects: c for c in replaced}, {c.effects: c for c in better}
         self.asked: list[tuple[tuple[str, ...], list[str]]] = []
+
+    def with_distances(self, naming, competing):
+        return naming
 
     def beside(self, names, finished=None):
         return [PAIR]
@@ -237,7 +235,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     assert answers(search) == [CLIP, PAIR]
     looked = [("fewer than", *PAIR), ("as one of", *PAIR)]
     assert asked[1:] == [alone, PAIR, pairs, *looked, pairs]  # the first one was over single effects
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.held_back_by", lambda c: ("damping",) * len(c.effects))
+    search.is_possible = lambda c: not c.effects
     assert answers(search) == [CLIP, None]
 
 
@@ -259,16 +257,9 @@ def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained
     assert answers(search) == [CLIP, PAIR]
 
 
-def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, monkeypatch):
+@pytest.mark.parametrize(("cost", "rivals"), [(1.4, [CLIP]), (1.5, [])])  # the floor is 1.2² = 1.44
+def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, held, cost, rivals):
     """Without its second effect the pair leaves little more; in the one case only a film that is none does so."""
-    search = Known(*leaving(5.0, 2.3, 4.6, 2.1))
-    for held, rivals in ((), [CLIP]), (("damping",), []):
-        monkeypatch.setattr("deatwin.ident.mismatch.naming.pairs.held_back_by", lambda c, held=held: held)
-        monkeypatch.setattr(
-            search,
-            "decision",
-            lambda competing, good: Naming(
-                candidates=(), best=search.tried[PAIR], rivals=(), probabilities={PAIR: 1.0}, noise=2.0
-            ),
-        )
-        assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals
+    base, clip, creep, pair = leaving(5.0, 2.3, 4.6, 2.1)
+    search = Known(base, held(clip, cost, "damping"), creep, pair)
+    assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals

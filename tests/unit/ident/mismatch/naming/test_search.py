@@ -3,12 +3,9 @@
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from deatwin.plant import Creep, Delay, ElectrodeLoss, SensorJump, ThermalStiffness
-
-FITTED = ("the fitted part",)
 
 
 def test_what_did_well_alone_is_tried_beside_another_whatever_its_score(candidate, search_over):
@@ -176,8 +173,7 @@ def test_what_is_better_in_the_place_of_one_effect_has_its_own_replaced(replaced
     assert ("creep", "delay") in found
 
 
-def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, search_over, monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.unbent_like", lambda bench, plant: plant)
+def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, search_over):
     alone = candidate("creep", rms=8.0)
     alone.calibration.given_up = False
     search = search_over(candidate(rms=9.0), alone, candidate("creep", "delay", rms=4.0))
@@ -208,8 +204,7 @@ def test_what_comes_at_a_time_or_with_a_period_is_tried_again_where_another_effe
     assert "electrode_loss" not in [e.name for e in search._open_beside(("sensor_jump",), best.effects)]
 
 
-def test_beside_a_set_what_acts_as_the_best_there_is_tried_too(candidate, search_over, monkeypatch):
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.unbent_like", lambda bench, plant: plant)
+def test_beside_a_set_what_acts_as_the_best_there_is_tried_too(candidate, search_over):
     creep = candidate("creep", rms=4.0)
     pairs = [candidate("creep", "delay", rms=3.0), candidate("creep", "mullins", rms=2.5)]
     search, asked = search_over(candidate(rms=9.0), creep, *pairs), []
@@ -244,18 +239,17 @@ def test_what_acts_as_the_best_is_new_or_a_better_fit_of_what_is_known(candidate
         asked.append((fit, added, effects))
         return [SimpleNamespace(effect=_Typical(n), estimate=n) for n in alike]
 
-    def run_trials(bench, trials, noise, finished, fitted, rival):
+    def attempt(trials, rival):
         # from the best set's plant without the effect, or else from that without both
         assert [(t.start, t.bent) for t in trials] == [(f"bare, {n}", f"unbent, typical {n}") for n in alike]
         assert rival == asked[-1][0].rms and {id(t.without) for t in trials} == {id(jump.calibration)}
-        return [candidate(*swing, rms=2.2), candidate(*creep, rms=5.0)]
+        return search._know([candidate(*swing, rms=2.2), candidate(*creep, rms=5.0)])
 
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.siblings", siblings)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.run_trials", run_trials)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.noise_seen", lambda *_: 2.0)
+    search.attempt = attempt
     del search._siblings  # the real one
     search.names_of, search._open_beside = lambda trial: (), lambda names, best: [names, best]
-    search.bench.fitted, old = FITTED, SimpleNamespace()
+    old = SimpleNamespace()
     search.leads = {"thermal_stiffness": old}
     assert search._siblings(jump.effects, best.effects) == [swing, creep]
     assert list(search.leads) == ["thermal_stiffness", "creep"] and search.leads["thermal_stiffness"] is not old
@@ -276,14 +270,11 @@ def test_what_acts_as_the_best_is_new_or_a_better_fit_of_what_is_known(candidate
 def looked_for(candidate, search_over, monkeypatch):
     """A search with two single effects, and the plants and fits for which events were looked for."""
     asked = []
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.unbent_like", lambda bench, plant: ("unbent", plant))
     monkeypatch.setattr(
         "deatwin.ident.mismatch.naming.sets.event_leads",
         lambda unbent, fit, effects, parts: asked.append((unbent, fit)) or ((fit, effects, parts),),
     )
-    search = search_over(candidate(rms=9.0), candidate("creep", rms=5.0), candidate("delay", rms=7.0))
-    search.bench.fitted = FITTED
-    return search, asked
+    return search_over(candidate(rms=9.0), candidate("creep", rms=5.0), candidate("delay", rms=7.0)), asked
 
 
 def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
@@ -291,8 +282,8 @@ def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
     creep, delay = (search.tried[(name,)].calibration for name in ("creep", "delay"))
     assert [found[0][0] for found in search.event_leads(("delay",), ("creep",))] == [delay, creep]
     ((lead,),) = search.event_leads(("creep",))
-    assert lead == (creep, search.bench.effects, FITTED)
-    assert asked == [(("unbent", fit.plant), fit) for fit in (delay, creep)]
+    assert lead == (creep, search.bench.effects, search.bench.fitted)
+    assert asked == [(search.bench.nominal, fit) for fit in (delay, creep)]
     better = candidate("creep", rms=4.0)
     search.tried[("creep",)] = replace(better, noise=1.9)  # another noise is no other fit
     search.tried[("creep",)] = replace(search.tried[("creep",)], noise=1.8)
@@ -300,16 +291,13 @@ def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
     assert [fit for _, fit in asked] == [delay, creep, better.calibration]
 
 
-def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(candidate, search_over, monkeypatch):
+def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(candidate, search_over):
     bent, seen, slow = (
         SimpleNamespace(effect=SimpleNamespace(name=name), share=share)
         for name, share in (("sensor_jump", 0.1), ("sensor_jump", 0.6), ("creep", 0.3))
     )
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.leads", lambda known, fit: (slow, bent))
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.footprints", lambda *_: ())
     search = search_over(candidate(rms=9.0), candidate("delay", rms=5.0))
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.reading_times", lambda plant, parts: np.zeros(1))
-    search.bench.fitted = FITTED
+    search._screened = lambda names: (slow, bent)
     asked = []
     search.event_leads = lambda *several: asked.append(several) or [(seen,)]
     for names in ((), ("delay",)):

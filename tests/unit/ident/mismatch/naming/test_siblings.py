@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
@@ -17,11 +18,9 @@ from deatwin.plant import (
     Parameter,
     Plant,
     Recording,
-    Rig,
     SensorCurvature,
     SensorDrift,
     SensorLag,
-    StartProcedure,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
@@ -31,18 +30,13 @@ STEP, GAIN, LAG = 0.02, 1e-4, 0.03
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mirror(Rig):
+class Mirror(Bare):
     """The reading is the command, in metres."""
 
-    sample_time: float = STEP
     noise: float = 1e-8
 
     kind: ClassVar[str] = "mirror"
     follows_at_once: ClassVar[bool] = True
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -50,10 +44,6 @@ class Mirror(Rig):
             Parameter(name="gain", value=GAIN, unit="m/V", lower=1e-6, upper=1e-2),
             Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         command = build.place(Place.DRIVE, "command", build.command)

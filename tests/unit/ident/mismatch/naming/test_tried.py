@@ -1,5 +1,8 @@
 """What counts as a cause among the sets that were tried, and which fits are kept, on residuals of given sizes."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import pytest
 
 
@@ -49,16 +52,16 @@ def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_st
     full = ("creep", "delay", "periodic_disturbance")
     known = [candidate("creep", "delay", rms=3.0), candidate("delay", "periodic_disturbance", rms=4.0)]
     search, asked = search_over(candidate(rms=9.0), *known, candidate(*full, rms=2.1)), []
-    search.bench.fitted = ()
     found = {("creep", "delay"): 3.1, ("delay", "periodic_disturbance"): 2.5}
     monkeypatch.setattr(search, "plant_of", lambda full, rest: rest)
 
     def refitted(bench, plants, noise, fitted):
         asked.append(plants)
-        return [candidate(*names, rms=rms) for names, rms in found.items()]
+        fitted = [candidate(*names, rms=rms) for names, rms in found.items()]
+        fitted[0].calibration.plant.rig = SimpleNamespace(model_error=1.2, sample_time=0.02, noise=1.9)
+        return fitted
 
     monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.refitted", refitted)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.noise_seen", lambda *_: 1.9)
     fewer = search.fit_fewer(full)
     assert len(asked) == 1 and set(asked[0]) == {*found, ("creep", "periodic_disturbance")}  # all at once
     assert set(fewer) == set(found)
@@ -66,3 +69,12 @@ def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_st
     left = {names: search.tried[names].calibration.rms for names in found}
     assert left == {("creep", "delay"): pytest.approx(3.0), ("delay", "periodic_disturbance"): pytest.approx(2.5)}
     assert {c.noise for c in search.tried.values()} == {1.9}  # whichever fit it is, it is judged by the same
+
+
+def test_a_decision_keeps_what_the_inputs_cannot_distinguish(candidate, search_over):
+    best, near = candidate("creep", rms=2.1), candidate("delay", rms=2.3)
+    search = search_over(candidate(rms=9.0), best, near)
+    assert search.decision([best, near], lambda c: c is best).rivals == ()
+    search.with_distances = lambda naming, competing: replace(naming, rivals=tuple(competing[1:]))
+    assert search.decision([best, near], lambda c: c is best).rivals == (near,)
+    assert search.settled([best, near], lambda c: False).rivals == (near,)

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.ident.mismatch import ExperimentPlan, plan_experiment
 from deatwin.plant import (
@@ -15,10 +16,8 @@ from deatwin.plant import (
     Parameter,
     Plant,
     Recording,
-    Rig,
     SensorCurvature,
     SensorLag,
-    StartProcedure,
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
@@ -29,17 +28,10 @@ EFFECTS = (Delay(), SensorLag(), SensorCurvature())
 
 
 @dataclass(frozen=True, kw_only=True)
-class Amplifier(Rig):
+class Amplifier(Bare):
     """A first-order lag between command and reading."""
 
-    sample_time: float = STEP
-    noise: float = 1e-6
-
     kind: ClassVar[str] = "amplifier"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 1e-3
 
     @property
@@ -48,10 +40,6 @@ class Amplifier(Rig):
             Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
             Parameter(name="time", value=0.1, unit="s", lower=0.0, upper=1.0),
         )
-
-    @property
-    def start(self) -> StartProcedure:
-        return StartProcedure(rest_command=0.0, ramp=0.0, hold=0.0)
 
     def write(self, build: Builder) -> Any:
         position = build.state("position", scale=1e-4)

@@ -1,0 +1,102 @@
+"""What identifiers refuse to be fitted with, and to, and with what words."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx
+from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx.lasso import Lasso
+from deatwin.ident.narx.linear import Arx, OutputError
+from deatwin.ident.testing import example_recordings
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+RECORD = example_recordings(420)[0]  # of 400 samples
+SHORT = RECORD.section(0, 20)
+LINE, ONES = np.arange(50.0), np.ones(50)
+
+
+def of(inputs: np.ndarray, outputs: np.ndarray) -> Recording:
+    return Recording.from_arrays(inputs, outputs, 1.0)
+
+
+ARGUMENTS = [
+    (Frols(criterion="bik"), 'did you mean "bic"'),
+    (Frols(held_out=1.0), "held_out"),
+    (Frols(criterion="free_run", held_out=0.001), "too short"),
+    (Frols(estimator="ridge"), "Ridge"),
+    (Frols(max_terms=0), "max_terms"),
+    (Frols(degree=0), "degree"),
+    (Frols(max_terms=500, output_lags=8, input_lags=8, degree=3), "too few"),
+    (Frols(output_lags=600, degree=1), "samples"),
+    (Lasso(max_terms=0), "max_terms"),
+    (Lasso(held_out=0.0), "held_out"),
+    (Lasso(max_terms=400, output_lags=6, input_lags=6, degree=3), "too few"),
+    (SvbNarx(clean_up="evidnce"), 'did you mean "evidence"'),
+    (SvbNarx(resolution=1.0), "resolution"),
+    (SvbNarx(b0=0.0), "b0"),
+    (SvbNarx(max_iterations=0), "max_iterations"),
+    (SvbNarx(degree=0), "degree"),
+    (Semp(max_terms=0), "max_terms"),
+    (Semp(level=0.0), "level"),
+    (Semp(level=0.6), "level"),
+    (Semp(significance=1.0), "significance"),
+    (Semp(max_exchanges=-1), "max_exchanges"),
+    (Grow(max_terms=0), "max_terms = 0"),
+    (Grow(held_out=1.0), "between 0 and 1"),
+    (Grow(parts=1.5), "parts = 1.5; it must be an integer of at least 1"),
+    (Grow(rule=lambda term: term.degree == 2), r"begins with a linear model.*allow y\(k-1\) and u\(k-1\)"),
+    (Fixed(terms=[]), "give a list"),
+    (Fixed(terms="y(k-1)"), "give a list"),
+    (Fixed(terms=["y(k-1)", "y(k-1)"]), "only once"),
+    (Fixed(terms=["e(k-1)"]), "Narmax"),
+    (Fixed(terms=["u2(k-1)"]), "use 2 inputs"),
+    (Fixed(terms=["y(k)"]), "at least 1"),
+    (Fixed(terms=["y(k-1)"], estimator=None), "estimator"),
+    (Fixed(terms=["u(k-1)", "u(k-1)^2", "y(k-400)"]), "at least 401"),
+    (Narmax("frols"), "give an identifier"),
+    (Narmax(Frols(max_terms=0)), "max_terms"),
+    (Narmax(Frols(), noise_lags=0), "no lag"),
+    (Narmax(Frols(), noise_lags=[0]), "at least 1"),
+    (Narmax(Frols(), noise_degree=0), "noise_degree"),
+    (Narmax(Frols(), criterion="press"), "known are ebic"),
+    (Narmax(Frols(), tolerance=0.0), "tolerance"),
+    (Narmax(Frols(), noise_terms="e(k-1)"), "list of terms"),
+    (Narmax(Frols(), noise_terms=["u(k-1)"]), "its own output"),
+    (Narmax(Frols(), noise_terms=["e2(k-1)"]), "its own output"),
+    (Narmax(Frols(), noise_terms=["e(k-1)", "e(k-1)"]), "only once"),
+    (Narmax(Frols(), noise_terms=["u2(k-1)e(k-1)"]), "2 inputs"),
+    (Arx(na=-1), "na = -1"),
+    (Arx(nb=0), "nb = 0"),
+    (OutputError(nb=(1, 2)), r"nb = \(1, 2\)"),
+    (OutputError(nf=1.5), "nf = 1.5"),
+    (Arx(na=800), "recording 1 has 400 samples"),
+    (Arx(na=150, nb=150), "too few for 301 unknowns"),
+]
+DATA = [
+    (Frols(), of(ONES, np.zeros(50)), "constantly zero"),
+    (Frols(output_lags=0, rule=lambda t: t.degree > 0), of(np.zeros(50), LINE), "every candidate is zero"),
+    (Frols(), of(LINE, ONES), r"constantly 1\.0"),
+    (Frols(), of(np.zeros((0, 50)), LINE), "take input_lags=0"),
+    (Frols(), [], "at least one"),
+    (Frols(), [RECORD, of(ONES, ONES)], "sample time"),
+    *((Frols(), wrong, "fit takes recordings and experiments") for wrong in ("recording.csv", None, 3.0)),
+    (Lasso(), of(ONES, ONES), "constant"),
+    (Semp(output_lags=2, input_lags=2, max_terms=10), SHORT.section(0, 12), "too few"),
+    (Grow(), SHORT, "too few"),
+    (Arx(), of(ONES, np.ones((2, 50))), "2 outputs"),
+    (Arx(), of(np.ones((0, 50)), ONES), "no input"),
+    (Arx(), of(np.stack([LINE, 2.0 * ONES]), LINE), '"input_2" is constant'),
+]
+
+
+@pytest.mark.parametrize(("identifier", "says"), ARGUMENTS, ids=lambda part: repr(part)[:30])
+def test_arguments_that_make_no_sense(identifier, says):
+    with pytest.raises(ModelError, match=says):
+        identifier.fit(RECORD)
+
+
+@pytest.mark.parametrize(("identifier", "data", "says"), DATA, ids=lambda part: repr(part)[:30])
+def test_data_that_nothing_can_be_learned_from(identifier, data, says):
+    with pytest.raises(ModelError, match=says):
+        identifier.fit(data)

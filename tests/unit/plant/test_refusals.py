@@ -1,0 +1,161 @@
+"""What excitations, recordings, experiments and parameters refuse, and with what words."""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import pytest
+
+from deatwin.plant import Experiment, Parameter, ParameterSet, Recording, RigError, Scale
+from deatwin.plant.checks import require_excitation
+from deatwin.plant.errors import DataError
+from deatwin.plant.excitation import (
+    band_limited_noise,
+    binary_sequence,
+    linear_chirp,
+    logarithmic_chirp,
+    random_holds,
+    random_odd_harmonics,
+    random_phase_multisine,
+    share_above_band,
+    staircase,
+    triangles,
+    two_level_noise,
+    with_alternating_polarity,
+    with_rests,
+)
+
+H = 0.02
+RNG = np.random.default_rng(0)
+MASS = Parameter(name="mass", value=3e-3, unit="kg", lower=1e-6, upper=1.0, known=True)
+MODULUS = Parameter(name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3)
+arrays = Recording.from_arrays
+
+
+def noise(duration: float = 10.0, sample_time: float = H, **options: float) -> np.ndarray:
+    return band_limited_noise(RNG, duration, sample_time, **options)
+
+
+def multisine(harmonics: object = np.arange(1, 81, 2), rms: float = 0.25, **options: object) -> np.ndarray:
+    return random_phase_multisine(RNG, 40.0, H, harmonics, rms, **options)
+
+
+def still(start: float = 0.0, level: float = 2.4) -> Recording:
+    return arrays(np.full(100, level), np.linspace(0.0, 1e-4, 100), H, start=start)
+
+
+def ramp(start: float = 0.0, sample_time: float = H, **names: object) -> Recording:
+    return arrays(np.linspace(1.0, 2.0, 100), np.linspace(0.0, 1e-4, 100), sample_time, start=start, **names)
+
+
+two_levels = partial(two_level_noise, RNG, 100.0, H)
+EXCITATION: list[tuple[Callable[[], object], str]] = [
+    (lambda: noise(band=26.0), "at most half the sample rate, 25 Hz"),
+    (lambda: noise(band=0.0), "band 0 Hz"),
+    (lambda: noise(mean=0.5), "lower < mean < upper"),
+    (lambda: noise(variance=-1.0), "variance >= 0"),
+    (lambda: noise(variance=np.nan), "variance >= 0"),
+    (lambda: noise(duration=0.5), "needs at least 1 s"),
+    (lambda: noise(duration=0.0), "at least one sample"),
+    (lambda: noise(duration=np.inf), "at least one sample"),
+    (lambda: noise(sample_time=0.0), "at least one sample"),
+    (lambda: two_levels(means=(1.6,)), "1 means and 2 variances"),
+    (lambda: two_levels(means=(), variances=()), "0 means"),
+    (lambda: two_levels(variances=(0.1, -0.1)), "variances >= 0"),
+    (lambda: two_levels(means=(0.5, 2.0)), "lower < means < upper"),
+    (lambda: two_levels(segment=0.001), r"segment 0\.001 s"),
+    (lambda: two_levels(band=30.0), "half the sample rate"),
+    (lambda: share_above_band(np.full(5, 2.4), H, 1.0), "constant commands"),
+    (lambda: share_above_band(np.arange(5.0), H, 0.0), "both must be above 0"),
+    (lambda: share_above_band([[1.0, 2.0, 3.0]], H, 1.0), r"commands of shape \(1, 3\)"),
+    (lambda: linear_chirp(10.0, H, last=26.0), "half the sample rate, 25 Hz"),
+    (lambda: linear_chirp(10.0, H, first=0.0), "above 0"),
+    (lambda: linear_chirp(10.0, H, amplitude=-0.1), "amplitude -0.1 V"),
+    (lambda: logarithmic_chirp(10.0, H, first=2.0, last=2.0), "two that differ"),
+    (lambda: logarithmic_chirp(0.0, H), "at least one sample"),
+    (lambda: random_holds(RNG, 10.0, H, 3.0, 1.0), "need lower < upper"),
+    (lambda: random_holds(RNG, 10.0, H, 1.0, 3.0, shortest=5.0, longest=2.0), "shortest <= longest"),
+    (lambda: staircase(H, levels=1), "1 levels"),
+    (lambda: staircase(H, 3.0, 1.0), "lower < upper"),
+    (lambda: staircase(H, hold=0.001), r"hold 0\.001 s"),
+    (lambda: triangles(H, rates=(26.0,)), "at most half the sample rate, 25 Hz"),
+    (lambda: triangles(H, rates=(0.0,)), "above 0"),
+    (lambda: triangles(H, rates=()), "0 rates"),
+    (lambda: triangles(H, cycles=0), "0 cycles"),
+    (lambda: triangles(H, upper=1.0), "lower < upper"),
+    (lambda: binary_sequence(RNG, H, bits=1), "2 to 20 bits"),
+    (lambda: binary_sequence(RNG, H, periods=0), "at least one period"),
+    (lambda: binary_sequence(RNG, H, lower=4.0), "lower < upper"),
+    (lambda: binary_sequence(RNG, H, hold=0.0), "hold 0 s"),
+    *((lambda wrong=wrong: with_rests(wrong, 1.0, 1.0, 1.0), "one finite number") for wrong in ([], [[1.0]], [np.nan])),
+    (lambda: with_alternating_polarity([1.0, np.nan], 1.0, 1.0), "one row of at least one finite number"),
+    (lambda: with_rests([1.0], 1.0, every=0.1, rest=1.0), r"every 0\.1 s"),
+    (lambda: with_rests([1.0], 1.0, every=1.0, rest=0.1), r"rest 0\.1 s"),
+    (lambda: with_alternating_polarity([1.0], 1.0, segment=0.1), r"segment 0\.1 s"),
+    (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=1), "groups of 1"),
+    (lambda: random_odd_harmonics(RNG, 40.0, 2.0, group=41), "groups of 41 among 40"),
+    (lambda: multisine([0, 1]), "from 1 to 999"),
+    (lambda: multisine([1000]), "from 1 to 999"),
+    (lambda: multisine([1, 1]), "distinct whole numbers"),
+    (lambda: multisine([1.5]), "distinct whole numbers"),
+    (lambda: multisine([]), "distinct whole numbers"),
+    (lambda: multisine(amplitudes=[1.0]), "need 40, one a harmonic"),
+    (lambda: multisine(amplitudes=np.zeros(40)), "not all zero"),
+    (lambda: multisine(amplitudes=-np.ones(40)), "none negative"),
+    (lambda: multisine(periods=0), "need one period"),
+    (lambda: multisine(rms=-0.1), "rms >= 0"),
+    (lambda: multisine(mean=4.0), "lower < mean < upper"),
+]
+RECORDS: list[tuple[Callable[[], object], str]] = [
+    *((lambda ends=ends: ramp().section(*ends), "record of 100 samples") for ends in ((-1, 5), (5, 5), (90, 101))),
+    (lambda: arrays([1.0, 2.0], [0.0, np.nan], 1.0), 'channel "displacement" is nan at sample 1'),
+    *((lambda h=h: arrays([1.0], [1.0], h), "sample time .* must be positive") for h in (0.0, -1.0, np.inf, np.nan)),
+    (lambda: arrays(np.ones(5), np.ones(4), 1.0), r"outputs have the shape \(1, 4\)"),
+    (lambda: arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["command"]), "2 inputs, 1 names"),
+    (
+        lambda: arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["u", "u"]),
+        'two inputs .* are named "u": give each',
+    ),
+    (lambda: arrays(np.ones(5), np.ones((2, 5)), 1.0, output_names=["u", "u"]), 'two outputs .* are named "u"'),
+    (
+        lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)}),
+        r'channel "force" has the shape \(3,\)',
+    ),
+    (lambda: Experiment(recordings=(ramp(), ramp(start=1.5))), "overlap between 1.5 s and 2 s.*--experiment"),
+    (lambda: Experiment(recordings=(ramp(), ramp(9.0, 0.01))), "sample times 0.02 s and 0.01 s"),
+    (
+        lambda: Experiment(recordings=(ramp(), ramp(9.0, output_names=["force"], output_units=["N"]))),
+        "output names differ: displacement and force",
+    ),
+    (lambda: Experiment(recordings=()), "at least one recording"),
+    (lambda: require_excitation([still()]), "the input is constant throughout"),
+    (lambda: require_excitation([still(), still(start=2.0)]), "constant throughout"),
+    (lambda: require_excitation([still(), still(start=2.0, level=3.0)]), "constant"),
+]
+PARAMETERS: list[tuple[Callable[[], object], str]] = [
+    (lambda: ParameterSet([MODULUS]).with_values({"shear_modulos": 1e4}), 'did you mean "shear_modulus"'),
+    (lambda: ParameterSet([MODULUS]).with_values({"shear_modulus": 1.0}), "shear_modulus = 1 Pa is out of range"),
+    (lambda: ParameterSet([MASS]).with_values({"mass": np.nan}), "mass = nan kg"),
+    (lambda: ParameterSet([MODULUS])["shear_modulos"], 'did you mean "shear_modulus"'),
+    (
+        lambda: Parameter(name="mass", value=2.0, unit="kg", lower=1e-6, upper=1.0),
+        "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
+    ),
+    (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    *(
+        (lambda s=s: Parameter(name="x", value=1.0, unit="1", lower=0.0, upper=2.0, scale=s), "above 0")
+        for s in (Scale.LOGARITHMIC, Scale.RECIPROCAL)
+    ),
+]
+
+
+@pytest.mark.parametrize(("act", "says"), [*EXCITATION, *RECORDS])
+def test_data_that_make_no_sense(act: Callable[[], object], says: str) -> None:
+    with pytest.raises(DataError, match=says):
+        act()
+
+
+@pytest.mark.parametrize(("act", "says"), PARAMETERS)
+def test_parameters_that_cannot_be(act: Callable[[], object], says: str) -> None:
+    with pytest.raises(RigError, match=says):
+        act()
