@@ -200,13 +200,17 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
         )
         for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
     ]
+    comparable = found if plant.rig.equations_known else []  # of a single place nobody can say that it is the best
     return Places(
-        opened=tuple(sorted(found, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
+        opened=tuple(sorted(comparable, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
     )
 
 
 def _openings(plant: Plant) -> tuple[Opening, ...]:
-    """Signals, where the rig declares some besides command and reading; else parameters and states as well."""
+    """Signals, where the rig declares some besides command and reading; else parameters and states as well. A model that
+    was written elsewhere shows its reading alone."""
+    if not plant.rig.equations_known:
+        return ()
     offered = places(plant)
     signals = [o for o in offered if o.place not in (Place.PARAMETER.value, STATE)]
     declared = {o.place for o in signals} - {Place.DRIVE.value, Place.SENSOR.value}
