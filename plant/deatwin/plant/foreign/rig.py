@@ -14,6 +14,7 @@ from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.foreign.calls import Model
 from deatwin.plant.foreign.drift import ParameterDrift
+from deatwin.plant.foreign.fmu import FmuModel
 from deatwin.plant.foreign.runner import AFTER, APPLIED, BEFORE, VARYING, ForeignRunner
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
@@ -134,6 +135,8 @@ class ForeignRig(Rig):
 
     def model_to_dict(self) -> Any:
         """Return plain data from which `model_from_dict` finds the model."""
+        if isinstance(self.model, FmuModel):
+            return {**asdict(self.model), "reading": self.model.reading.value}
         named = getattr(self.model, "__qualname__", type(self.model).__qualname__)
         return f"{getattr(self.model, '__module__', '')}:{named}"
 
@@ -143,14 +146,17 @@ class ForeignRig(Rig):
 
         Parameters
         ----------
-        data : str
-            ``module:name``.
+        data : str or mapping
+            ``module:name``, or the fields of an FMU.
 
         Raises
         ------
         RigError
             If this program has not imported such a model.
         """
+        if isinstance(data, Mapping):
+            tuples = {"inputs": tuple(data["inputs"]), "units": tuple((str(n), str(u)) for n, u in data["units"])}
+            return FmuModel(**{**data, **tuples, "reading": ReadingTime(data["reading"])})
         module, _, name = str(data).partition(":")
         found: Any = sys.modules.get(module)
         for part in name.split("."):
