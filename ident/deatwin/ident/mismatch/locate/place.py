@@ -88,7 +88,7 @@ class Places(Described):
     Parameters
     ----------
     opened : tuple of OpenedPlace
-        All that were opened, the best first.
+        All that were opened, the best first; none of a model that was written elsewhere, which shows its reading alone.
     closure_p_value : float
         Chance that a residual which has nothing to do with the signals would close as well at any place.
     """
@@ -145,7 +145,8 @@ class Places(Described):
         ax.invert_yaxis()
         ax.set_xlim(0, 1)
         ax.set_xlabel("share of the mismatch that the signals there predict")
-        ax.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        if self.opened:
+            ax.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         return ax
 
 
