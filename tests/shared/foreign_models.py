@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from time import sleep
 from typing import Any, ClassVar
 
 import numpy as np
@@ -82,6 +83,12 @@ def heavy_motor_raises(parameters: Mapping[str, Any], inputs: Any, time: Any) ->
 def heavy_motor_crashes(parameters: Mapping[str, Any], inputs: Any, time: Any) -> Any:
     if parameters["inertia"] > 1.3e-4:
         os._exit(11)
+    return motor(parameters, inputs, time)
+
+
+def heavy_motor_hangs(parameters: Mapping[str, Any], inputs: Any, time: Any) -> Any:
+    if parameters["inertia"] > 1.3e-4:
+        sleep(600.0)
     return motor(parameters, inputs, time)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import multiprocessing
 import os
+import signal
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, CancelledError
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -23,7 +24,9 @@ Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]
 
 KEPT = 512
 """Answers that a process remembers: those of all derivatives about a few points. Of 1e5 samples, 0.4 GB."""
-CRASHED = "its process crashed"
+CRASHED, TOO_LONG = "its process crashed", "it took too long"
+LOST = (CRASHED, TOO_LONG)
+"""Faults of which another call beside it may be the cause."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,28 +77,34 @@ class _Remembered:
 _REMEMBERED = _Remembered()
 
 
-def answers(model: Model, calls: Sequence[Call]) -> list[Answer]:
-    """Answers of a model, side by side in worker processes if the model can go there, else one after the other."""
+def answers(model: Model, calls: Sequence[Call], longest: float = np.inf) -> list[Answer]:
+    """Answers of a model, side by side in worker processes if the model can go there, else one after the other.
+
+    A call in a worker process that takes more than `longest` seconds is ended.
+    """
     keys = [(model, call.digest()) for call in calls]
-    new = {key: call for key, call in zip(keys, calls, strict=True) if _REMEMBERED.get(key) is None}
-    for key, answer in zip(new, _called(model, list(new.values())), strict=True):
+    found = {key: answer for key in keys if (answer := _REMEMBERED.get(key)) is not None}
+    new = {key: call for key, call in zip(keys, calls, strict=True) if key not in found}
+    for key, answer in zip(new, _called(model, list(new.values()), longest), strict=True):
+        found[key] = answer
         _REMEMBERED.put(key, answer)
-    fresh = dict(zip(new, (_REMEMBERED.get(key) for key in new), strict=True))
-    found = [fresh.get(key) or _REMEMBERED.get(key) for key in keys]
-    return [answer for answer in found if answer is not None]
+    return [found[key] for key in keys]
 
 
-def _called(model: Model, calls: Sequence[Call]) -> list[Answer]:
+def _called(model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
     workers = _workers_for(model) if calls else None
     if workers is None:
         return [_answer(model, call) for call in calls]
-    return workers.answers(model, calls)
+    return workers.answers(model, calls, longest)
 
 
 def _answer(model: Model, call: Call) -> Answer:
     """One call; whatever a foreign model raises is one line."""
     try:
-        given = model(dict(call.parameters), dict(call.inputs), call.time)
+        # Copies: what a model writes into its arguments is no business of the next one.
+        given = model(
+            dict(call.parameters), {name: np.array(u) for name, u in call.inputs.items()}, np.array(call.time)
+        )
         chosen = given[call.output] if isinstance(given, Mapping) else given
         readings = np.array(chosen, dtype=float)
     except KeyboardInterrupt:
@@ -119,35 +128,45 @@ class _Workers:
     def __init__(self, count: int) -> None:
         self._count, self._pool = count, _pool(count)
 
-    def answers(self, model: Model, calls: Sequence[Call]) -> list[Answer]:
-        """Answers in order; after a crash each call that had none is tried alone."""
+    def answers(self, model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
+        """Answers in order; after a crash, or a call that took too long, each that had none is tried alone."""
         futures = [self._submitted(model, call) for call in calls]
-        found = [self._result(future) for future in futures]
-        return [self._alone(model, call) if one is None else one for one, call in zip(found, calls, strict=True)]
+        found = [self._result(future, longest) for future in futures]
+        return [
+            self._alone(model, call, longest) if a.fault in LOST else a for a, call in zip(found, calls, strict=True)
+        ]
 
     def _submitted(self, model: Model, call: Call) -> Any:
         try:
             return self._pool.submit(_answer, model, call)
-        except BrokenExecutor:
+        except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
             self._pool = _pool(self._count)
             return self._pool.submit(_answer, model, call)
 
-    def _result(self, future: Any) -> Answer | None:
+    def _result(self, future: Any, longest: float) -> Answer:
         try:
-            answer: Answer = future.result()
-        except BrokenExecutor:
-            return None
+            answer: Answer = future.result(None if np.isinf(longest) else longest)
+        except TimeoutError:
+            self._pool.shutdown(kill_workers=True)
+            return Answer(fault=TOO_LONG)
+        except (BrokenExecutor, CancelledError):
+            return Answer(fault=CRASHED)
         return answer
 
-    def _alone(self, model: Model, call: Call) -> Answer:
-        return self._result(self._submitted(model, call)) or Answer(fault=CRASHED)
+    def _alone(self, model: Model, call: Call, longest: float) -> Answer:
+        return self._result(self._submitted(model, call), longest)
 
 
 def _pool(count: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return ProcessPoolExecutor(max_workers=count, env=one_thread)
+    return ProcessPoolExecutor(max_workers=count, env=one_thread, initializer=_ignore_interrupts)
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that waits for the answers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 _WORKERS: dict[int, _Workers] = {}

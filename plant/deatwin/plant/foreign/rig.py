@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
+from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
@@ -60,6 +61,9 @@ class ForeignRig(Rig):
         parameter moves linearly). Its cube should not be below the relative rounding error of the readings, that of an
         adaptive solver included.
 
+    longest : float
+        Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
+
     Raises
     ------
     RigError
@@ -77,6 +81,7 @@ class ForeignRig(Rig):
     rest_command: float = 0.0
     varying: tuple[str, ...] = ()
     step: float = 1e-3
+    longest: float = float("inf")
 
     kind: ClassVar[str] = "foreign"
     equations_known: ClassVar[bool] = False
@@ -126,6 +131,7 @@ class ForeignRig(Rig):
         plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters")}
         return {
             **plain,
+            "longest": self.longest if isfinite(self.longest) else None,  # JSON has no infinity
             "reading": self.reading.value,
             "chain": None if self.chain is None else asdict(self.chain),
             "sizes": asdict(self.sizes),
@@ -178,6 +184,7 @@ class ForeignRig(Rig):
                 **own,
                 "model": cls.model_from_dict(own["model"]),
                 "parameters": parameters,
+                "longest": float("inf") if own["longest"] is None else float(own["longest"]),
                 "sizes": Sizes(**own["sizes"]),
                 "channels": tuple((str(name), float(value)) for name, value in own["channels"]),
                 "varying": tuple(own["varying"]),

@@ -55,7 +55,7 @@ class ForeignRunner:
         called = around.call(values)
         if isinstance(called, Run):
             return called
-        (answer,) = answers(self._rig.model, [called])
+        (answer,) = answers(self._rig.model, [called], self._rig.longest)
         return around.read(answer, values, called)
 
     def run_with_sensitivities(
@@ -82,7 +82,7 @@ class ForeignRunner:
                 called = around.call(there)
                 if isinstance(called, Call) and called.digest() != digest:
                     moved[number, side] = (there, called)
-        first, *others = answers(self._rig.model, [base, *(call for _, call in moved.values())])
+        first, *others = answers(self._rig.model, [base, *(call for _, call in moved.values())], self._rig.longest)
         run = around.read(first, values, base, sensitive=True)
         if not run.status.ok or run.sensitivities is None:
             return run

@@ -8,6 +8,7 @@ from foreign_models import (
     commands,
     experiment,
     heavy_motor_crashes,
+    heavy_motor_hangs,
     heavy_motor_raises,
     motor,
     plants,
@@ -122,6 +123,13 @@ def test_a_model_that_fails_is_one_line(model: object, said: str) -> None:
     _, plant = plants(model=model)
     with pytest.raises(SimulationError, match=f"gave no readings: {said}$"):
         plant.with_values({"inertia": 2e-4}).simulate(experiment(commands())).require()
+
+
+def test_a_model_that_never_ends_is_ended() -> None:
+    _, plant = plants(model=heavy_motor_hangs, longest=1.0)
+    with pytest.raises(SimulationError, match="it took too long"):
+        plant.with_values({"inertia": 2e-4}).simulate(experiment(commands())).require()
+    assert plant.simulate(experiment(commands())).status.ok
 
 
 @pytest.mark.parametrize("model", [heavy_motor_raises, heavy_motor_crashes])
