@@ -9,6 +9,7 @@ import signal
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -126,7 +127,8 @@ class _Workers:
     """Processes that call one model after the other."""
 
     def __init__(self, count: int) -> None:
-        self._count, self._pool = count, _pool(count)
+        self._count = count
+        self._pool: Any = None
 
     def answers(self, model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
         """Answers in order; after a crash, or a call that took too long, each that had none is tried alone."""
@@ -138,10 +140,14 @@ class _Workers:
 
     def _submitted(self, model: Model, call: Call) -> Any:
         try:
-            return self._pool.submit(_answer, model, call)
+            if self._pool is not None:
+                return self._pool.submit(_answer, model, call)
         except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
-            self._pool = _pool(self._count)
-            return self._pool.submit(_answer, model, call)
+            pass
+        self._pool = _pool(self._count)
+        with suppress(BrokenExecutor):  # the start of a process, and the imports of the model, are no part of a call
+            self._pool.submit(callable, model).result()
+        return self._pool.submit(_answer, model, call)
 
     def _result(self, future: Any, longest: float) -> Answer:
         try:
