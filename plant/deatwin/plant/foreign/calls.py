@@ -9,9 +9,7 @@ import signal
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
-from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -127,27 +125,33 @@ class _Workers:
     """Processes that call one model after the other."""
 
     def __init__(self, count: int) -> None:
-        self._count = count
-        self._pool: Any = None
+        self._count, self._pool = count, _pool(count)
+        self._taken: dict[Model, bool] = {}
+
+    def take(self, model: Model) -> bool:
+        """Whether the processes can load a model: it can be pickled, and they find its module."""
+        if model not in self._taken:
+            try:
+                self._taken[model] = bool(self._submitted(callable, model).result())
+            except Exception:  # whatever its parts raise, or a process that did not survive them
+                self._taken[model] = False
+        return self._taken[model]
 
     def answers(self, model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
         """Answers in order; after a crash, or a call that took too long, each that had none is tried alone."""
-        futures = [self._submitted(model, call) for call in calls]
+        futures = [self._submitted(_answer, model, call) for call in calls]
         found = [self._result(future, longest) for future in futures]
         return [
             self._alone(model, call, longest) if a.fault in LOST else a for a, call in zip(found, calls, strict=True)
         ]
 
-    def _submitted(self, model: Model, call: Call) -> Any:
+    def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
-            if self._pool is not None:
-                return self._pool.submit(_answer, model, call)
+            return self._pool.submit(function, *arguments)
         except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
-            pass
-        self._pool = _pool(self._count)
-        with suppress(BrokenExecutor):  # the start of a process, and the imports of the model, are no part of a call
-            self._pool.submit(callable, model).result()
-        return self._pool.submit(_answer, model, call)
+            self._pool = _pool(self._count)
+            self._pool.submit(abs, 0).result()  # the start of a process is no part of a call
+            return self._pool.submit(function, *arguments)
 
     def _result(self, future: Any, longest: float) -> Answer:
         try:
@@ -160,7 +164,7 @@ class _Workers:
         return answer
 
     def _alone(self, model: Model, call: Call, longest: float) -> Answer:
-        return self._result(self._submitted(model, call), longest)
+        return self._result(self._submitted(_answer, model, call), longest)
 
 
 def _pool(count: int) -> Any:
@@ -180,11 +184,10 @@ _WORKERS: dict[int, _Workers] = {}
 
 def _workers_for(model: Model) -> _Workers | None:
     """The processes of this one; None if the model cannot be sent to another process."""
-    if not _can_be_sent(model):
-        return None
     if os.getpid() not in _WORKERS:  # a process that was forked has none of its parent's
         _WORKERS[os.getpid()] = _Workers(_count())
-    return _WORKERS[os.getpid()]
+    workers = _WORKERS[os.getpid()]
+    return workers if workers.take(model) else None
 
 
 def _count() -> int:
@@ -192,14 +195,3 @@ def _count() -> int:
     from joblib import cpu_count
 
     return 1 if multiprocessing.parent_process() is not None else int(cpu_count())
-
-
-@lru_cache(maxsize=64)
-def _can_be_sent(model: Model) -> bool:
-    from joblib.externals.loky.backend.reduction import dumps
-
-    try:
-        dumps(model)
-    except Exception:  # whatever its parts raise
-        return False
-    return True

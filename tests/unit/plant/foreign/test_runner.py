@@ -1,5 +1,8 @@
 """A model that was written elsewhere runs, with its derivatives, as the same equations in deatwin do."""
 
+import sys
+from types import ModuleType
+
 import numpy as np
 import pytest
 from foreign_models import (
@@ -138,6 +141,14 @@ def test_a_crash_costs_one_candidate(model: object) -> None:
     made = native.with_values({"inertia": 1.2e-4}).record(experiment(commands()), np.random.default_rng(3))
     # Starts spread over the range of the inertia; those above 1.3e-4 kg m2 fail.
     assert calibrate(foreign, made).plant.parameters["inertia"].value == pytest.approx(1.2e-4, rel=0.01)
+
+
+def test_a_model_that_no_other_process_finds_runs_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("of_this_process_alone")
+    exec("def motor(parameters, inputs, time):\n    return 0 * time + parameters['drag']", vars(module))
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    _, plant = plants(model=module.motor)
+    assert run(plant, commands()).outputs == pytest.approx(1e-5)
 
 
 def test_what_needs_equations_says_so(tmp_path) -> None:
