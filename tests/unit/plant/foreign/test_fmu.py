@@ -148,6 +148,34 @@ def test_an_fmu_that_deatwin_exported_moves_as_its_plant(tmp_path: Path, late: b
     assert found == pytest.approx(run.outputs[1:], abs=1e-5 * np.ptp(run.outputs))
 
 
+TANK = """
+from pythonfmu import Fmi2Causality, Fmi2Slave, Fmi2Variability, Real
+
+
+class Tank(Fmi2Slave):
+    def __init__(self, **kwargs):
+        super().__init__(**kwargs)
+        self.area, self.inflow, self.level = 2.0, 0.0, 0.0
+        self.register_variable(Real("inflow", causality=Fmi2Causality.input))
+        self.register_variable(Real("level", causality=Fmi2Causality.output))
+        tunable = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.tunable}
+        self.register_variable(Real("area", **tunable))
+
+    def do_step(self, current_time, step_size):
+        self.level += step_size * self.inflow / self.area
+        return True
+"""
+
+
+def test_an_fmu_of_another_tool_runs(tmp_path: Path) -> None:
+    builder = pytest.importorskip("pythonfmu.builder", reason="exports the FMU: pip install pythonfmu").FmuBuilder
+    (tmp_path / "tank.py").write_text(TANK)
+    made = builder.build_FMU(tmp_path / "tank.py", dest=tmp_path)
+    model = FmuModel.of(made, inputs=("inflow",), output="level")
+    inflow = np.repeat([1.0, 0.0, -0.5], 20)
+    assert model({"area": 4.0}, {"inflow": inflow}, 0.1 * np.arange(60)) == pytest.approx(np.cumsum(0.1 * inflow / 4.0))
+
+
 def test_an_fmu_needs_a_file_beside_it(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "motor.fmu").write_bytes((folder / "motor.fmu").read_bytes())
     with pytest.raises(RigError, match=r"motor\.fmu: an FMU needs a file motor\.toml beside it"):
