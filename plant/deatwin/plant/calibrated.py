@@ -149,7 +149,7 @@ class CalibratedPlant(
         """
         plant = self.plant
         timeline = plant.timeline(experiment)
-        run = plant.simulator.run_with_sensitivities(
+        run = plant.runner.run_with_sensitivities(
             timeline.commands,
             start=timeline.start,
             sample_time=timeline.sample_time,

@@ -22,7 +22,7 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.catalogue import rig_kind
-from deatwin.plant.simulate import Progress, Simulator
+from deatwin.plant.simulate import Progress, Runner, Simulator
 from deatwin.plant.simulation import Simulation
 from deatwin.plant.timeline import Timeline
 
@@ -149,8 +149,29 @@ class Plant:
 
     @property
     def equations(self) -> Equations:
-        """Return the plant's differential-algebraic equations."""
+        """Return the plant's differential-algebraic equations.
+
+        Raises
+        ------
+        RigError
+            If the rig's model was written elsewhere, so that its equations are unknown.
+        """
+        if not self.rig.equations_known:
+            raise RigError(
+                f"the equations of a {self.rig.kind} model are unknown: it can be simulated, fitted and diagnosed as a "
+                "whole, but not linearised, exported or put into a control loop"
+            )
         return _equations(_Structure(self))
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the watched signals."""
+        return _equations(_Structure(self)).signals
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the inputs besides the command."""
+        return tuple(_equations(_Structure(self)).channels)
 
     def accepts(self, effect: Effect) -> bool:
         """Tell if an effect can be added to this plant.
@@ -168,7 +189,7 @@ class Plant:
         if effect.name in self.effect_names:
             return False
         try:
-            self.with_effects(effect).equations  # noqa: B018
+            self.with_effects(effect).signals  # noqa: B018  (writes the equations)
         except RigError as error:
             if error.__cause__ is not None:  # the effect's own code raised something: no refusal
                 raise
@@ -176,8 +197,18 @@ class Plant:
         return True
 
     @property
+    def runner(self) -> Runner:
+        """Return what simulates this plant as a whole."""
+        return self.rig.runner(self._compiled, self.parameters)
+
+    @property
     def simulator(self) -> Simulator:
         """Return the compiled equations, which all plants of the same structure in this process share."""
+        self.equations  # noqa: B018  (which must be known)
+        return self._compiled
+
+    @property
+    def _compiled(self) -> Simulator:
         with SIMULATOR_LOCK:  # threads that start together would each write and compile the same equations
             return _simulator(_Structure(self), compiler())
 
@@ -215,7 +246,7 @@ class Plant:
         Simulation
         """
         timeline = self.timeline(experiment)
-        run = self.simulator.run(
+        run = self.runner.run(
             timeline.commands,
             start=timeline.start,
             sample_time=timeline.sample_time,
@@ -224,7 +255,7 @@ class Plant:
             channels=timeline.channels,
             progress=progress,
         )
-        return Simulation.of(run, timeline, self.equations.signals, self.rig.input_unit)
+        return Simulation.of(run, timeline, self.signals, self.rig.input_unit)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:
         """Return the error that remains when this plant is calibrated to finer equations of its rig.

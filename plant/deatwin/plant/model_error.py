@@ -247,7 +247,7 @@ class _Refit:
     def _simulate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pairs = zip(self._free, coordinates, strict=True)
         values = np.array([np.clip(p.scale.to_value(float(x)), p.lower, p.upper) for p, x in pairs])
-        run = self._plant.simulator.run_with_sensitivities(
+        run = self._plant.runner.run_with_sensitivities(
             self._timeline.commands,
             start=self._timeline.start,
             sample_time=self._timeline.sample_time,

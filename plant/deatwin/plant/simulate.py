@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -64,6 +65,35 @@ class Run:
         return self.look_for_snaps()
 
 
+class Runner(Protocol):
+    """What a fit and a diagnosis ask of a plant: its readings under commands, and their derivatives."""
+
+    def run(
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
+        """Simulate from rest. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
+
+    def run_with_sensitivities(
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
+    ) -> Run:
+        """Simulate from rest together with the derivatives by all free parameters."""
+
+
 class Simulator:
     """A plant's equations, made ready to run."""
 
@@ -78,6 +108,12 @@ class Simulator:
         step, (plain, sensitive) = self._single, MARCHES
         marches = {plain: repeated(step.plain, plain, 2), sensitive: repeated(step.sensitive, sensitive, 3)}
         return compile_functions(marches, in_lanes=step.in_lanes, key=key)
+
+    def resting(self, channels: Mapping[str, float]) -> Simulator:
+        """The same with other values of further inputs at rest, by name."""
+        other = copy(self)
+        other.equations = replace(self.equations, channels={**self.equations.channels, **channels})
+        return other
 
     @cached_property
     def _single(self) -> StepFunctions:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
+from deatwin.plant.foreign.modelfile import model_file_of, read_model_file
+from deatwin.plant.imported import RAISED, imported
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.cone import Cone
@@ -27,8 +27,6 @@ KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
     {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure)}
 )
 """Rigs that a rig file can describe, by their kind."""
-_RAISED = (Exception, SystemExit)
-"""Errors that a user's own code may raise; a script without a guard calls `sys.exit`."""
 
 
 def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
@@ -37,8 +35,9 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
     Parameters
     ----------
     source : str, path or RigFile
-        Rig file (``.toml``), as a path or already read; a ``model.json``; or ``module:function``, a function that
-        returns a Plant. Modules are also looked for in the working folder.
+        Rig file (``.toml``), as a path or already read; a file (``.toml``) that names a model written elsewhere, or
+        the FMU (``.fmu``) beside which it lies; a ``model.json``; or ``module:function``, a function that returns a
+        Plant. Modules are also looked for in the working folder.
 
     Returns
     -------
@@ -57,10 +56,12 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
         return CalibratedPlant.load(text)
     if ":" in text and not Path(text).exists():
         return CalibratedPlant.nominal(_call(text))
+    if (described := model_file_of(text)) is not None:
+        return CalibratedPlant.nominal(read_model_file(described))
     if not text.endswith(".toml") and not Path(text).is_file():
-        beside = [entry.name for entry in Path().glob("*.*") if entry.suffix in (".toml", ".json")]
+        beside = [entry.name for entry in Path().glob("*.*") if entry.suffix in (".toml", ".fmu", ".json")]
         raise RigError(
-            f"{text}: no such rig; give a rig file (.toml), a model.json or module:function{nearest(text, beside)}"
+            f"{text}: no such rig; give a rig file (.toml), an FMU (.fmu), a model.json or module:function{nearest(text, beside)}"
         )
     return _of_rig_file(read_rig(text))
 
@@ -74,21 +75,11 @@ def _of_rig_file(described: RigFile) -> CalibratedPlant:
 
 
 def _call(text: str) -> Plant:
-    module_name, _, function_name = text.rpartition(":")
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # stays there: worker processes import the module too
     try:
-        module = importlib.import_module(module_name)
-    except (ImportError, ValueError) as error:  # ValueError: the name is empty
-        raise RigError(f"{text}: cannot be imported: {error}; give module:function") from error
-    except _RAISED as error:
-        raise RigError(f"{text}: {module_name} raised {type(error).__name__}: {error}") from error
-    if not hasattr(module, function_name):
-        hint = nearest(function_name, vars(module))
-        raise RigError(f"{text}: {module_name} has no {function_name!r}{hint}; give module:function")
-    try:
-        plant = getattr(module, function_name)()
-    except _RAISED as error:
+        plant = imported(text)()
+    except RigError:
+        raise
+    except RAISED as error:
         raise RigError(f"{text}: raised {type(error).__name__}: {error}; it must return a Plant") from error
     if not isinstance(plant, Plant):
         raise RigError(f"{text}: returned {type(plant).__name__}; it must return a Plant")

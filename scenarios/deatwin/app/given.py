@@ -14,6 +14,7 @@ from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.files.wanted import header_like, units_like
+from deatwin.plant.foreign.modelfile import model_file_of
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile, read_rig
@@ -45,7 +46,7 @@ class GivenPlant:
         resample: float | None = None,
     ) -> GivenPlant:
         """Load the plant."""
-        described = read_rig(source) if source.endswith(".toml") else None
+        described = read_rig(source) if source.endswith(".toml") and model_file_of(source) is None else None
         model = load_plant(described or source)
         rig = model.plant.rig
         return cls(

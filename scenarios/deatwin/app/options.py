@@ -13,7 +13,7 @@ import typer
 RigSource = Annotated[
     str,
     typer.Argument(
-        metavar="RIG", help="Rig file (.toml), amended model.json, or module:function that returns a Plant."
+        metavar="RIG", help="Rig file (.toml), FMU (.fmu), amended model.json, or module:function that returns a Plant."
     ),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]

@@ -34,6 +34,8 @@ SHAKER = "docs/how-to/own-plant.md"
 ELSEWHERE = {
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
     "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",
+    "diagnose plate:plant heated.csv --out plate": "tests/unit/ident/mismatch/test_foreign.py, in Python, with another model",
+    "diagnose motor.fmu recording.csv --out found": "tests/unit/plant/foreign/test_fmu.py, which simulates with such a file",
     "scenario NAME": "a placeholder: each scenario has commands of its own",
     "scenario NAME --out results/NAME": "the same placeholder",
 }
@@ -88,6 +90,7 @@ MADE_BY = {
 LONG_BLOCKS = {
     ("README.md", 0),
     ("docs/how-to/check-a-controller.md", 0),
+    ("docs/how-to/foreign-models.md", 1),
     ("docs/how-to/own-effect.md", 1),
     ("docs/how-to/which-experiment.md", 1),
 }

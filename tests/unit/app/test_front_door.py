@@ -240,6 +240,7 @@ FRONT_DOOR = (
     "scenarios/deatwin/scenarios/*.py",
     "scenarios/deatwin/app/commands/*.py",
     "plant/deatwin/plant/sources.py",
+    "plant/deatwin/plant/imported.py",
     "plant/deatwin/plant/documents.py",
     "plant/deatwin/plant/checks.py",
     "plant/deatwin/plant/rigs/rigfile.py",

@@ -38,6 +38,7 @@ class Linear:
     """A plant, linearised along its free run through one part of the recordings."""
 
     plant: Plant  # Linearised plant
+    state_names: tuple[str, ...]  # Names of the states x, in order
     openings: tuple[Opening, ...]
     timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
     residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
@@ -56,11 +57,6 @@ class Linear:
     def counted(self) -> NDArray[np.bool_]:
         """True where a reading is used at the end of a sample, shape (n,)."""
         return self.counts > 0
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states x, in order."""
-        return self.plant.equations.states
 
     @cached_property
     def prior(self) -> Array:
@@ -151,6 +147,10 @@ def _blocks(array: Array, size: int) -> Array:
 
 def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
     """Linearise a plant along its free run."""
+    if not plant.rig.equations_known:
+        from deatwin.ident.greybox.filter_foreign import readings_alone  # which makes what is defined here
+
+        return tuple(readings_alone(plant, part) for part in parts)
     chosen = tuple(places(plant) if openings is None else openings)
     step = linear_step(plant, chosen)
     return tuple(_linearised(plant, part, chosen, step) for part in parts)
@@ -190,6 +190,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     unknowns = dict(zip((*equations.states, *equations.coordinates), np.vstack([x.T, z.T]), strict=True))
     return Linear(
         plant=plant,
+        state_names=plant.equations.states,
         openings=openings,
         timepts=timeline.start + timeline.sample_time * np.arange(1.0, n + 1),
         residual=residual,
@@ -266,10 +267,11 @@ class Floor:
 
 
 def _correlation_time(linear: Linear) -> float:
-    """Correlation time of the states, weighted by their contribution to the reading, s."""
+    """Correlation time of the states, weighted by their contribution to the reading, or of the reading, s."""
+    still = np.zeros(linear.residual.size) if linear.state_names else linear.states[linear.plant.rig.output_name]
     motion = sum(
         (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),
-        start=np.zeros(linear.residual.size),
+        start=still,
     )
     motion = motion - motion.mean()
     if not motion.any():

@@ -56,7 +56,7 @@ class Problem:
         for part in self.parts:
             timeline = plant.timeline(part.experiment)
             counted = part.counted(timeline)
-            run = plant.simulator.run_with_sensitivities(
+            run = plant.runner.run_with_sensitivities(
                 timeline.commands[: counted.max() + 1],
                 start=timeline.start,
                 sample_time=timeline.sample_time,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
+from warnings import warn
 
 from deatwin.plant.effects.backlash import Backlash
 from deatwin.plant.effects.base import Effect
@@ -14,6 +15,7 @@ from deatwin.plant.effects.dry_friction import DryFriction
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.relaxation import Relaxation
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.safe_read import clipped
 
 GROUP = "deatwin.effects"
 MACHINES: tuple[type[Effect], ...] = (Backlash, DeadZone, DryFriction, Relaxation)
@@ -22,8 +24,41 @@ MACHINES: tuple[type[Effect], ...] = (Backlash, DeadZone, DryFriction, Relaxatio
 
 @lru_cache(maxsize=1)
 def _types() -> dict[str, type[Effect]]:
-    types = [point.load() for point in entry_points(group=GROUP)]
-    return {t.name: t for t in sorted(types, key=lambda t: t.name)}
+    types: dict[str, type[Effect]] = {}
+    # The project's own first: another effect of its name is left out.
+    for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, not p.value.startswith("deatwin."))):
+        try:
+            kind = _loaded(point)
+            if types.get(kind.name, kind) is not kind:
+                raise RigError(f"{types[kind.name].__module__} already has an effect of this name")
+        except Exception as error:  # whatever somebody else's package may raise
+            said = str(error) if isinstance(error, RigError) else f"{type(error).__name__}: {error}"
+            warn(f"the effect {point.name} ({point.value}) is left out: {clipped(said, 300)}", stacklevel=2)
+            continue
+        types[kind.name] = kind
+    return types
+
+
+def _loaded(point: EntryPoint) -> type[Effect]:
+    """The class of an entry point, if a diagnosis can use it."""
+    kind = point.load()
+    if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        raise RigError("it is no subclass of deatwin.plant.Effect")
+    if missing := [
+        name for name in ("name", "family", "place", "signal", "strength", "wording") if not hasattr(kind, name)
+    ]:
+        raise RigError(f"the class does not say its {', '.join(missing)}")
+    if kind.name != point.name:
+        raise RigError(f"the class calls itself {kind.name!r}; entry point and class need the same name")
+    typical = kind()
+    described = {parameter.name: parameter for parameter in typical.describe()}
+    if described.keys() != {typical.strength, *typical.shapes}:
+        raise RigError(f"it describes {', '.join(described)}; it must describe each of its fields and its strength")
+    strength = described[typical.strength]
+    if not strength.lower <= 0.0 <= strength.upper:
+        raise RigError(f"the range of its strength {strength.name} lacks 0, where the effect is off")
+    typical.wording.format(**dict.fromkeys(described, ""))
+    return kind
 
 
 def catalogue() -> tuple[Effect, ...]:

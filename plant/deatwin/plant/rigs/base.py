@@ -12,13 +12,14 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.parameters import Parameter
+from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.rigs.stated import require_stated
 from deatwin.plant.substance import Material
 
 if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
     from deatwin.plant.model import Plant
+    from deatwin.plant.simulate import Runner, Simulator
 
 
 SOLVED = 1e-6
@@ -89,6 +90,8 @@ class Rig(ABC):
     """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
     follows_at_once: ClassVar[bool] = False
     """True if the reading follows the command without any dynamics."""
+    equations_known: ClassVar[bool] = True
+    """False if a model that was written elsewhere moves the plant, of which `write` gives only what surrounds it."""
     has_film: ClassVar[bool] = False
     """True if an elastomer film moves, whose relaxation is that of its material."""
     sizes: ClassVar[Sizes | None] = None
@@ -137,6 +140,22 @@ class Rig(ABC):
         casadi.SX
             Reading, SI.
         """
+
+    def runner(self, simulator: Simulator, parameters: ParameterSet) -> Runner:
+        """Return what simulates a plant of this rig.
+
+        Parameters
+        ----------
+        simulator : Simulator
+            Equations that `write` and the effects gave.
+        parameters : ParameterSet
+            Parameters of the plant.
+
+        Returns
+        -------
+        Runner
+        """
+        return simulator
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` makes the same rig."""

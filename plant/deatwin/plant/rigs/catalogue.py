@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.rigs.base import Rig
 
 GROUP = "deatwin.rigs"
+FOREIGN = EntryPoint("foreign", "deatwin.plant.foreign.rig:ForeignRig", GROUP)
+"""Holds models of any kind: it is no kind that a rig file could name."""
 
 
 @lru_cache
 def _point_named(name: str) -> type[Rig] | None:
     """Rig of the entry point with this name; other entry points, which may be slow or broken, are not loaded."""
-    kinds = [point.load() for point in entry_points(group=GROUP, name=name)]
+    points = [FOREIGN] if name == FOREIGN.name else entry_points(group=GROUP, name=name)
+    kinds = [point.load() for point in points]
     return next((kind for kind in kinds if kind.kind == name), None)
 
 

@@ -136,7 +136,7 @@ def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
     rig = model.plant.rig
     if prediction.failed_at is None or prediction.failed_command is None:
         raise SimulationError(f"the simulation stopped: {prediction.advice}")
-    parameters, has_film = model.plant.parameters, "film_voltage" in model.plant.equations.signals
+    parameters, has_film = model.plant.parameters, "film_voltage" in model.plant.signals
     volts = prediction.failed_command * parameters["gain"].value if has_film and "gain" in parameters else None
     film = "" if volts is None else f" ({volts:.0f} V on the film)"
     raise SimulationError(

@@ -62,13 +62,14 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
             "Mean residual over each signal, from its lowest to its highest value.",
             lambda figure: location.region.plot(figure.add_subplot()),
         )
-        found["place"] = (
-            (WIDTH, 4.2),
-            "Signals that predict the mismatch",
-            "Share of the mismatch that an unknown function of the signals at each place predicts, before any effect "
-            "is tried.",
-            lambda figure: location.place.plot(figure.add_subplot()),
-        )
+        if location.place.opened:
+            found["place"] = (
+                (WIDTH, 4.2),
+                "Signals that predict the mismatch",
+                "Share of the mismatch that an unknown function of the signals at each place predicts, before any "
+                "effect is tried.",
+                lambda figure: location.place.plot(figure.add_subplot()),
+            )
         if (lines := location.lines) is not None:
             found["lines"] = (
                 (WIDTH, 3.4),

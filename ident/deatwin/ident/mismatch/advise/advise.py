@@ -310,7 +310,7 @@ def _to_measure(
 def _guessed(question: Question, rivals: Sequence[Candidate]) -> list[str]:
     """Channels that an explanation reads and no recording brings."""
     records = [record for part in question.bench.everything for record in part.experiment.recordings]
-    read = {name for rival in rivals for name in rival.calibration.plant.equations.channels}
+    read = {name for rival in rivals for name in rival.calibration.plant.channels}
     return [name for name in CHANNELS if name in read and not any(name in record.extras for record in records)]
 
 

@@ -55,7 +55,7 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
     timeline, rest = plant.timeline(part.experiment), plant.rig.start.rest_command
     n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
     commands, h = timeline.commands[:n], timeline.sample_time
-    run = plant.simulator.run(
+    run = plant.runner.run(
         commands,
         start=timeline.start,
         sample_time=h,
@@ -63,7 +63,7 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
         values=plant.free_values,
         channels=timeline.channels,
     )
-    watched = dict(zip(plant.equations.signals, run.watched if run.watched is not None else (), strict=True))
+    watched = dict(zip(plant.signals, run.watched if run.watched is not None else (), strict=True))
     ends = watched.get(position, run.outputs[1:])
     before = np.concatenate([ends[:1], ends[:-1]])
     found = {

@@ -114,7 +114,7 @@ def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
     """The first place that the rig offers; where nothing is watched that moves, the reading is what moves."""
     preferred = [Opening(place=place, signal=signal) for place, signal in PREFERRED]
     names = {place.value for place in Place}
-    watched = plant.equations.signals
+    watched = plant.signals
     for opening in ([wanted] if wanted is not None else []) + preferred:
         position = POSITION if POSITION in watched else "reading"
         if opening.place not in names:

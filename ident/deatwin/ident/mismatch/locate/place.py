@@ -88,7 +88,7 @@ class Places(Described):
     Parameters
     ----------
     opened : tuple of OpenedPlace
-        All that were opened, the best first.
+        All that were opened, the best first; none of a model that was written elsewhere, which shows its reading alone.
     closure_p_value : float
         Chance that a residual which has nothing to do with the signals would close as well at any place.
     """
@@ -145,7 +145,8 @@ class Places(Described):
         ax.invert_yaxis()
         ax.set_xlim(0, 1)
         ax.set_xlabel("share of the mismatch that the signals there predict")
-        ax.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        if self.opened:
+            ax.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
         return ax
 
 
@@ -200,13 +201,17 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
         )
         for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
     ]
+    comparable = found if plant.rig.equations_known else []  # of a single place nobody can say that it is the best
     return Places(
-        opened=tuple(sorted(found, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
+        opened=tuple(sorted(comparable, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
     )
 
 
 def _openings(plant: Plant) -> tuple[Opening, ...]:
-    """Signals, where the rig declares some besides command and reading; else parameters and states as well."""
+    """Signals, where the rig declares some besides command and reading; else parameters and states as well. A model that
+    was written elsewhere shows its reading alone."""
+    if not plant.rig.equations_known:
+        return ()
     offered = places(plant)
     signals = [o for o in offered if o.place not in (Place.PARAMETER.value, STATE)]
     declared = {o.place for o in signals} - {Place.DRIVE.value, Place.SENSOR.value}

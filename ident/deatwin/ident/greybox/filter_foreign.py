@@ -1,0 +1,50 @@
+"""A plant of a foreign model along its free run: its states are unknown, so that something may enter the reading only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from deatwin.ident.greybox.filter_linear import Linear
+from deatwin.ident.greybox.filter_openings import READING, Opening
+from deatwin.ident.greybox.parts import Part
+from deatwin.plant.errors import SimulationError
+from deatwin.plant.model import Plant
+
+
+def readings_alone(plant: Plant, part: Part) -> Linear:
+    """Linearisation without states, with the readings' derivatives by the parameters."""
+    timeline, rig = plant.timeline(part.experiment), plant.rig
+    at = part.counted(timeline)
+    n = int(at.max()) + 1
+    run = plant.runner.run_with_sensitivities(
+        timeline.commands[:n],
+        start=timeline.start,
+        sample_time=timeline.sample_time,
+        rest_command=rig.start.rest_command,
+        values=plant.free_values,
+        channels=timeline.channels,
+    )
+    if not run.status.ok or run.sensitivities is None:
+        raise SimulationError(run.advice)
+    slopes = [p.scale.slope(p.value) for p in (plant.parameters[name] for name in plant.parameters.free)]
+    residual = np.full(n, np.nan)
+    later = at >= 0
+    residual[at[later]] = part.measured[later] - run.outputs[at[later] + 1]
+    place, signal = READING
+    return Linear(
+        plant=plant,
+        state_names=(),
+        openings=(Opening(place=place, signal=signal),),
+        timepts=timeline.start + timeline.sample_time * np.arange(1.0, n + 1),
+        residual=residual,
+        transition=np.empty((n, 0, 0)),
+        by_parameter=np.empty((n, 0, len(slopes))),
+        rows=np.empty((n, 0)),
+        rows_by_parameter=run.sensitivities[1:] * slopes,
+        start_by_parameter=np.empty((0, len(slopes))),
+        entering=np.empty((n, 0, 1)),
+        rows_entering=np.ones((n, 1)),
+        states={rig.input_name: timeline.commands[:n], rig.output_name: run.outputs[1:]},
+        counts=np.isfinite(residual).astype(float),
+        interval=timeline.sample_time,
+    )

@@ -1,0 +1,197 @@
+"""Calls of a foreign model: in processes of their own, so that a crash costs one call, and never twice the same."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import os
+import signal
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.safe_read import clipped
+
+Array = NDArray[np.float64]
+Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]
+"""``f(parameters, inputs, time) -> readings``."""
+
+KEPT = 512
+"""Answers that a process remembers: those of all derivatives about a few points. Of 1e5 samples, 0.4 GB."""
+CRASHED, TOO_LONG = "its process crashed", "it took too long"
+LOST = (CRASHED, TOO_LONG)
+"""Faults of which another call beside it may be the cause."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Call:
+    """Arguments of a foreign model: numbers, or arrays of shape (n,), by name; `time` (n,)."""
+
+    parameters: Mapping[str, Any]
+    inputs: Mapping[str, Array]
+    time: Array
+    output: str
+
+    def digest(self) -> bytes:
+        """Key of the content."""
+        found = hashlib.sha256(self.output.encode())
+        for name, value in (*self.parameters.items(), *self.inputs.items(), ("", self.time)):
+            found.update(name.encode() + b"\0" + np.ascontiguousarray(value, dtype=float).tobytes())
+        return found.digest()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Answer:
+    """Readings of a foreign model, shape (n,), or the fault that left none."""
+
+    readings: Array | None = None
+    fault: str = ""
+
+
+class _Remembered:
+    """Answers by model and call, the latest ones."""
+
+    def __init__(self) -> None:
+        self._answers: OrderedDict[tuple[Any, bytes], Answer] = OrderedDict()
+
+    def get(self, key: tuple[Any, bytes]) -> Answer | None:
+        """The answer, if it is remembered."""
+        found = self._answers.get(key)
+        if found is not None:
+            self._answers.move_to_end(key)
+        return found
+
+    def put(self, key: tuple[Any, bytes], answer: Answer) -> None:
+        """Remember an answer."""
+        self._answers[key] = answer
+        if len(self._answers) > KEPT:
+            self._answers.popitem(last=False)
+
+
+_REMEMBERED = _Remembered()
+
+
+def answers(model: Model, calls: Sequence[Call], longest: float = np.inf) -> list[Answer]:
+    """Answers of a model, side by side in worker processes if the model can go there, else one after the other.
+
+    A call in a worker process that takes more than `longest` seconds is ended.
+    """
+    keys = [(model, call.digest()) for call in calls]
+    found = {key: answer for key in keys if (answer := _REMEMBERED.get(key)) is not None}
+    new = {key: call for key, call in zip(keys, calls, strict=True) if key not in found}
+    for key, answer in zip(new, _called(model, list(new.values()), longest), strict=True):
+        found[key] = answer
+        _REMEMBERED.put(key, answer)
+    return [found[key] for key in keys]
+
+
+def _called(model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
+    workers = _workers_for(model) if calls else None
+    if workers is None:
+        return [_answer(model, call) for call in calls]
+    return workers.answers(model, calls, longest)
+
+
+def _answer(model: Model, call: Call) -> Answer:
+    """One call; whatever a foreign model raises is one line."""
+    try:
+        # Copies: what a model writes into its arguments is no business of the next one.
+        given = model(
+            dict(call.parameters), {name: np.array(u) for name, u in call.inputs.items()}, np.array(call.time)
+        )
+        chosen = given[call.output] if isinstance(given, Mapping) else given
+        readings = np.array(chosen, dtype=float)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        said = f": {clipped(lines[-1], 160)}" if lines else ""
+        return Answer(fault=f"it raised {type(error).__name__}{said}")
+    readings = readings[0] if readings.shape == (1, call.time.size) else readings
+    if readings.shape != call.time.shape:
+        return Answer(fault=f"it returned readings of shape {readings.shape} for times of shape {call.time.shape}")
+    if not np.isfinite(readings).all():
+        at = call.time[int(np.argmin(np.isfinite(readings)))]
+        return Answer(fault=f"its reading at {at:.6g} s is not a finite number")
+    return Answer(readings=readings)
+
+
+class _Workers:
+    """Processes that call one model after the other."""
+
+    def __init__(self, count: int) -> None:
+        self._count, self._pool = count, _pool(count)
+        self._taken: dict[Model, bool] = {}
+
+    def take(self, model: Model) -> bool:
+        """Whether the processes can load a model: it can be pickled, and they find its module."""
+        if model not in self._taken:
+            try:
+                self._taken[model] = bool(self._submitted(callable, model).result())
+            except Exception:  # whatever its parts raise, or a process that did not survive them
+                self._taken[model] = False
+        return self._taken[model]
+
+    def answers(self, model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
+        """Answers in order; after a crash, or a call that took too long, each that had none is tried alone."""
+        futures = [self._submitted(_answer, model, call) for call in calls]
+        found = [self._result(future, longest) for future in futures]
+        return [
+            self._alone(model, call, longest) if a.fault in LOST else a for a, call in zip(found, calls, strict=True)
+        ]
+
+    def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return self._pool.submit(function, *arguments)
+        except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
+            self._pool = _pool(self._count)
+            self._pool.submit(abs, 0).result()  # the start of a process is no part of a call
+            return self._pool.submit(function, *arguments)
+
+    def _result(self, future: Any, longest: float) -> Answer:
+        try:
+            answer: Answer = future.result(None if np.isinf(longest) else longest)
+        except TimeoutError:
+            self._pool.shutdown(kill_workers=True)
+            return Answer(fault=TOO_LONG)
+        except (BrokenExecutor, CancelledError):
+            return Answer(fault=CRASHED)
+        return answer
+
+    def _alone(self, model: Model, call: Call, longest: float) -> Answer:
+        return self._result(self._submitted(_answer, model, call), longest)
+
+
+def _pool(count: int) -> Any:
+    from joblib.externals.loky import ProcessPoolExecutor
+
+    one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+    return ProcessPoolExecutor(max_workers=count, env=one_thread, initializer=_ignore_interrupts)
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that waits for the answers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+_WORKERS: dict[int, _Workers] = {}
+
+
+def _workers_for(model: Model) -> _Workers | None:
+    """The processes of this one; None if the model cannot be sent to another process."""
+    if os.getpid() not in _WORKERS:  # a process that was forked has none of its parent's
+        _WORKERS[os.getpid()] = _Workers(_count())
+    workers = _WORKERS[os.getpid()]
+    return workers if workers.take(model) else None
+
+
+def _count() -> int:
+    """One in a worker process of a study, whose candidates already use the cores; else one a core."""
+    from joblib import cpu_count
+
+    return 1 if multiprocessing.parent_process() is not None else int(cpu_count())

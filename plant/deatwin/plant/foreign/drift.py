@@ -1,0 +1,76 @@
+"""Slow drift of a parameter of a foreign model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.laws.permittivity import relaxing
+from deatwin.plant.parameters import Parameter, Scale
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterDrift(Effect):
+    r"""A parameter of the plant relaxes from one value to another during the experiment.
+
+    .. math:: p(t) = p\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
+
+    No state: the clock is known, and nothing drifts before clock 0. Signature: the motion changes slowly, as it does
+    when that parameter is changed. Off at a = 0.
+
+    Parameters
+    ----------
+    relative_change : float
+        a, the final relative change.
+    time : float
+        :math:`\tau` in s.
+    parameter : str
+        Name of the plant's parameter that drifts. The effect is called by it, ``drift_of_stiffness``.
+
+    References
+    ----------
+    Relaxation as one Debye process.
+    """
+
+    relative_change: float = -0.1
+    time: float = 300.0
+    parameter: str
+
+    family: ClassVar[Family] = Family.ENVIRONMENT
+    place: ClassVar[Place] = Place.PARAMETER
+    strength: ClassVar[str] = "relative_change"
+
+    @property
+    def name(self) -> str:  # type: ignore[override]
+        """Canonical name."""
+        return f"drift_of_{self.parameter}"
+
+    @property
+    def signal(self) -> str:  # type: ignore[override]
+        """Name of the parameter that drifts."""
+        return self.parameter
+
+    @property
+    def wording(self) -> str:  # type: ignore[override]
+        """Sentence of a verdict."""
+        words = self.parameter.replace("_", " ").replace("{", "{{").replace("}", "}}")
+        return f"The parameter {words} drifts by {{relative_change}} with a time constant of {{time}}"
+
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """Names of the parameters other than the strength."""
+        return ("time",)
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            # A parameter that changed its sign would be another thing.
+            Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.9, upper=4.0),
+            Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, scale=Scale.LOGARITHMIC),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        return relaxing(build.time, signal, self.own("relative_change", build), self.own("time", build))

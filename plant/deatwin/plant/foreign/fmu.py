@@ -1,0 +1,277 @@
+"""FMUs of versions 2.0 and 3.0 as models, run by FMPy."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.files.formats.optional import require
+from deatwin.plant.files.units import UNITS, Unit, find_unit
+from deatwin.plant.integrator.compiled import cache_folder
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.safe_read import reason
+
+Array = NDArray[np.float64]
+
+REAL = ("Real", "Float64", "Float32")
+KINDS: Mapping[str, tuple[str, str]] = {
+    "co-simulation": ("CoSimulation", "coSimulation"),
+    "model exchange": ("ModelExchange", "modelExchange"),
+}
+"""Kinds of FMUs: names that FMPy has for them as a type, and as a part of a description."""
+TOLERANCE = 1e-8
+"""Relative tolerance of the solver: below the cube of the step, 1e-3, of the derivatives' differences there is nothing
+to gain."""
+BEHIND = 1e-6
+"""Share of a sample by which a command comes after the reading before it, so that a reading that follows at once is
+that of the sample which ends."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmuModel:
+    """An FMU as ``model(parameters, inputs, time) -> readings``, instantiated anew for each call.
+
+    Inputs and readings are in SI units, parameters in those that the FMU declares.
+
+    Parameters
+    ----------
+    path : str
+        The FMU.
+    digest : str
+        SHA-256 of the file: results belong to this content.
+    inputs : tuple of str
+        Variables that are inputs.
+    output : str
+        Variable that is read.
+    kind : str
+        ``"co-simulation"`` or ``"model exchange"``.
+    reading : ReadingTime
+        Time within a row at which the reading is taken.
+    units : tuple of tuple of str
+        Units of inputs and output in the FMU: pairs of a name and a unit.
+    """
+
+    path: str
+    digest: str
+    inputs: tuple[str, ...]
+    output: str
+    kind: str
+    reading: ReadingTime = ReadingTime.END_OF_HOLD
+    units: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        inputs: tuple[str, ...],
+        output: str,
+        kind: str | None = None,
+        reading: ReadingTime = ReadingTime.END_OF_HOLD,
+        units: Mapping[str, str] | None = None,
+    ) -> Self:
+        """Return the model of an FMU.
+
+        Parameters
+        ----------
+        path : str or path-like
+            The FMU.
+        inputs : tuple of str
+            Variables that are inputs, the command first.
+        output : str
+            Variable that is read.
+        kind : str, optional
+            ``"co-simulation"`` or ``"model exchange"``; the first of them that the FMU offers by default.
+        reading : ReadingTime
+            Time within a row at which the reading is taken.
+        units : mapping of str to str, optional
+            Units of inputs and output that the FMU does not declare.
+
+        Returns
+        -------
+        FmuModel
+
+        Raises
+        ------
+        RigError
+            If the file is no FMU, or has no such variable or kind.
+        """
+        where, digest = os.path.abspath(path), _digest(path)
+        described, _ = _unpacked(where, digest)
+        offered = [name for name, (_, part) in KINDS.items() if getattr(described, part) is not None]
+        chosen = kind or next(iter(offered), "")
+        if chosen not in offered:
+            raise RigError(f"{path}: it offers {' and '.join(offered) or 'no simulation'}, not {chosen or 'one'}")
+        known = {**declared_units(where, digest), **(units or {})}
+        for name in inputs:
+            _variable(described, path, name, "input", ("input",))
+        _variable(described, path, output, "output", ("output", "local", "calculatedParameter"))
+        return cls(
+            path=where,
+            digest=digest,
+            inputs=inputs,
+            output=output,
+            kind=chosen,
+            reading=reading,
+            units=tuple((name, known.get(name, "")) for name in (*inputs, output)),
+        )
+
+    def si_unit(self, name: str) -> str:
+        """Return the SI unit of an input or of the output.
+
+        Parameters
+        ----------
+        name : str
+            Variable of the FMU.
+
+        Returns
+        -------
+        str
+            Unit of the same kind as the FMU's; that itself if it is not known here, ``"1"`` if there is none.
+        """
+        text = dict(self.units)[name]
+        return self._unit(name).si or text or "1"
+
+    def _unit(self, name: str) -> Unit:
+        return UNITS[find_unit(dict(self.units)[name])]
+
+    def __call__(self, parameters: Mapping[str, Any], inputs: Mapping[str, Array], time: Array) -> Array:
+        """Return the readings; whatever stops the FMU is an error.
+
+        Parameters
+        ----------
+        parameters : mapping of str to float, or to ndarray of shape (n,)
+            Values of variables; an array gives a tunable one the value of each row.
+        inputs : mapping of str to ndarray, each of shape (n,)
+            Values held from each row to the next, SI.
+        time : ndarray, shape (n,)
+            Times of the rows, s; uniform.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Readings, SI.
+
+        Raises
+        ------
+        RuntimeError
+            If the FMU stops before the end.
+        """
+        described, folder = _unpacked(self.path, self.digest)
+        interval = float(time[1] - time[0]) if time.size > 1 else 1.0
+        varying = {name: np.asarray(value) for name, value in parameters.items() if np.ndim(value)}
+        held = {name: self._unit(name).from_si(inputs[name]) for name in self.inputs} | varying
+        said: list[str] = []
+        try:
+            result = _fmpy().simulate_fmu(
+                folder,
+                validate=False,
+                model_description=described,
+                fmi_type=KINDS[self.kind][0],
+                start_time=float(time[0]),
+                stop_time=float(time[0]) + interval * time.size,
+                output_interval=interval,
+                relative_tolerance=TOLERANCE,
+                record_events=False,
+                start_values={n: float(v[0]) if np.ndim(v) else float(v) for n, v in parameters.items()},
+                input=_signals(held, time, interval, jumps=self.kind == "model exchange"),
+                output=[self.output],
+                logger=lambda *arguments: said.append(_text(arguments[-1])),
+            )
+        except Exception as error:
+            raise RuntimeError(f"{reason(error)}{f' ({said[-1]})' if said else ''}") from error
+        rows = result[self.output]
+        if len(rows) <= time.size:
+            raise RuntimeError(f"the FMU stopped at {result['time'][-1]:.6g} s{f': {said[-1]}' if said else ''}")
+        read = rows[1 : time.size + 1] if self.reading is ReadingTime.END_OF_HOLD else rows[: time.size]
+        return self._unit(self.output).to_si(np.asarray(read, dtype=float))
+
+
+def declared_units(path: str, digest: str) -> dict[str, str]:
+    """Units that an FMU declares, by variable."""
+    variables = _unpacked(path, digest)[0].modelVariables
+    return {v.name: v.unit or getattr(v.declaredType, "unit", None) or "" for v in variables}
+
+
+def parameter_of(model: FmuModel, name: str) -> Any:
+    """The description of a real parameter or initial state of an FMU, with `start`, `min`, `max` and `variability`."""
+    described, _ = _unpacked(model.path, model.digest)
+    found = _variable(described, model.path, name, "parameter", ("parameter", "local", "output"))
+    if found.causality != "parameter" and found.initial != "exact":
+        raise RigError(f"{model.path}: {name} is computed by the FMU; only parameters and initial values can be set")
+    return found
+
+
+def _variable(described: Any, path: Any, name: str, role: str, causalities: tuple[str, ...]) -> Any:
+    real = {v.name: v for v in described.modelVariables if v.type in REAL and v.causality in causalities}
+    if name not in real:
+        known = [n for n, v in real.items() if v.causality == role]
+        listed = f" (it has {', '.join(known[:12])}{', ...' if len(known) > 12 else ''})" if known else ""
+        raise RigError(f"{path}: the FMU has no real {role} {name!r}{nearest(name, known)}{listed}")
+    return real[name]
+
+
+def _signals(held: Mapping[str, Array], time: Array, interval: float, *, jumps: bool) -> Array:
+    """Inputs as FMPy takes them; a solver that runs through gets each change as a jump just after the row's time."""
+    stamps = np.append(time, time[-1] + interval)
+    rows = np.append(np.arange(time.size), time.size - 1)
+    if jumps:
+        changed = 1 + np.flatnonzero(np.any([np.diff(values) != 0 for values in held.values()], axis=0))
+        at = np.repeat(time[changed] + BEHIND * interval, 2)
+        stamps = np.concatenate([time[:1], at, stamps[-1:]])
+        rows = np.concatenate([[0], np.ravel([changed - 1, changed], order="F"), [time.size - 1]])
+    table = np.zeros(stamps.size, dtype=[("time", float), *((name, float) for name in held)])
+    table["time"] = stamps
+    for name, values in held.items():
+        table[name] = values[rows]
+    return table
+
+
+def _text(message: Any) -> str:
+    return message.decode("utf-8", "replace").strip() if isinstance(message, bytes) else str(message)
+
+
+def _fmpy() -> Any:
+    return require("fmpy", "an FMU")
+
+
+def _digest(path: str | os.PathLike[str]) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except OSError as error:
+        raise RigError(f"{path}: the FMU cannot be read: {error.strerror}") from None
+
+
+@lru_cache(maxsize=16)
+def _unpacked(path: str, digest: str) -> tuple[Any, str]:
+    """Description and folder of an FMU, which all processes of this user share."""
+    fmpy = _fmpy()
+    if (found := _digest(path)) != digest:
+        raise RigError(f"{path}: the FMU has changed since this plant was saved ({found[:8]}, not {digest[:8]})")
+    folder = cache_folder() / "fmu" / digest[:32]
+    try:
+        if not folder.is_dir():
+            folder.parent.mkdir(mode=0o700, exist_ok=True)
+            beside = mkdtemp(dir=folder.parent)
+            fmpy.extract(path, unzipdir=beside)
+            try:
+                os.rename(beside, folder)
+            except OSError:  # another process was faster
+                shutil.rmtree(beside)
+        described = fmpy.read_model_description(str(folder), validate=False)
+    except Exception as error:
+        raise RigError(f"{path}: it cannot be read as an FMU: {reason(error)}") from None
+    if not str(described.fmiVersion).startswith(("2.", "3.")):
+        raise RigError(f"{path}: it is an FMU of version {described.fmiVersion}; 2.0 and 3.0 can be run")
+    return described, str(folder)

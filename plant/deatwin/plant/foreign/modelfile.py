@@ -1,0 +1,264 @@
+"""Model files in TOML: names an FMU or a Python function as a plant, with what an experimenter knows of it.
+
+| section | key | range | default |
+|---|---|---|---|
+| model | file, or function | an FMU beside the file, or module:function | one of them is required |
+| model | kind | "co-simulation" or "model exchange" | the first that the FMU offers |
+| input, output | name | variable of the FMU, or name for the function | required |
+| input, output | unit | text | that of the FMU; required for a function |
+| input, output | size | above 0: typical, in that unit | required |
+| input | rest | number, in that unit: command before the first row | 0 |
+| output | noise | 0 or more: rms, in that unit | required |
+| time | sample_rate_Hz | above 0 | required |
+| time | period_s | above 0: typical time of the motion | required |
+| time | reading | "end of hold" or "start of hold" | "end of hold" |
+| parameters.NAME | value | number | the FMU's start value; required for a function |
+| parameters.NAME | lower, upper | numbers | the FMU's min and max; required if it has none |
+| parameters.NAME | unit | text | that of the FMU, or "1" |
+| parameters.NAME | logarithmic, known, varying | true or false | false |
+| channels | NAME | number: further measured input, and value for recordings without it | none |
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.errors import DeatwinError, RigError, nearest
+from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.foreign.calls import Model
+from deatwin.plant.foreign.fmu import KINDS, FmuModel, declared_units, parameter_of
+from deatwin.plant.foreign.rig import ForeignRig
+from deatwin.plant.imported import imported
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
+
+KEYS: Mapping[str, tuple[str, ...]] = {
+    "model": ("file", "function", "kind"),
+    "input": ("name", "unit", "size", "rest"),
+    "output": ("name", "unit", "size", "noise"),
+    "time": ("sample_rate_Hz", "period_s", "reading"),
+}
+OF_PARAMETER = ("value", "lower", "upper", "unit", "logarithmic", "known", "varying")
+
+
+def model_file_of(source: str | os.PathLike[str]) -> Path | None:
+    """The model file of a source: itself, or for an FMU the one beside it; None for another kind of source."""
+    path = Path(source)
+    if path.suffix == ".fmu":
+        beside = path.with_suffix(".toml")
+        if not beside.is_file():
+            raise RigError(
+                f"{path}: an FMU needs a file {beside.name} beside it, which names input, output and parameters; "
+                "the page on models written elsewhere shows one"
+            )
+        return beside
+    if path.suffix != ".toml" or not path.is_file():
+        return None
+    try:
+        return path if "model" in _table(path) else None
+    except RigError:
+        return None  # a rig file tells its mistakes better
+
+
+def read_model_file(path: str | os.PathLike[str]) -> Plant:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : str or path-like
+        TOML file; the page "Models written elsewhere" explains its sections and keys.
+
+    Returns
+    -------
+    Plant
+
+    Raises
+    ------
+    RigError
+        If the file or the model that it names cannot be read, or a key is missing, unknown or wrong.
+    """
+    try:
+        return _File(path=Path(path), data=_table(path)).plant()
+    except DeatwinError as error:
+        said = str(error)
+        raise RigError(said if said.startswith(str(path)) else f"{path}: {said}") from error
+
+
+def _table(path: str | os.PathLike[str]) -> dict[str, Any]:
+    try:
+        content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
+        return tomllib.loads(content.decode("utf-8-sig"))
+    except OSError as error:
+        raise RigError(f"{path}: the model file cannot be read: {error.strerror}") from None
+    except RigError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise RigError(f"{path}: not TOML: {clipped(error, 200)}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    """The content of a model file."""
+
+    path: Path
+    data: Mapping[str, Any]
+
+    def plant(self) -> Plant:
+        self._require_known()
+        reading = self._reading()
+        command, read = self._text("input", "name"), self._text("output", "name")
+        channels = tuple((name, self._number("channels", name)) for name in self._section("channels", required=False))
+        units = {self._text(s, "name"): self._text(s, "unit", "") for s in ("input", "output")}
+        model: Model
+        fmu = None
+        if "file" in self._section("model"):
+            fmu = model = FmuModel.of(
+                self.path.parent / self._text("model", "file"),
+                inputs=(command, *(name for name, _ in channels)),
+                output=read,
+                kind=self._text("model", "kind", "", tuple(KINDS)) or None,
+                reading=reading,
+                units={name: unit for name, unit in units.items() if unit},
+            )
+            shown = {name: fmu.si_unit(name) for name in units}
+            units = dict(fmu.units)
+        else:
+            model = imported(self._text("model", "function"))
+            units = {self._text(s, "name"): self._text(s, "unit") for s in ("input", "output")}
+            shown = units
+        of_command, of_reading = (_Converted(fmu is not None, units[name]) for name in (command, read))
+        return Plant(
+            rig=ForeignRig(
+                model=model,
+                parameters=tuple(self._parameter(name, fmu) for name in self._section("parameters", required=False)),
+                varying=tuple(
+                    name
+                    for name in self._section("parameters", required=False)
+                    if self._flag(f"parameters.{name}", "varying")
+                ),
+                sizes=Sizes(
+                    motion=of_reading.width(self._above_zero("output", "size")),
+                    motion_unit=shown[read],
+                    command=of_command.width(self._above_zero("input", "size")),
+                    command_unit=shown[command],
+                    period=self._above_zero("time", "period_s"),
+                ),
+                sample_time=1 / self._above_zero("time", "sample_rate_Hz"),
+                noise=of_reading.width(self._number("output", "noise")),
+                reading=reading,
+                input_name=command,
+                input_unit=shown[command],
+                output_name=read,
+                output_unit=shown[read],
+                rest_command=of_command.value(self._number("input", "rest", 0.0)),
+                channels=channels,
+            )
+        )
+
+    def _require_known(self) -> None:
+        for name in self.data:
+            if name not in (*KEYS, "parameters", "channels"):
+                raise RigError(f"[{clipped(name)}] is no section of a model file{nearest(name, (*KEYS, 'parameters'))}")
+        for section, keys in KEYS.items():
+            for key in self._section(section):
+                if key not in keys:
+                    raise RigError(f"[{section}] {clipped(key)} is no key of a model file{nearest(key, keys)}")
+        for name in self._section("parameters", required=False):
+            for key in self._section(f"parameters.{name}"):
+                if key not in OF_PARAMETER:
+                    raise RigError(f"[parameters.{name}] {clipped(key)} is no key{nearest(key, OF_PARAMETER)}")
+        if len({"file", "function"} & self._section("model").keys()) != 1:
+            raise RigError("[model] needs either file, an FMU, or function, module:function")
+
+    def _reading(self) -> ReadingTime:
+        choices = tuple(one.value for one in ReadingTime)
+        return ReadingTime(self._text("time", "reading", ReadingTime.END_OF_HOLD.value, choices))
+
+    def _parameter(self, name: str, fmu: FmuModel | None) -> Parameter:
+        at = f"parameters.{name}"
+        start = lower = upper = None
+        unit = "1"
+        if fmu is not None:
+            declared = parameter_of(fmu, name)
+            start, lower, upper = (
+                None if x is None else float(x) for x in (declared.start, declared.min, declared.max)
+            )
+            unit = declared_units(fmu.path, fmu.digest)[name] or "1"
+            if self._flag(at, "varying") and declared.variability != "tunable":
+                raise RigError(f"[{at}] varying: the FMU says that it is {declared.variability}, not tunable")
+        logarithmic = self._flag(at, "logarithmic")
+        return Parameter(
+            name=name,
+            value=self._number(at, "value", start),
+            lower=self._number(at, "lower", lower),
+            upper=self._number(at, "upper", upper),
+            unit=self._text(at, "unit", unit),
+            scale=Scale.LOGARITHMIC if logarithmic else Scale.LINEAR,
+            known=self._flag(at, "known"),
+            source=self.path.name,
+        )
+
+    def _section(self, name: str, *, required: bool = True) -> Mapping[str, Any]:
+        found: Any = self.data
+        for part in name.split(".", 1):
+            found = found.get(part)
+            if found is None and not required:
+                return {}
+            if not isinstance(found, Mapping):
+                raise RigError(
+                    f"the section [{clipped(name)}] is missing" if found is None else f"[{name}] is no table"
+                )
+        return found
+
+    def _number(self, section: str, key: str, default: float | None = None) -> float:
+        value = self._section(section).get(key, default)
+        if value is None:
+            raise RigError(f"[{section}] {key} is missing: give a number")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < float("inf"):
+            raise RigError(f"[{section}] {key} = {clipped(value)}; it must be a number")
+        return float(value)
+
+    def _above_zero(self, section: str, key: str) -> float:
+        if not (value := self._number(section, key)) > 0:
+            raise RigError(f"[{section}] {key} = {value:g}; it must be above 0")
+        return value
+
+    def _flag(self, section: str, key: str) -> bool:
+        value = self._section(section).get(key, False)
+        if not isinstance(value, bool):
+            raise RigError(f"[{section}] {key} = {clipped(value)}; it must be true or false")
+        return value
+
+    def _text(self, section: str, key: str, default: str | None = None, choices: tuple[str, ...] = ()) -> str:
+        value = self._section(section).get(key, default)
+        if value is None:
+            raise RigError(f"[{section}] {key} is missing: give a text in quotes")
+        if not isinstance(value, str) or (choices and value and value not in choices):
+            allowed = " or ".join(f'"{c}"' for c in choices) or "a text in quotes"
+            raise RigError(f"[{section}] {key} = {clipped(value)}; it must be {allowed}")
+        return value
+
+
+@dataclass(frozen=True)
+class _Converted:
+    """Numbers of a file in the unit of an FMU's variable, brought to SI; those of a function stay."""
+
+    converts: bool
+    unit: str
+
+    def width(self, value: float) -> float:
+        unit = UNITS[find_unit(self.unit)]
+        return value * unit.numerator / unit.denominator if self.converts else value
+
+    def value(self, number: float) -> float:
+        return float(UNITS[find_unit(self.unit)].to_si(np.array(number))) if self.converts else number

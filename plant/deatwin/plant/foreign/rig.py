@@ -1,0 +1,195 @@
+"""A rig whose model was written elsewhere, between a drive and a sensor to which effects can be added."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import isfinite
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+from deatwin.plant.builder import Builder
+from deatwin.plant.chain import MeasuringChain
+from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.foreign.calls import Model
+from deatwin.plant.foreign.drift import ParameterDrift
+from deatwin.plant.foreign.fmu import FmuModel
+from deatwin.plant.foreign.runner import AFTER, APPLIED, BEFORE, VARYING, ForeignRunner
+from deatwin.plant.parameters import Parameter, ParameterSet, Scale
+from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+
+if TYPE_CHECKING:
+    from deatwin.plant.simulate import Runner, Simulator
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForeignRig(Rig):
+    """A rig of which a Python callable gives the readings.
+
+    The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` the
+    names of the command and of the channels to arrays of shape (n,), `time` has shape (n,), s. The readings, shape
+    (n,), or a mapping of names to such arrays, belong to the rows of a recording that has these commands and times. The
+    same arguments must give the same readings, whoever calls. The times are uniform, from the first row of an
+    experiment to its last; the model knows in which state it begins.
+
+    Effects act on the command before the callable gets it (its mean over each sample), on the readings that come back,
+    and on the parameters in `varying`. Derivatives are central differences, which worker processes compute side by side
+    if the callable can be pickled. An error or a crash of the callable ends only the simulation that met it.
+
+    Parameters
+    ----------
+    model : callable
+        The model; a function, or an object that can be hashed.
+    parameters : tuple of Parameter
+        Its parameters, with values, units and ranges.
+    sizes : Sizes
+        Typical command and reading, and a typical time of the motion, by which the ranges of effects are scaled.
+    input_name, input_unit : str
+        Name and unit of the command.
+    output_name, output_unit : str
+        Name and unit of the reading.
+    channels : tuple of tuple of str and float
+        Further inputs that recordings measure: name, and value for recordings without it.
+    rest_command : float
+        Command before the first row.
+    varying : tuple of str
+        Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
+    step : float
+        Step of the differences as a share of a parameter's value (of a tenth of its range, if that is larger and the
+        parameter moves linearly). Its cube should not be below the relative rounding error of the readings, that of an
+        adaptive solver included.
+
+    longest : float
+        Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
+
+    Raises
+    ------
+    RigError
+        If the model cannot be called or hashed, or a varying parameter is unknown.
+    """
+
+    model: Model
+    parameters: tuple[Parameter, ...] = ()
+    sizes: Sizes  # type: ignore[misc]
+    input_name: str  # type: ignore[misc]
+    input_unit: str  # type: ignore[misc]
+    output_name: str  # type: ignore[misc]
+    output_unit: str  # type: ignore[misc]
+    channels: tuple[tuple[str, float], ...] = ()
+    rest_command: float = 0.0
+    varying: tuple[str, ...] = ()
+    step: float = 1e-3
+    longest: float = float("inf")
+
+    kind: ClassVar[str] = "foreign"
+    equations_known: ClassVar[bool] = False
+    follows_at_once: ClassVar[bool] = True
+    """The command is a mean over each sample, so that a delay need not divide it."""
+
+    def __post_init__(self) -> None:
+        if not callable(self.model):
+            raise RigError(f"a foreign model must be callable; a {type(self.model).__name__} is not")
+        try:
+            hash(self.model)
+        except TypeError:
+            raise RigError(
+                f"a {type(self.model).__name__} has no hash: make it a function or a frozen dataclass"
+            ) from None
+        known = ParameterSet(self.parameters)
+        for name in self.varying:
+            if name not in known:
+                raise RigError(f"{name} varies, but is no parameter{nearest(name, known)}")
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=self.rest_command)
+
+    def effects(self) -> tuple[Effect, ...]:
+        return (*super().effects(), *(ParameterDrift(parameter=name) for name in self.varying))
+
+    def write(self, build: Builder) -> Any:
+        applied = build.place(Place.DRIVE, "amplifier_voltage", build.place(Place.DRIVE, "command", build.command))
+        if applied is not build.command:
+            # The foreign model takes one command a sample: the integral of what varies within it.
+            integral = build.state(APPLIED, scale=self.sizes.command * self.sample_time, start=0.0)
+            build.rate(integral, applied)
+            build.watch(APPLIED, integral)
+        for name in self.varying:
+            if (value := build.parameter(name)) is not build.own(name):
+                build.watch(VARYING + name, value)
+        before, after = build.channel(BEFORE, 0.0), build.channel(AFTER, 0.0)
+        share = (build.time - build.sample_start) / build.sample_time
+        return build.place(Place.SENSOR, "reading", before + share * (after - before))
+
+    def runner(self, simulator: Simulator, parameters: ParameterSet) -> Runner:
+        return ForeignRunner(self, simulator, parameters)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data. A function is named, not saved: who reads a file must have imported its module."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters")}
+        return {
+            **plain,
+            "longest": self.longest if isfinite(self.longest) else None,  # JSON has no infinity
+            "reading": self.reading.value,
+            "chain": None if self.chain is None else asdict(self.chain),
+            "sizes": asdict(self.sizes),
+            "own": [{**asdict(p), "scale": p.scale.value} for p in self.parameters],
+            "model": self.model_to_dict(),
+        }
+
+    def model_to_dict(self) -> Any:
+        """Return plain data from which `model_from_dict` finds the model."""
+        if isinstance(self.model, FmuModel):
+            return {**asdict(self.model), "reading": self.model.reading.value}
+        named = getattr(self.model, "__qualname__", type(self.model).__qualname__)
+        return f"{getattr(self.model, '__module__', '')}:{named}"
+
+    @classmethod
+    def model_from_dict(cls, data: Any) -> Model:
+        """Return the model that `model_to_dict` described.
+
+        Parameters
+        ----------
+        data : str or mapping
+            ``module:name``, or the fields of an FMU.
+
+        Raises
+        ------
+        RigError
+            If this program has not imported such a model.
+        """
+        if isinstance(data, Mapping):
+            tuples = {"inputs": tuple(data["inputs"]), "units": tuple((str(n), str(u)) for n, u in data["units"])}
+            return FmuModel(**{**data, **tuples, "reading": ReadingTime(data["reading"])})
+        module, _, name = str(data).partition(":")
+        found: Any = sys.modules.get(module)
+        for part in name.split("."):
+            found = getattr(found, part, None)
+        if not callable(found):
+            raise RigError(
+                f"the file names the model {data}, which this program has not imported: import {module} first, in a "
+                "program of yours or in the module:function of the command line"
+            )
+        return found
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        own = {**data}
+        limits, chain = own.pop("command_range"), own.pop("chain", None)
+        parameters = tuple(Parameter(**{**p, "scale": Scale(p["scale"])}) for p in own.pop("own"))
+        return cls(
+            **{
+                **own,
+                "model": cls.model_from_dict(own["model"]),
+                "parameters": parameters,
+                "longest": float("inf") if own["longest"] is None else float(own["longest"]),
+                "sizes": Sizes(**own["sizes"]),
+                "channels": tuple((str(name), float(value)) for name, value in own["channels"]),
+                "varying": tuple(own["varying"]),
+                "reading": ReadingTime(own["reading"]),
+                "command_range": tuple(limits) if limits else None,
+                "chain": MeasuringChain.from_dict(chain) if chain else None,
+            }
+        )

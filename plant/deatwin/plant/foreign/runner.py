@@ -1,0 +1,191 @@
+"""Simulation of a foreign model between the effects before and behind it, with derivatives by differences.
+
+The equations of drive and sensor run twice. A first run gives the commands, and the parameters that vary; with these
+the model is called; in a second run its readings, linear within a sample, pass the sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.foreign.calls import Answer, Call, answers
+from deatwin.plant.parameters import Parameter, ParameterSet, Scale
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
+
+if TYPE_CHECKING:
+    from deatwin.plant.foreign.rig import ForeignRig
+
+Array = NDArray[np.float64]
+
+APPLIED = "applied_command"
+"""Watched signal: integral of the command from the start on in the equations, its mean over a sample in results."""
+VARYING = "varying_"
+"""What precedes the name of a parameter that varies, in the name of its watched signal."""
+BEFORE, AFTER = "model_reading_before", "model_reading"
+"""Inputs of the equations: readings of the model at the beginning and at the end of a sample."""
+OF_RANGE = 0.1
+"""Share of its range that is the size of a parameter near zero: ranges of effects are some ten times what is typical."""
+
+
+class ForeignRunner:
+    """Runs a plant of a foreign model; `simulator` has the equations around it."""
+
+    def __init__(self, rig: ForeignRig, simulator: Simulator, parameters: ParameterSet) -> None:
+        self._rig, self._simulator, self._parameters = rig, simulator, parameters
+
+    def run(
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
+        progress: Progress | None = None,
+    ) -> Run:
+        """Simulate. Shapes: `commands` (n,); `values` (n_p,); `channels` (n,)."""
+        around = _Around(self, commands, start, sample_time, rest_command, channels or {})
+        called = around.call(values)
+        if isinstance(called, Run):
+            return called
+        (answer,) = answers(self._rig.model, [called], self._rig.longest)
+        return around.read(answer, values, called)
+
+    def run_with_sensitivities(
+        self,
+        commands: np.ndarray,
+        *,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        values: np.ndarray,
+        channels: Mapping[str, np.ndarray] | None = None,
+    ) -> Run:
+        """Simulate with derivatives: exact ones by what acts behind the model alone, else central differences."""
+        around = _Around(self, commands, start, sample_time, rest_command, channels or {})
+        base = around.call(values)
+        if isinstance(base, Run):
+            return base
+        digest = base.digest()
+        moved: dict[tuple[int, int], tuple[Array, Call]] = {}
+        for number, name in enumerate(self._parameters.free):
+            for side, value in enumerate(self._ends(self._parameters[name], float(values[number]))):
+                there = np.array(values, dtype=float)
+                there[number] = value
+                called = around.call(there)
+                if isinstance(called, Call) and called.digest() != digest:
+                    moved[number, side] = (there, called)
+        first, *others = answers(self._rig.model, [base, *(call for _, call in moved.values())], self._rig.longest)
+        run = around.read(first, values, base, sensitive=True)
+        if not run.status.ok or run.sensitivities is None:
+            return run
+        reached = {
+            key: (there, around.read(answer, there, call))
+            for (key, (there, call)), answer in zip(moved.items(), others, strict=True)
+        }
+        slopes = np.array(run.sensitivities)
+        for number in {number for number, _ in moved}:
+            # Where one side fails, or is beyond the range, the other side and the middle give a slope.
+            sides = [reached[number, side] for side in (0, 1) if (number, side) in reached]
+            ends = [(there[number], other.outputs) for there, other in sides if other.status.ok]
+            if not ends:
+                return _failed(sides[0][1].advice)
+            low, high = ends if len(ends) == 2 else [(float(values[number]), run.outputs), ends[0]]
+            slopes[:, number] = (high[1] - low[1]) / (high[0] - low[0])
+        return replace(run, sensitivities=slopes)
+
+    def _ends(self, parameter: Parameter, value: float) -> tuple[float, float]:
+        """Values on either side of one, inside the range."""
+        width = self._rig.step * abs(value)
+        if parameter.scale is Scale.LINEAR and np.isfinite(parameter.upper - parameter.lower):
+            width = max(width, self._rig.step * OF_RANGE * (parameter.upper - parameter.lower))
+        width = width or self._rig.step
+        return max(value - width, parameter.lower), min(value + width, parameter.upper)
+
+
+class _Around:
+    """What happens before and behind the model in one experiment."""
+
+    def __init__(
+        self,
+        runner: ForeignRunner,
+        commands: np.ndarray,
+        start: float,
+        sample_time: float,
+        rest_command: float,
+        channels: Mapping[str, np.ndarray],
+    ) -> None:
+        self._rig, self._simulator, self._parameters = runner._rig, runner._simulator, runner._parameters
+        self._commands, self._channels = commands, channels
+        self._clock: dict[str, Any] = {"start": start, "sample_time": sample_time, "rest_command": rest_command}
+        self._time: Array = start + sample_time * np.arange(commands.size, dtype=float)
+
+    def call(self, values: np.ndarray) -> Call | Run:
+        """Arguments of the model; the run that failed if there are none."""
+        rig = self._rig
+        numbers = dict(zip(self._parameters.free, values, strict=True))
+        parameters = {p.name: float(numbers.get(p.name, p.value)) for p in rig.parameters}
+        inputs = {name: self._channel(name, default) for name, default in rig.channels}
+        inputs = {rig.input_name: np.asarray(self._commands, dtype=float), **inputs}
+        if self._simulator.equations.signals:
+            run = self._simulator.run(self._commands, **self._clock, values=values, channels=self._channels)
+            if not run.status.ok or run.watched is None:
+                return replace(run, outputs=run.outputs[:0], watched=None, failed_at=None)
+            for name, signal in zip(self._simulator.equations.signals, run.watched, strict=True):
+                if name == APPLIED:
+                    inputs[rig.input_name] = self._mean(signal)
+                elif name.startswith(VARYING):
+                    parameters[name.removeprefix(VARYING)] = signal
+        return Call(parameters=parameters, inputs=inputs, time=self._time, output=rig.output_name)
+
+    def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
+        """The run in which the sensor reads an answer; with derivatives by what acts behind the model if asked for."""
+        if answer.readings is None:
+            return _failed(answer.fault)
+        readings = answer.readings
+        if self._rig.reading is ReadingTime.END_OF_HOLD:
+            before, after = np.concatenate([readings[:1], readings[:-1]]), readings
+        else:
+            before, after = readings, np.concatenate([readings[1:], readings[-1:]])
+        first = float(readings[0])
+        simulator = self._simulator.resting({BEFORE: first, AFTER: first})
+        run = simulator.run_with_sensitivities if sensitive else simulator.run
+        found = run(
+            self._commands,
+            **self._clock,
+            values=values,
+            channels={**self._channels, BEFORE: before, AFTER: after},
+        )
+        return replace(found, watched=self._watched(found.watched, call))
+
+    def _watched(self, watched: np.ndarray | None, call: Call) -> np.ndarray | None:
+        if watched is None or APPLIED not in self._simulator.equations.signals:
+            return watched
+        row = self._simulator.equations.signals.index(APPLIED)
+        return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._rig.input_name], axis=0)
+
+    def _mean(self, integral: np.ndarray) -> Array:
+        return np.diff(integral, prepend=0.0) / self._clock["sample_time"]
+
+    def _channel(self, name: str, default: float) -> Array:
+        given = self._channels.get(name)
+        count = self._commands.size
+        return np.full(count, default) if given is None else np.asarray(given[:count], dtype=float)
+
+
+def _failed(fault: str) -> Run:
+    return Run(
+        status=RunStatus.NOT_SOLVED,
+        outputs=np.empty(0),
+        sensitivities=None,
+        watched=None,
+        failed_at=None,
+        advice=f"the model that was written elsewhere gave no readings: {fault}",
+    )
