@@ -23,6 +23,7 @@ from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
     from deatwin.app.identify_report import Tested
+    from deatwin.ident.look import BestLinearApproximation
     from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
     from deatwin.studies.folder import ResultFolder
@@ -124,6 +125,7 @@ def identify(
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
     from deatwin.app.identify_noise import biased_by_noise
+    from deatwin.app.identify_periodic import approximated, degree_remarks
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -172,13 +174,15 @@ def identify(
         apart = disagreements(model, chosen.dead_times)
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
         found = [*diverged, *lost(model, unseen, whole), *apart, *reliance.remarks, *identifier.notes_, *unexcited]
+        periodic = approximated(whole)
+        found += degree_remarks(periodic, degree)
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes)
+            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, periodic)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -227,6 +231,7 @@ def _write_report(
     complete: bool,
     notes: Sequence[str],
     clocks: list[str],
+    periodic: BestLinearApproximation | None,
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
 
@@ -238,6 +243,7 @@ def _write_report(
         complete=complete,
         notes=notes,
         clocks=clocks,
+        best_linear=periodic,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")
