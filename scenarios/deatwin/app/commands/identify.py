@@ -85,6 +85,15 @@ Decimation = Annotated[
         help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
     ),
 ]
+Functions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--function",
+        metavar="TEXT",
+        help="A function of a lagged signal that terms may hold, as '|u(k-1)|', 'sat(u(k-1),0.5)' or "
+        "'sign(y(k-1)-y(k-2))'; once for each.",
+    ),
+]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -103,6 +112,7 @@ def identify(
     first_input_lag: FirstInputLag = None,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
     max_terms: MaxTerms = 15,
+    functions: Functions = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
     time_column: TimeColumn = None,
@@ -156,6 +166,7 @@ def identify(
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
+        lags["functions"] = functions or []
         identifier = _identifier(method, lags, max_terms)
         _fit(identifier, training, records, voice)
         identifier, diverged = bounded(
