@@ -36,6 +36,12 @@ STORIES = (
         line="the Bouc-Wen benchmark, described as linear: the hysteresis is found",
     ),
     Story(
+        name="grey-boxes",
+        minutes=2,
+        module="deatwin.scenarios.real_physics.grey_boxes",
+        line="tanks, EMPS in open loop and Bouc-Wen, their documented physics written down whole and calibrated",
+    ),
+    Story(
         name="your-own-rig",
         minutes=0.5,
         module="deatwin.scenarios.your_own_rig",
