@@ -209,7 +209,13 @@ def _judged(task: Task) -> Judged:
 
 def _tanks(data: Path | None) -> tuple[Task, ...]:
     case = cascaded_tanks.case(data_folder(data, "cascaded_tanks"))
-    about = {"fitted": case.fitted, "held_out": case.held_out[0], "unit": "V", "scale": 1.0, "goal": 0.19}
+    about: dict[str, Any] = {
+        "fitted": case.fitted,
+        "held_out": case.held_out[0],
+        "unit": "V",
+        "scale": 1.0,
+        "goal": 0.19,
+    }
     said = "0.191 V (grey box; Worden et al., Mech. Syst. Signal Process. 112 (2018) 194-232)"
     return (Task(name="Cascaded tanks", plant=Plant(rig=BrimmedTanks()), published=said, **about),)
 
@@ -217,7 +223,7 @@ def _tanks(data: Path | None) -> tuple[Task, ...]:
 def _emps(data: Path | None) -> tuple[Task, ...]:
     folder = data_folder(data, "emps")
     fitted, judged = (_carriage(folder / name) for name in FILES)
-    about = {"unit": "mm", "scale": 1e-3, "goal": 5.4, "fitted": (fitted,)}
+    about: dict[str, Any] = {"unit": "mm", "scale": 1e-3, "goal": 5.4, "fitted": (fitted,)}
     held_out = HeldOut(name="The validation record, with force pulses", experiment=judged)
     said = "2.64 mm (dynoNet), 5.17 mm (pNARX), about 5.4 mm (physics of four parameters): arXiv 2405.10779"
     return tuple(
@@ -235,7 +241,7 @@ def _carriage(file: Path) -> Experiment:
 def _bouc_wen(data: Path | None) -> tuple[Task, ...]:
     case = bouc_wen.case(data_folder(data, "boucwen_benchmark_h5"))
     plant = Plant(rig=bouc_wen.LinearOscillator(), effects=(bouc_wen.BoucWen(),))
-    about = {"plant": plant, "fitted": case.fitted, "unit": "µm", "scale": 1e-6, "goal": 15.0}
+    about: dict[str, Any] = {"plant": plant, "fitted": case.fitted, "unit": "µm", "scale": 1e-6, "goal": 15.0}
     said = "18.7 µm (PNLSS), 45.2 µm (dynoNet): black boxes; arXiv 2405.10779"
     return tuple(
         Task(name=f"Bouc-Wen, {name}", held_out=held, published=said, **about)
