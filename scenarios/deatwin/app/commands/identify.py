@@ -134,7 +134,7 @@ def identify(
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
-    from deatwin.app.identify_noise import biased_by_noise
+    from deatwin.app.identify_noise import biased_by_noise, outlying
     from deatwin.app.identify_periodic import approximated, degree_remarks
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
@@ -182,11 +182,21 @@ def identify(
         alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
-        apart = disagreements(model, chosen.dead_times)
+        apart = [*outlying(training), *disagreements(model, chosen.dead_times)]
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        found = [*diverged, *lost(model, unseen, whole), *apart, *reliance.remarks, *identifier.notes_, *unexcited]
+        told = () if tested.validation is None else tested.validation.notes
         periodic = approximated(whole)
-        found += degree_remarks(periodic, degree)
+        found = [
+            *diverged,
+            *lost(model, unseen, whole),
+            *apart,
+            *reliance.remarks,
+            *identifier.notes_,
+            *told,
+            *unexcited,
+            *degree_remarks(periodic, degree),
+        ]
+        found = list(dict.fromkeys(found))
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:

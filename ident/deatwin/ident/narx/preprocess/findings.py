@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _SEGMENTS = 20  # whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
 _RINGING = 10  # samples in which a lone reading has no company
-_FEWEST = 200  # samples below which nothing can be told from chance
+FEWEST = 200  # samples below which nothing can be told from chance
 _PREFIXED = ("m", "V", "A", "s", "N", "F", "Pa", "W", "Hz")
 _PREFIXES = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 
@@ -114,8 +114,8 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
     for record in flatten(recordings):
-        if record.n_samples < _FEWEST:
-            raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {_FEWEST} are needed")
+        if record.n_samples < FEWEST:
+            raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {FEWEST} are needed")
         found += _of_record(record, level, degree)
     return tuple(found)
 
