@@ -42,6 +42,12 @@ STORIES = (
         line="tanks, EMPS in open loop and Bouc-Wen, their documented physics written down whole and calibrated",
     ),
     Story(
+        name="standard-tasks",
+        minutes=4,
+        module="deatwin.scenarios.standard_tasks",
+        line="the field's standard tasks in one table: Silverbox, tanks, EMPS in open loop, Bouc-Wen",
+    ),
+    Story(
         name="your-own-rig",
         minutes=0.5,
         module="deatwin.scenarios.your_own_rig",

@@ -6,6 +6,7 @@ decides between forms; the official test part is run free.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,6 +147,7 @@ class Judged:
 
     task: Task
     fit: Calibration
+    seconds: float  # Time to calibrate
 
     @property
     def readings(self) -> Array:
@@ -165,10 +167,9 @@ class Judged:
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Calibrate every plant on its training part, and run it free over the test part."""
-    tasks = (*_tanks(setting.data), *_emps(setting.data), *_bouc_wen(setting.data))
+    found = calibrated(setting.data, setting.jobs)
     files = [file for folder in ("cascaded_tanks", "emps", "boucwen_benchmark_h5") for file in _files(setting, folder)]
     record = setting.record(hashes(files))
-    found = run_jobs(_judged, [(task,) for task in tasks], workers=setting.jobs)
     rows = [_row(one) for one in found]
     page = StoryPage(
         title="grey-boxes",
@@ -180,6 +181,12 @@ def run(setting: Setting) -> Mapping[str, Any]:
         tables=[_table(found), *(_parameters(one) for one in found)],
     )
     return finish(setting.folder, record, page, errors={one.task.name: one.error for one in found})
+
+
+def calibrated(data: Path | None, jobs: int) -> list[Judged]:
+    """Return all plants, calibrated."""
+    tasks = (*_tanks(data), *_emps(data), *_bouc_wen(data))
+    return run_jobs(_judged, [(task,) for task in tasks], workers=jobs)
 
 
 NOTES = (
@@ -204,7 +211,9 @@ def _files(setting: Setting, name: str) -> list[Path]:
 
 
 def _judged(task: Task) -> Judged:
-    return Judged(task=task, fit=calibrate(task.plant, task.fitted, starts=STARTS))
+    begun = time.perf_counter()
+    fit = calibrate(task.plant, task.fitted, starts=STARTS)
+    return Judged(task=task, fit=fit, seconds=time.perf_counter() - begun)
 
 
 def _tanks(data: Path | None) -> tuple[Task, ...]:
