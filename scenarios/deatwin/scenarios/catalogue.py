@@ -44,7 +44,7 @@ STORIES = (
     Story(
         name="standard-tasks",
         minutes=4,
-        module="deatwin.scenarios.standard_tasks",
+        module="deatwin.scenarios.real_physics.standard_tasks",
         line="the field's standard tasks in one table: Silverbox, tanks, EMPS in open loop, Bouc-Wen",
     ),
     Story(
