@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.app.identify_periodic import periodic_drawing
 from deatwin.ident.narx.shown import shown_units
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.drawing import envelope
@@ -22,6 +23,7 @@ from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
 
 if TYPE_CHECKING:
+    from deatwin.ident.look import BestLinearApproximation
     from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
     from deatwin.plant.recording import Recording
 
@@ -59,6 +61,7 @@ class Identified:
     notes: Sequence[str] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
     linear: Sequence[float] = ()  # Free-run error of a linear model on each unseen part, SI; empty without one
+    best_linear: BestLinearApproximation | None = None  # Of periodic recordings
 
     @property
     def scale(self) -> float:
@@ -102,6 +105,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
     drawings.append(_terms(found))
+    if found.best_linear is not None:
+        drawings.append(periodic_drawing(found.best_linear))
     if found.tested.validation is not None and found.tested.validation.tests:
         drawings.append(_tests(found.tested.validation))
     rows = _rows(found, runs)

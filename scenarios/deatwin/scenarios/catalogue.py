@@ -36,6 +36,18 @@ STORIES = (
         line="the Bouc-Wen benchmark, described as linear: the hysteresis is found",
     ),
     Story(
+        name="grey-boxes",
+        minutes=2,
+        module="deatwin.scenarios.real_physics.grey_boxes",
+        line="tanks, EMPS in open loop and Bouc-Wen, their documented physics written down whole and calibrated",
+    ),
+    Story(
+        name="standard-tasks",
+        minutes=4,
+        module="deatwin.scenarios.real_physics.standard_tasks",
+        line="the field's standard tasks in one table: Silverbox, tanks, EMPS in open loop, Bouc-Wen",
+    ),
+    Story(
         name="your-own-rig",
         minutes=0.5,
         module="deatwin.scenarios.your_own_rig",

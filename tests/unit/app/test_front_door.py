@@ -339,6 +339,8 @@ def write_models(desk: Path) -> None:
     narx = replace(NarxModel.from_terms(terms, sample_time=0.02), operating=trained)
     narx.save(desk / "narx.json")
     replace(narx, provenance={"excited_band_Hz": "wide"}).save(desk / "banded.json")
+    bent = NarxModel.from_terms({"y(k-1)": 0.5, "|u(k-1)|": 0.1}, sample_time=0.02)
+    replace(bent, operating=trained).save(desk / "functions.json")
     two = NarxModel.from_terms({"y(k-1)": 0.5, "u1(k)": 1.0, "u2(k)": 1.0}, sample_time=0.02)
     two.save(desk / "two.json")
     load_plant(desk / "rig.toml").save(desk / "model.json")

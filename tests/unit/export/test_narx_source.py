@@ -16,6 +16,16 @@ TWO = {
     "y1": {"y1(k-1)": 0.5, "y2(k-2)": 0.1, "u1(k-1)": 1.0},
     "y2": {"y2(k-1)": 0.3, "y1(k-1)u2(k)": 0.2, "u2(k-3)^3": -0.1},
 }
+BENT = {
+    "y(k-1)": 0.4,
+    "|u(k)|": 0.3,
+    "sat(u(k-1),0.5)y(k-2)": -0.2,
+    "sign(y(k-1)-y(k-3))": 0.05,
+    "rbf(u(k-2),0.3,0.2)": 0.4,
+    "dead(u(k),0.2)": 0.2,
+    "hinge(y(k-1),0.1)": 0.1,
+    "spline(u(k-1),-0.5)": -0.1,
+}
 ROUNDING = 1e-13
 """Of sums of some terms of size 1, over runs that forget within some samples."""
 
@@ -36,7 +46,9 @@ def simulated(model: NarxModel, inputs: np.ndarray) -> np.ndarray:
     return model.deterministic.simulate(record).outputs[:, lag:].T
 
 
-@pytest.mark.parametrize("terms", [SINGLE, TWO, {"u(k)": 2.0}, {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)e(k-1)": 0.3}])
+@pytest.mark.parametrize(
+    "terms", [SINGLE, TWO, {"u(k)": 2.0}, {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)e(k-1)": 0.3}, BENT]
+)
 def test_the_source_computes_what_the_model_simulates(terms: Any, run_c: Any) -> None:
     model = NarxModel.from_terms(terms, sample_time=0.02)
     inputs = np.random.default_rng(0).uniform(-1.0, 1.0, (len(model.input_names), 300))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.control.arguments import instance, numbers, taking
 from deatwin.ident.frequency import equilibrium
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Variable
 from deatwin.plant.errors import ModelError, SimulationError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class NarxSystem:
         """States: all lags from 1 to the largest of each channel, outputs first."""
         depth: dict[tuple[str, int], int] = {}
         for v in self.model.table.variables:
-            depth[v.kind, v.index] = max(depth.get((v.kind, v.index), 0), v.lag)
+            depth[v.kind, v.index] = max(depth.get((v.kind, v.index), 0), v.reach)
         channels = sorted(depth, key=lambda channel: ("yu".index(channel[0]), channel[1]))
         return tuple((kind, row, lag) for kind, row in channels for lag in range(1, depth[kind, row] + 1))
 
@@ -54,12 +54,6 @@ class NarxSystem:
         return {lagged: place for place, lagged in enumerate([*self.states, *present])}
 
     @cached_property
-    def _factors(self) -> NDArray[np.intp]:
-        """Indices of the terms' variables in (x, u)."""
-        found = [self._places[v.kind, v.index, v.lag] for v in self.model.table.variables]
-        return np.array(found, dtype=np.intp)
-
-    @cached_property
     def _shift(self) -> NDArray[np.intp]:
         """Index of each next state in (x, u, y)."""
         return np.array([self._places[kind, row, lag - 1] for kind, row, lag in self.states], dtype=np.intp)
@@ -71,11 +65,14 @@ class NarxSystem:
         weights[list(self.model.equations), np.arange(self.model.theta.size)] = self.model.theta
         return weights
 
-    @cached_property
-    def _origins(self) -> Array:
-        """Origin of each variable of the terms."""
+    def _values(self, known: Array) -> Array:
+        """Return the value of each variable of the terms. Shapes: `known` (n_states + n_inputs,)."""
         origins = {"u": self.model.input_origin, "y": self.model.output_origin}
-        return np.array([origins[v.kind][v.index] for v in self.model.table.variables])
+
+        def lagged(v: Variable, lag: int) -> Array:
+            return np.asarray(known[self._places[v.kind, v.index, lag]] - origins[v.kind][v.index])
+
+        return np.array(self.model.table.of_signals(lagged))
 
     @cached_property
     def _limit(self) -> float:
@@ -88,7 +85,7 @@ class NarxSystem:
         if not np.isfinite(known).all():
             raise SimulationError(f"at {t:g} s an input or state of the model is not a finite number: {known.tolist()}")
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = self._weights @ self.model.table.at(known[self._factors] - self._origins)
+            moved = self._weights @ self.model.table.at(self._values(known))
         if not np.all(np.abs(moved) < self._limit):
             raise SimulationError(
                 f"the model diverges at {t:g} s (beyond {self._limit:.3g}): stay within its operating range, start "

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.control.arguments import generator, instance, numbers, positive, require_fields, taking, whole
 from deatwin.control.linear.model import LinearModel, LinearStatus
 from deatwin.control.linear.realisation import Realisation
-from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.frequency.checks import polynomial_model, real_numbers
 from deatwin.ident.frequency.dc import equilibrium, expand
 from deatwin.ident.frequency.linear import levels, motion, operating_input_of
 from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
@@ -295,6 +295,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     """
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")
+    polynomial_model(model)
     operating_input_of(model, None)  # refuses what is no model of one output
     points = np.ravel(real_numbers(operating_inputs, "operating_inputs"))
     samples = np.atleast_2d(model.theta if thetas is None else real_numbers(thetas, "thetas"))

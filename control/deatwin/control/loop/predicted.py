@@ -17,7 +17,7 @@ from deatwin.control.linear.family import draw
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.progress import Progress
 from deatwin.ident.frequency import equilibrium
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Variable
 from deatwin.ident.narx.residual import Residual
 from deatwin.ident.narx.response import divergence_limit
 from deatwin.plant.amplitudes import written_amplitude
@@ -297,15 +297,14 @@ class _Terms:
         quiet = [m for m, term in enumerate(model.terms) if all(v.kind != "e" for v in term.expanded)]
         self._terms = [(m, [variables.index(v) for v in model.terms[m].expanded]) for m in quiet]
         self._first = 0 if reading is ReadingTime.END_OF_HOLD else 1
-        self._is_output = [v.kind == "y" for v in variables]
-        self._lags = [v.lag for v in variables]
+        self._table = model.table
         if any(v.kind == "u" and v.lag < self._first for v in variables):
             raise ModelError(
                 "the model has the input lag 0, but the rig reads before it applies the row's command: "
                 "identify with input lags from 1 on"
             )
         draws = len(theta)
-        longest = max(self._lags, default=0) + 1
+        longest = model.table.max_lag + 1
         self._origin_u, self._origin_y = float(model.input_origin[0]), float(model.output_origin[0])
         self._rest, self._limit = output - self._origin_y, far
         # Both count from the model's origin.
@@ -320,10 +319,11 @@ class _Terms:
     def advance(self, command: Array) -> None:
         """Take one row with a command, shape (draws,)."""
         self._u = np.concatenate([command[None] - self._origin_u, self._u[:-1]])
-        values = [
-            self._y[lag - 1] if is_output else self._u[lag - self._first]
-            for is_output, lag in zip(self._is_output, self._lags, strict=True)
-        ]
+
+        def lagged(v: Variable, lag: int) -> Array:
+            return self._y[lag - 1] if v.kind == "y" else self._u[lag - self._first]
+
+        values = self._table.of_signals(lagged)
         total = np.zeros(command.size)
         with np.errstate(over="ignore", invalid="ignore"):  # from large to infinite in one row
             for m, places in self._terms:

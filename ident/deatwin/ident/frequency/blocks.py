@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from math import prod
 
@@ -15,20 +15,20 @@ Array = NDArray[np.float64]
 
 
 def blocks_of(
-    angles: Array, form: type[Tones], size: int
+    angles: Array, form: type[Tones], size: int, rows: Sequence[int] = ()
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
-    """Cut frequencies into blocks. Shapes: `angles` (n, order)."""
+    """Cut frequencies into blocks. Shapes: `angles` (n, order); `rows` (order,) of the inputs."""
     axes = _axes(angles)
     if axes is None:
         lines = ((part,) for part in _cut(len(angles), size))
-        return (len(angles),), ((block, form(angles[block])) for block in lines)
+        return (len(angles),), ((block, form(angles[block], rows)) for block in lines)
     shape = tuple(axis.size for axis in axes)
     lengths = list(shape)
     while prod(lengths) > size:  # the blocks' shape is near a cube's, whose faces are small
         longest = int(np.argmax(lengths))
         lengths[longest] = -(-lengths[longest] // 2)
     boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))
-    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)])) for box in boxes)
+    return shape, ((box, form.on_grid([axis[cut] for axis, cut in zip(axes, box, strict=True)], rows)) for box in boxes)
 
 
 def _cut(count: int, length: int) -> list[slice]:

@@ -50,11 +50,22 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
     return int(value)
 
 
-def polynomial_model(model: Any) -> NarxModel:
+def narx_model(model: Any) -> NarxModel:
     """Return a model that is a NarxModel."""
     if not isinstance(model, NarxModel):
         raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
     return model
+
+
+def polynomial_model(model: Any) -> NarxModel:
+    """Return a NarxModel whose terms hold no functions, which have no finite number of orders."""
+    if narx_model(model).table.functions:
+        raise ModelError(
+            f"frequency analysis takes a polynomial; the model's terms hold {model.table.functions[0]}: identify it without "
+            "functions, or measure its response by best_linear_approximation of a simulated multisine"
+        )
+    checked: NarxModel = model
+    return checked
 
 
 def whole_order(order: Any, highest: int | None = None) -> int:

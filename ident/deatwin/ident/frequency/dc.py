@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.frequency.checks import polynomial_model
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.frequency.linear import feedback, levels, motion, operating_input_of, poles_of, require_finite
 from deatwin.ident.narx.covariance import transformed
@@ -108,6 +109,8 @@ def _nearest_to_data(model: NarxModel, target: Array, roots: Array) -> int:
 
 def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     """Return the real roots of f(y, ..., y; u) - y, increasing."""
+    if model.table.functions:
+        return _crossings(model, inputs)
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)  # in the output, which is the polynomial's unknown
     with np.errstate(over="ignore", invalid="ignore"):
@@ -131,6 +134,33 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     terms = polynomial.polyval(np.abs(polished), np.abs(scaled))
     real = polished[np.abs(polynomial.polyval(polished, scaled)) <= 1e-12 * terms]
     return np.unique(real) * scale + model.output_origin[0]
+
+
+def _crossings(model: NarxModel, inputs: Array) -> Array:
+    """Return where f(y, ..., y; u) - y changes its sign, for terms that hold functions, increasing.
+
+    Outputs are tried from a thousandth to a thousand times the size of the training data, twenty in each factor of ten,
+    on either side of the origin; two equilibria nearer to each other than that are not seen.
+    """
+    from scipy.optimize import brentq
+
+    def imbalance(y: float) -> float:
+        at = levels(model, inputs, y + model.output_origin[0])
+        values = [
+            x if v.shape is None else v.shape.value(np.asarray(x))
+            for v, x in zip(model.table.variables, at, strict=True)
+        ]
+        return float(model.theta @ model.table.at(np.array(values)) - y)
+
+    half = _output_size(model) * np.logspace(-3, 3, 121)
+    tried = np.concatenate([-half[::-1], [0.0], half])
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = np.array([imbalance(y) for y in tried])
+    found = [
+        brentq(imbalance, tried[i], tried[i + 1], xtol=1e-14 * half[60])
+        for i in np.flatnonzero(left[:-1] * left[1:] < 0)
+    ]
+    return np.unique([*found, *tried[left == 0.0]]) + model.output_origin[0]
 
 
 def _output_size(model: NarxModel) -> float:
@@ -196,6 +226,7 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
 
 def deviations(model: NarxModel, operating_input: ArrayLike | None = None) -> Deviations:
     """Expand a model about an equilibrium. Shapes: `operating_input` ()."""
+    polynomial_model(model)
     point = equilibrium(model, operating_input)
     expansion: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))
     slope: dict[Term, Array] = defaultdict(lambda: np.zeros(len(model.terms)))

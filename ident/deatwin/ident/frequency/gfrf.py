@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from deatwin.ident.frequency.many import gfrf_of_many
 from deatwin.ident.frequency.parts import FORMS, Tones
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.names import symbols_of
 from deatwin.plant.errors import ModelError, nearest
 
 Array = NDArray[np.float64]
@@ -28,22 +29,33 @@ HIGHEST_ORDER = 8
 
 
 def gfrf(
-    model: NarxModel, order: int, omega: ArrayLike, *, operating_input: ArrayLike | None = None, form: str = "symmetric"
+    model: NarxModel,
+    order: int,
+    omega: ArrayLike,
+    *,
+    inputs: Sequence[str] | None = None,
+    operating_input: ArrayLike | None = None,
+    form: str = "symmetric",
 ) -> FrequencyResponse:
     """Compute the generalised frequency response H_n of a model about an operating point.
 
     In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
-    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric.
+    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. Of a model with several inputs, each tone is in
+    an input of its own, and H_n is the kernel of these inputs, as H_2 of u1 and u2: a cross kernel if they differ. It
+    stays the same where frequencies change places together with their inputs.
 
     Parameters
     ----------
     model : NarxModel
-        Model of one input and one output.
+        Model of one output.
     order : int
         Order n, from 1 to 8.
     omega : array_like, shape (n,) for order 1, else (n, order)
         Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
-    operating_input : float, optional
+    inputs : sequence of str, length n, optional
+        Name of the input that each frequency is in, as ``["u1", "u2"]`` or by the model's names; needed if there are
+        several.
+    operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit; the centre of the training data by default (0 if
         there is none, as after `remove_dc`).
     form : str
@@ -53,14 +65,14 @@ def gfrf(
     Returns
     -------
     FrequencyResponse
-        Response H_n, in output units per n-th power of the input unit, with the covariance that follows from the
+        Response H_n, in output units per product of the inputs' units, with the covariance that follows from the
         parameters.
 
     Raises
     ------
     ModelError
-        If the order or the form is not available; if the model has several inputs or outputs, noise terms or no
-        equilibrium; if the frequencies are not real numbers of that shape in that range; or if some of them add up to
+        If the order or the form is not available; if the model has several outputs, noise terms or no equilibrium, or
+        several inputs of which none are named; if the frequencies are not real numbers of that shape in that range; or if some of them add up to
         the frequency of a pole on the unit circle.
 
     References
@@ -73,22 +85,23 @@ def gfrf(
     order = whole_order(order, HIGHEST_ORDER)
     if not isinstance(form, str) or form not in FORMS:
         raise ModelError(f"form = {form!r}{nearest(str(form), FORMS)}; known are {' and '.join(FORMS)}")
-    require_one_input(model)
+    rows = _rows_of(polynomial_model(model), inputs, order)
     frequencies = checked_frequencies(omega, model.sample_time, order)
     about = deviations(model, operating_input)
     angles = (frequencies if order > 1 else frequencies[:, None]) * model.sample_time
     return FrequencyResponse(
         symbol="H",
         order=order,
-        values=values_at(about, angles, form),
+        values=values_at(about, angles, form, rows),
         omega=frequencies,
         point=about.point,
         status=FrequencyStatus.at(about.point),
-        unit=unit_of(model, order),
+        unit=unit_of(model, rows),
+        inputs=names_of(model, rows),
         theta_cov=model.theta_cov,
         theta_dof=model.theta_dof,
-        differentiate=Pointwise(partial(gradient_at, about, form=form), angles),
-        evaluate=Pointwise(partial(gfrf_of_many, model, about.point, form), angles),
+        differentiate=Pointwise(partial(gradient_at, about, form=form, rows=rows), angles),
+        evaluate=Pointwise(partial(gfrf_of_many, model, about.point, form, rows), angles),
     )
 
 
@@ -125,12 +138,45 @@ def require_one_input(model: NarxModel) -> None:
         )
 
 
-def unit_of(model: NarxModel, order: int) -> str:
-    """Return output unit by power of the input unit; empty where one is unknown."""
-    output_unit, input_unit = model.output_units[0], model.input_units[0]
-    if not (output_unit and input_unit):
+def input_row(model: NarxModel, name: str) -> int:
+    """Return the row of an input by its name, or by its place, as u2."""
+    placed = {f"u{row + 1}": row for row in range(len(model.input_names))}
+    known = (placed if len(placed) > 1 else {"u": 0, **placed}) | {n: row for row, n in enumerate(model.input_names)}
+    if name not in known:
+        raise ModelError(
+            f"the model has no input {name!r}{nearest(str(name), list(known))}; there are {', '.join(known)}"
+        )
+    return known[name]
+
+
+def names_of(model: NarxModel, rows: Sequence[int]) -> tuple[str, ...]:
+    """Return the names of inputs as equations write them; none for a model of one input."""
+    symbols = symbols_of(model.input_names, model.output_names)
+    return tuple(symbols["u", row] for row in rows) if len(model.input_names) > 1 else ()
+
+
+def _rows_of(model: NarxModel, inputs: Sequence[str] | None, order: int) -> tuple[int, ...]:
+    """Return the row of the input that each frequency is in."""
+    count = len(model.input_names)
+    if inputs is None:
+        if count != 1:
+            raise ModelError(
+                f"the model has {count} inputs: name that of each frequency, as inputs={[model.input_names[0]] * order}"
+            )
+        return (0,) * order
+    if isinstance(inputs, str) or len(inputs) != order:
+        raise ModelError(f"inputs = {inputs!r}; order {order} needs the names of {order} input(s), one a frequency")
+    return tuple(input_row(model, name) for name in inputs)
+
+
+def unit_of(model: NarxModel, rows: Sequence[int]) -> str:
+    """Return output unit by the product of the units of inputs; empty where one is unknown."""
+    units = [model.input_units[row] for row in rows]
+    if not (model.output_units[0] and all(units)):
         return ""
-    return f"{output_unit}/{input_unit}" + (f"^{order}" if order > 1 else "")
+    powers = {unit: units.count(unit) for unit in units}
+    below = " ".join(f"{unit}^{power}" if power > 1 else unit for unit, power in powers.items())
+    return f"{model.output_units[0]}/{below if len(powers) == 1 else f'({below})'}"
 
 
 def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) -> Array:
@@ -155,9 +201,9 @@ def checked_frequencies(omega: ArrayLike, sample_time: float, order: int = 1) ->
     return given
 
 
-def values_at(about: Deviations, angles: Array, form: str) -> Complex:
-    """Return H_n about an equilibrium. Shapes: `angles` (n, order); returns (n,)."""
-    shape, blocks = _blocks(about, angles, FORMS[form], 1)
+def values_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] = ()) -> Complex:
+    """Return H_n about an equilibrium. Shapes: `angles` (n, order); `rows` (order,) of the inputs; returns (n,)."""
+    shape, blocks = _blocks(about, angles, FORMS[form], 1, rows)
     values = np.zeros(shape, dtype=np.complex128)
     for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=False).get(tones.whole)
@@ -166,11 +212,11 @@ def values_at(about: Deviations, angles: Array, form: str) -> Complex:
     return values.reshape(-1)
 
 
-def gradient_at(about: Deviations, angles: Array, form: str) -> Complex:
+def gradient_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] = ()) -> Complex:
     """Return the derivative of H_n by the parameters of the model that was expanded. Shapes: `angles` (n, order);
     returns (n, n_terms).
     """
-    shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms))
+    shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms), rows)
     gradient = np.zeros((*shape, about.jacobian.shape[1]), dtype=np.complex128)
     for block, tones in blocks:
         jet = solve_parts(about.model.terms, about.model.theta, tones, by_theta=True).get(tones.whole)
@@ -180,9 +226,9 @@ def gradient_at(about: Deviations, angles: Array, form: str) -> Complex:
 
 
 def _blocks(
-    about: Deviations, angles: Array, form: type[Tones], numbers: int
+    about: Deviations, angles: Array, form: type[Tones], numbers: int, rows: Sequence[int]
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
     """Cut the frequencies so that memory is bounded, where each product is ``numbers`` numbers at a frequency."""
     held = len(form(angles[:0]).order) * products_of(about.model.terms)
     size = max(1, min(_BLOCK, _HELD // held) // numbers)
-    return blocks_of(angles, form, size)
+    return blocks_of(angles, form, size, rows)

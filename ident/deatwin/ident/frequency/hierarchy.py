@@ -47,8 +47,8 @@ class Parts(Protocol):
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
         """All ways to make a part of two others."""
 
-    def input(self, part: int, lag: int) -> Array | None:
-        """The input's part after a delay. Shapes: returns (..., n)."""
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """The part of the input of a row after a delay. Shapes: returns (..., n)."""
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
         """Delay an output's part. Shapes: `values` (..., n)."""
@@ -116,7 +116,7 @@ class _Solver:
 
     def factor(self, variable: Variable, part: int) -> Jet | None:
         if variable.kind == "u":
-            driven = self.parts.input(part, variable.lag)
+            driven = self.parts.input(part, variable.lag, variable.index)
             return None if driven is None else Jet(driven, None)
         jet = self.outputs.get(part)
         if jet is None:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import polynomial_model, real_numbers
+from deatwin.ident.frequency.checks import narx_model, real_numbers
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.variables import Variable, argument_of
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class LinearPart(Frozen):
 
 def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> Array:
     """Return the constant inputs at which a model is analysed. Shapes: `operating_input` ()."""
-    polynomial_model(model).require_one_output("frequency analysis")
+    narx_model(model).require_one_output("frequency analysis")
     count = len(model.input_names)
     if operating_input is None:
         return np.zeros(count) if model.operating is None else model.operating.input_centre
@@ -87,26 +88,18 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     Raises
     ------
     ModelError
-        If the model integrates or two equilibria coincide there, so that the equilibrium has no derivative; or if the
-        coefficients overflow.
+        If the model integrates or two equilibria coincide there, so that the equilibrium has no derivative; if a
+        function in a term has none at the equilibrium, as |u| at zero; or if the coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
-    variables, exponents = model.table.variables, model.table.exponents
-    values = levels(model, inputs, output)
-    is_output = np.array([v.kind == "y" for v in variables], dtype=bool)
-    outputs = [j for j, v in enumerate(variables) if v.kind == "y"]
-    moves, first = motion(model, values), _slopes(model, values)
+    arguments = levels(model, inputs, output)
+    moves, first = motion(model, arguments), _slopes(model, arguments)
     # A slope depends on a parameter directly, and through the equilibrium by its own slope along the output.
-    along = np.array(
-        [
-            sum(float(_derivative(exponents, values, (j, i)) @ model.theta) for i in outputs)
-            for j in range(len(variables))
-        ]
-    )
-    by_theta = first + np.outer(along, moves)
-    slopes = first @ model.theta
-    lags = np.array([v.lag for v in variables], dtype=np.int64)
-    index = np.array([v.index for v in variables], dtype=np.int64)
+    by_theta = first + np.outer(_bends(model, arguments) @ model.theta, moves)
+    lagged, gathering = _gathering(model)
+    slopes, by_theta = gathering @ first @ model.theta, gathering @ by_theta
+    is_output = np.array([kind == "y" for kind, _, _ in lagged], dtype=bool)
+    index, lags = (np.array([key[i] for key in lagged], dtype=np.int64) for i in (1, 2))
     return LinearPart(
         output_lags=lags[is_output],
         a=slopes[is_output],
@@ -119,29 +112,80 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Return the value of each variable of a model at an equilibrium, counted from the model's origin. Shapes:
-    `inputs` (n_inputs,); returns (n_variables,).
+    """Return the argument of each variable of a model at an equilibrium, counted from the model's origin: the signal,
+    also where the variable is a function of it. Shapes: `inputs` (n_inputs,); returns (n_variables,).
     """
     moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
-    return np.array([moved_out if v.kind == "y" else moved_in[v.index] for v in model.table.variables])
+
+    def lagged(v: Variable, lag: int) -> Array:
+        return np.asarray(moved_out if v.kind == "y" else moved_in[v.index])
+
+    return np.array([argument_of(v, lagged) for v in model.table.variables], dtype=np.float64)
 
 
-def _slopes(model: NarxModel, values: Array) -> Array:
-    """Return the derivative of each term by each variable, shape (n_variables, n_terms)."""
-    rows = [_derivative(model.table.exponents, values, (j,)) for j in range(values.size)]
+def _applied(model: NarxModel, arguments: Array) -> tuple[Array, Array, Array]:
+    """Return value, slope and curvature of each variable as a function of its argument, shapes (n_variables,)."""
+    values, slopes, bends = arguments.copy(), np.ones(arguments.size), np.zeros(arguments.size)
+    for j, v in enumerate(model.table.variables):
+        if v.shape is None:
+            continue
+        x = np.asarray(arguments[j])
+        if v.shape.bends_at(float(x)):
+            raise ModelError(
+                f"{v} has no derivative at the equilibrium, where its argument is {float(x):g}: choose another "
+                "operating input, or identify a polynomial"
+            )
+        values[j], slopes[j], bends[j] = v.shape.value(x), v.shape.slope(x), v.shape.curvature(x)
+    return values, slopes, bends
+
+
+def _gathering(model: NarxModel) -> tuple[tuple[tuple[str, int, int], ...], Array]:
+    """Return the lagged signals of a model by kind, row and lag, and the matrix that gathers the slopes by arguments
+    into slopes by them, shape (n_lagged, n_variables).
+    """
+    held = [
+        [(v.kind, v.index, v.lag)] + ([(v.kind, v.index, v.reach)] if v.reach > v.lag else [])
+        for v in model.table.variables
+    ]
+    lagged = tuple(dict.fromkeys(key for keys in held for key in keys))
+    matrix = np.zeros((len(lagged), len(held)))
+    for j, keys in enumerate(held):
+        for key, sign in zip(keys, (1.0, -1.0), strict=False):  # of a difference, the second
+            matrix[lagged.index(key), j] += sign
+    return lagged, matrix
+
+
+def _slopes(model: NarxModel, arguments: Array) -> Array:
+    """Return the derivative of each term by each argument, shape (n_variables, n_terms)."""
+    values, slopes, _ = _applied(model, arguments)
+    rows = [slope * _derivative(model.table.exponents, values, (j,)) for j, slope in enumerate(slopes)]
     return np.array(rows).reshape(values.size, len(model.terms))
 
 
-def feedback(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return how the past outputs act in the linear part. Shapes: `values` (n_variables,); returns (n_a,), Lags in
-    samples; returns (n_a,).
+def _bends(model: NarxModel, arguments: Array) -> Array:
+    """Return the derivative of the slopes along the output of the equilibrium, shape (n_variables, n_terms)."""
+    values, slopes, curvatures = _applied(model, arguments)
+    exponents = model.table.exponents
+    moving = [j for j, v in enumerate(model.table.variables) if v.kind == "y" and v.reach == v.lag]
+    found = np.zeros((values.size, len(model.terms)))
+    for j in range(values.size):
+        for i in moving:
+            found[j] += slopes[j] * slopes[i] * _derivative(exponents, values, (j, i))
+        if j in moving:
+            found[j] += curvatures[j] * _derivative(exponents, values, (j,))
+    return found
+
+
+def feedback(model: NarxModel, arguments: Array) -> tuple[NDArray[np.int64], Array]:
+    """Return how the past outputs act in the linear part. Shapes: `arguments` (n_variables,); returns (n_a,), lags in
+    samples, and (n_a,).
     """
-    chosen = [j for j, v in enumerate(model.table.variables) if v.kind == "y"]
-    lags = np.array([model.table.variables[j].lag for j in chosen], dtype=np.int64)
+    lagged, gathering = _gathering(model)
+    chosen = [j for j, (kind, _, _) in enumerate(lagged) if kind == "y"]
     with np.errstate(over="ignore", invalid="ignore"):
-        slopes = _slopes(model, values) @ model.theta
+        slopes = gathering @ _slopes(model, arguments) @ model.theta
     require_finite(slopes)
-    return lags, slopes[chosen]
+    return np.array([lagged[j][2] for j in chosen], dtype=np.int64), slopes[chosen]
 
 
 def require_finite(coefficients: Array) -> None:
@@ -150,15 +194,15 @@ def require_finite(coefficients: Array) -> None:
         raise ModelError("the model's coefficients overflow at this operating input; choose one near the training data")
 
 
-def motion(model: NarxModel, values: Array) -> Array:
-    """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `values`
+def motion(model: NarxModel, arguments: Array) -> Array:
+    """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `arguments`
     (n_variables,); returns (n_terms,).
     """
     # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
     # rounding.
-    a = feedback(model, values)[1]
-    terms, stiffness = model.table.at(values), 1.0 - float(a.sum())
-    degrees, curvature = _along_output(model, values)
+    a = feedback(model, arguments)[1]
+    terms, stiffness = model.table.at(_applied(model, arguments)[0]), 1.0 - float(a.sum())
+    degrees, curvature = _along_output(model, arguments)
     size = float(np.abs(model.theta) @ np.abs(terms))
     unsure = max(_ROUNDING * (1.0 + float(np.abs(a).sum())), 2 * np.sqrt(_ROUNDING * curvature) * np.sqrt(size))
     if abs(stiffness) > unsure:
@@ -175,6 +219,8 @@ def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], f
     """Return the degree of each term in the output, and the size of the second derivative of f(y) there."""
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
+    if model.table.functions:  # as bent as a parabola; how much is not known
+        return 2 * degrees, 0.0
     output = values[is_output][:1].sum()  # all are the same
     weights = model.theta * model.table.at(np.where(is_output, 1.0, values))
     bends = degrees * (degrees - 1) * output ** np.maximum(degrees - 2, 0)

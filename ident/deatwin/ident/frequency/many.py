@@ -53,10 +53,12 @@ class _Many:
     stable: NDArray[np.bool_]  # shape (n_draws,): Which have a stable one
 
 
-def gfrf_of_many(model: NarxModel, point: Equilibrium, form: str, angles: Array, thetas: Array) -> Evaluated:
+def gfrf_of_many(
+    model: NarxModel, point: Equilibrium, form: str, rows: Sequence[int], angles: Array, thetas: Array
+) -> Evaluated:
     """Compute H_n at many parameters. Shapes: `angles` (n, order); `thetas` (n_draws, n_terms)."""
     many = _deviations(model, point, thetas)
-    shape, blocks = blocks_of(angles, FORMS[form], _MOST)
+    shape, blocks = blocks_of(angles, FORMS[form], _MOST, rows)
     values = np.full((len(thetas), *shape), np.nan + 0j)
     beside = (1,) * (len(shape) - 1)
     for block, tones in blocks:
@@ -73,7 +75,7 @@ def spectrum_of_many(
 ) -> Evaluated:
     """Compute a sum of orders of the output's spectrum at many parameters. Shapes: `thetas` (n_draws, n_terms)."""
     many = _deviations(model, point, thetas)
-    n = parts.excitation.size
+    n = parts.n_samples
     values = np.full((len(thetas), n // 2 + 1), np.nan + 0j)
     for draws, theta in _blocks(many, n):
         found = solve_parts(many.terms, theta, parts, by_theta=False)

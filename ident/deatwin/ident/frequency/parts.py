@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import product
 from math import factorial
 from typing import Any, Self
 
@@ -19,24 +20,27 @@ _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many round
 
 
 class Tones:
-    """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order)."""
+    """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order); `rows` (order,) of the inputs that hold
+    the tones, all the first by default.
+    """
 
     # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
 
-    def __init__(self, angles: Array) -> None:
-        self._take(list(angles.T))
+    def __init__(self, angles: Array, rows: Sequence[int] = ()) -> None:
+        self._take(list(angles.T), rows)
 
     @classmethod
-    def on_grid(cls, axes: Sequence[Array]) -> Self:
+    def on_grid(cls, axes: Sequence[Array], rows: Sequence[int] = ()) -> Self:
         """All combinations of the tones' frequencies: a set is computed once for those of its own tones. Shapes:
         `axes` (n_i,).
         """
         tones = cls.__new__(cls)
-        tones._take(np.meshgrid(*axes, indexing="ij", sparse=True))
+        tones._take(np.meshgrid(*axes, indexing="ij", sparse=True), rows)
         return tones
 
-    def _take(self, angles: Sequence[Array]) -> None:
+    def _take(self, angles: Sequence[Array], rows: Sequence[int]) -> None:
         self.count = len(angles)
+        self._rows = tuple(rows) or (0,) * self.count
         self.whole = (1 << self.count) - 1
         self._single = [np.exp(-1j * angle) for angle in angles]
         self._powers: dict[tuple[int, int], Array] = {}
@@ -58,9 +62,10 @@ class Tones:
             yield part ^ last, last
             last = (last - 1) & part
 
-    def input(self, part: int, lag: int) -> Array | None:
+    def input(self, part: int, lag: int, row: int) -> Array | None:
         """A delayed tone; sets of several tones are not in the input."""
-        return self._shift(part, lag) if part.bit_count() == 1 else None
+        alone = part.bit_count() == 1 and self._rows[part.bit_length() - 1] == row
+        return self._shift(part, lag) if alone else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
         """Turn a part's phase by the sum of its tones' frequencies. Shapes: `values` (..., n)."""
@@ -120,21 +125,22 @@ FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrde
 
 class Orders:
     """Orders of the output in the size of a periodic input, over one period of the steady state. Shapes: `excitation`
-    (n,).
+    (n,), or (n_inputs, n).
     """
 
     def __init__(self, excitation: Array, highest: int) -> None:
-        self.excitation = excitation
+        self.excitation = np.atleast_2d(excitation)
+        self.n_samples = self.excitation.shape[1]
         self.order: Sequence[int] = range(1, highest + 1)
-        self._turn = np.exp(-2j * np.pi * np.arange(excitation.size // 2 + 1) / excitation.size)
+        self._turn = np.exp(-2j * np.pi * np.arange(self.n_samples // 2 + 1) / self.n_samples)
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
         """All pairs of orders that make an order."""
         return ((part - last, last) for last in range(1, part))
 
-    def input(self, part: int, lag: int) -> Array | None:
+    def input(self, part: int, lag: int, row: int) -> Array | None:
         """The delayed input, which is of order one only."""
-        return np.roll(self.excitation, lag) if part == 1 else None
+        return np.roll(self.excitation[row], lag) if part == 1 else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
         """Delay within the period. Shapes: `values` (..., n)."""
@@ -143,7 +149,37 @@ class Orders:
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
         """Filter in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
         denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
-        return np.fft.irfft(np.fft.rfft(values) / denominator, self.excitation.size)
+        return np.fft.irfft(np.fft.rfft(values) / denominator, self.n_samples)
+
+
+class CrossOrders(Orders):
+    """Parts of the output that go with a power of each input, all powers up to those wanted. Shapes: `excitation`
+    (n_inputs, n); `powers` (n_inputs,).
+    """
+
+    # A part's number has a digit for each input, its power, to a base that no sum of two parts carries over.
+
+    def __init__(self, excitation: Array, powers: Sequence[int]) -> None:
+        super().__init__(excitation, 1)
+        self._base = 1 + max(powers)
+        self._powers = {self._number(each): each for each in product(*(range(power + 1) for power in powers))}
+        del self._powers[0]
+        self.order = sorted(self._powers, key=lambda part: sum(self._powers[part]))
+        self.whole = self._number(powers)
+
+    def _number(self, powers: Sequence[int]) -> int:
+        return sum(power * self._base**row for row, power in enumerate(powers))
+
+    def splits(self, part: int) -> Iterable[tuple[int, int]]:
+        """All ways to share the powers of a part among two, either being the first."""
+        for each in product(*(range(power + 1) for power in self._powers[part])):
+            first = self._number(each)
+            if first not in (0, part):
+                yield first, part - first
+
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """The delayed input of a row, which goes with its own first power."""
+        return np.roll(self.excitation[row], lag) if part == self._base**row else None
 
 
 def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:

@@ -124,6 +124,9 @@ class FrequencyResponse(Described, Frozen):
         `Pointwise` likewise.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
+    inputs : tuple of str
+        Names of the inputs that the frequencies of H_n are in, or whose powers G_n and Y_n go with; empty for a model of
+        one input.
     """
 
     symbol: str = field(metadata=attribute())
@@ -137,6 +140,7 @@ class FrequencyResponse(Described, Frozen):
     differentiate: Callable[[], Complex]
     evaluate: Callable[[Array], Evaluated] | None = None
     theta_dof: float = math.inf
+    inputs: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "covariance": variable("point", "part", "other_part", unit=lambda response: squared(response.unit)),
@@ -186,8 +190,10 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def label(self) -> str:
-        """Symbol and order, for axes and legends."""
-        return f"${self.symbol}_{self.order}$" if self.order else f"${self.symbol}$"
+        """Symbol and order, and the inputs if there are several, for axes and legends."""
+        order = f"_{self.order}" if self.order else ""
+        names = ",".join(self.inputs).replace("_", r"\_").replace(" ", r"\ ")
+        return f"${self.symbol}{order}" + (rf"^{{\mathrm{{{names}}}}}$" if names else "$")
 
     @property
     def frequency_Hz(self) -> Array:

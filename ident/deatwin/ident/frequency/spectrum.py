@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
-from deatwin.ident.frequency.gfrf import require_one_input
+from deatwin.ident.frequency.gfrf import names_of
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
 from deatwin.ident.frequency.many import Evaluated, spectrum_of_many
-from deatwin.ident.frequency.parts import Orders
+from deatwin.ident.frequency.parts import CrossOrders, Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
@@ -36,13 +36,13 @@ def output_spectrum(
     Parameters
     ----------
     model : NarxModel
-        Model of one input and one output.
-    excitation : array_like, shape (n_samples,)
+        Model of one output.
+    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int
         Highest order N, at least 1.
-    operating_input : float, optional
+    operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit; the centre of the training data by default.
 
     Returns
@@ -54,8 +54,8 @@ def output_spectrum(
     Raises
     ------
     ModelError
-        If the order is not an integer, the model has several inputs or no equilibrium, the excitation is not a finite
-        period at the model's sampling time or is so large that an order overflows, or one of its lines coincides with a
+        If the order is not an integer, the model has several outputs or no equilibrium, the excitation is not a finite
+        period of each input at the model's sampling time or is so large that an order overflows, or one of its lines coincides with a
         pole on the unit circle.
     """
     highest = whole_order(order)
@@ -70,13 +70,13 @@ def output_orders(
     Parameters
     ----------
     model : NarxModel
-        Model of one input and one output.
-    excitation : array_like, shape (n_samples,)
+        Model of one output.
+    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int
         Highest order N, at least 1.
-    operating_input : float, optional
+    operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit; the centre of the training data by default.
 
     Returns
@@ -122,18 +122,22 @@ def representable(values: Complex, what: str) -> Complex:
     return values
 
 
-def one_period(excitation: ArrayLike, sample_time: float) -> Array:
-    """Return a period of an input after a check. Shapes: `excitation` (n_samples,); returns (n_samples,)."""
+def one_period(excitation: ArrayLike, sample_time: float, n_inputs: int = 1) -> Array:
+    """Return a period of an input, or of several, after a check. Shapes: `excitation` (n_samples,) or (n_inputs,
+    n_samples), as the result.
+    """
     values = real_numbers(excitation, "the excitation")
-    if values.ndim != 1 or values.size < 2:
+    wanted = "(n_samples,)" if n_inputs == 1 else f"({n_inputs}, n_samples)"
+    several = values.ndim == 2 and values.shape[0] == n_inputs
+    if not (values.ndim == 1 if n_inputs == 1 else several) or values.shape[-1] < 2:
         raise ModelError(
             f"the excitation has the shape {values.shape}; it must be one period of at least two samples, of shape "
-            "(n_samples,)"
+            f"{wanted}"
         )
-    wrong = np.flatnonzero(~np.isfinite(values))
+    wrong = np.argwhere(~np.isfinite(values))
     if wrong.size:
         raise ModelError(
-            f"sample {wrong[0]} of the excitation is {values[wrong[0]]}; all must be finite deviations from the "
+            f"sample {wrong[0][-1]} of the excitation is {values[tuple(wrong[0])]}; all must be finite deviations from the "
             "operating input"
         )
     own = getattr(excitation, "sample_time", sample_time)
@@ -167,7 +171,7 @@ class _Steady:
 
     def response(self, wanted: Sequence[int], number: int) -> FrequencyResponse:
         """The sum of some orders."""
-        values = np.zeros(self.parts.excitation.size // 2 + 1, dtype=np.complex128)
+        values = np.zeros(self.parts.n_samples // 2 + 1, dtype=np.complex128)
         with np.errstate(over="ignore", invalid="ignore"):
             for n in wanted:
                 if n in self.values:
@@ -175,8 +179,8 @@ class _Steady:
         return FrequencyResponse(
             symbol="Y",
             order=number,
-            values=representable(values, f"order {wanted[-1]} of the output"),
-            omega=line_frequencies(self.parts.excitation.size, self.model.sample_time),
+            values=representable(values, f"order {number or wanted[-1]} of the output"),
+            omega=line_frequencies(self.parts.n_samples, self.model.sample_time),
             point=self.about.point,
             status=FrequencyStatus.at(self.about.point),
             unit=self.model.output_units[0],
@@ -187,7 +191,7 @@ class _Steady:
         )
 
     def _gradient(self, wanted: Sequence[int]) -> Complex:
-        gradient = np.zeros((self.parts.excitation.size // 2 + 1, self.about.jacobian.shape[1]), dtype=np.complex128)
+        gradient = np.zeros((self.parts.n_samples // 2 + 1, self.about.jacobian.shape[1]), dtype=np.complex128)
         with np.errstate(over="ignore", invalid="ignore"):
             for n in wanted:
                 slope = self.slopes[n].slope if n in self.slopes else None
@@ -197,9 +201,21 @@ class _Steady:
 
 
 def _steady(model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike | None, highest: int) -> _Steady:
-    require_one_input(model)
     about = deviations(model, operating_input)
-    return _Steady(model=model, about=about, parts=Orders(one_period(excitation, model.sample_time), highest))
+    period = one_period(excitation, model.sample_time, len(model.input_names))
+    return _Steady(model=model, about=about, parts=Orders(period, highest))
+
+
+def cross_order(
+    model: NarxModel, excitation: ArrayLike, powers: Sequence[int], operating_input: ArrayLike | None = None
+) -> FrequencyResponse:
+    """Return the part of the output that goes with a power of each input. Shapes: `excitation` (n_inputs, n);
+    `powers` (n_inputs,).
+    """
+    about = deviations(model, operating_input)
+    parts = CrossOrders(one_period(excitation, model.sample_time, len(powers)), powers)
+    found = _Steady(model=model, about=about, parts=parts).response((parts.whole,), sum(powers))
+    return replace(found, inputs=names_of(model, [row for row, power in enumerate(powers) for _ in range(power)]))
 
 
 def inner_lines(

@@ -1,5 +1,6 @@
 """A look at recordings before any model is made of them."""
 
+from deatwin.ident.look.best_linear import BestLinearApproximation, best_linear_approximation
 from deatwin.ident.look.look import Look, look_at
 
-__all__ = ["Look", "look_at"]
+__all__ = ["BestLinearApproximation", "Look", "best_linear_approximation", "look_at"]

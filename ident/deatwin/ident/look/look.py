@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.look.best_linear import BestLinearApproximation, best_linear_approximation
 from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
 from deatwin.ident.mismatch.gate.noise import noise_level
@@ -82,6 +83,9 @@ class Look:
         Trends, drifts, outliers, steps, limits, stuck stretches.
     sampling : SamplingChoice or None
         Advice on the sample time for a NARX model; None if the record is too short.
+    best_linear : BestLinearApproximation or None
+        Best linear approximation from the first input to the first output, with noise and distortions; None unless that
+        input alone moves, and repeats itself three times or more.
     """
 
     recordings: tuple[Recording, ...]
@@ -91,6 +95,7 @@ class Look:
     links: tuple[Link, ...]
     findings: tuple[Finding, ...]
     sampling: SamplingChoice | None
+    best_linear: BestLinearApproximation | None
 
     @property
     def n_samples(self) -> int:
@@ -127,6 +132,7 @@ class Look:
             bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)
             found.append(f"{pattern.name}: {pattern}" + (f"; excites {bands}" if bands else ""))
         found += [str(link) for link in self.links]
+        found += [] if self.best_linear is None else [str(self.best_linear)]
         found += [f"{finding.signal}: {finding.text}" for finding in self.findings]
         return tuple(found)
 
@@ -158,6 +164,7 @@ class Look:
             "links": [_link(link) for link in self.links],
             "findings": [asdict(finding) | {"kind": finding.kind.name.lower()} for finding in self.findings],
             "sampling": None if self.sampling is None else self.sampling.status.name.lower(),
+            "best_linear": None if self.best_linear is None else self.best_linear.to_dict(),
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
@@ -235,18 +242,29 @@ def look_at(recordings: Recordings) -> Look:
     if longest.outputs.shape[0] == 0 or longest.inputs.shape[0] == 0:
         raise DataError(f"{label(longest)}: a look needs an input and an output")
     excitations = tuple(_excited(longest, row) for row in range(longest.inputs.shape[0]))
+    patterns = tuple(
+        pattern_of(name, values, longest.sample_time)
+        for name, values in zip(longest.input_names, longest.inputs, strict=True)
+    )
     return Look(
         recordings=tuple(records),
         channels=_channels(records),
-        patterns=tuple(
-            pattern_of(name, values, longest.sample_time)
-            for name, values in zip(longest.input_names, longest.inputs, strict=True)
-        ),
+        patterns=patterns,
         excitations=excitations,
         links=links_of(records, excitations),
         findings=_findings(records),
         sampling=_sampling(longest),
+        best_linear=_best_linear(longest, patterns[0]),
     )
+
+
+def _best_linear(record: Recording, pattern: InputPattern) -> BestLinearApproximation | None:
+    if not pattern.periods:
+        return None
+    try:
+        return best_linear_approximation(record, period=pattern.period_s)
+    except DataError:  # too few periods, or another input moves
+        return None
 
 
 def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:

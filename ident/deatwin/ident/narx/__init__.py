@@ -32,6 +32,7 @@ from deatwin.ident.narx.response import NarxResponse, ResponseStatus
 from deatwin.ident.narx.robust import robust
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.semp_search import SempStep
+from deatwin.ident.narx.shapes import register_function
 from deatwin.ident.narx.shrinkage import Bayesian, Ridge
 from deatwin.ident.narx.svb import CleanUpMove, SvbNarx
 from deatwin.ident.narx.terms import Term, TermTable, Variable, generate_terms
@@ -92,6 +93,7 @@ __all__ = [
     "one_step_band",
     "prune",
     "refine",
+    "register_function",
     "robust",
     "validate",
 ]

@@ -77,7 +77,7 @@ def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Ar
         inputs, outputs = data.scaled(record)
         own = outputs[[data.output]]
         known = {"u": inputs, "y": outputs}
-        march = March.of(data.table.terms, known, "y", own, first=data.first, alone=data.output)
+        march = March.of(data.scaled_table.terms, known, "y", own, first=data.first, alone=data.output)
         total += march.squared_errors(chosen, theta, limit=DIVERGED).sum(axis=1)
         samples += record.n_samples - data.first
     return total / samples

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.terms import Term
+from deatwin.ident.narx.terms import Term, Variable
 from deatwin.ident.narx.written import origins, written
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled, number, require_identifier, table
@@ -32,6 +32,7 @@ void ${n}_init(${n}_state *state); /* at rest */
 int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y); /* 0: done; 1: diverged, y holds the last outputs */
 
 $tables
+$functions
 
 void ${n}_init(${n}_state *state)
 {
@@ -125,6 +126,7 @@ def narx_source(
         u_lags=_depth(quiet, "u"),
         sample_time=float(model.sample_time),
         limit=model.divergence_limit(model.output_origin[:, None]),
+        functions=_functions(quiet, name),
         sums="\n".join(_sums(quiet, name)),
         tables="\n".join(table(f"{name}_real {key}", values) for key, values in tables),
     )
@@ -173,7 +175,7 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
 
 def _depth(model: NarxModel, kind: str) -> int:
     """Samples of the past that are kept; an array has one at least."""
-    return max((v.lag for v in model.table.variables if v.kind == kind), default=0) or 1
+    return max((v.reach for v in model.table.variables if v.kind == kind), default=0) or 1
 
 
 def _sums(model: NarxModel, name: str) -> list[str]:
@@ -193,8 +195,34 @@ def _sums(model: NarxModel, name: str) -> list[str]:
 
 def _factors(term: Term, model: NarxModel, name: str) -> list[str]:
     origins = {"u": model.input_origin, "y": model.output_origin}
-    signals = [
-        (f"u[{v.index}]" if v.lag == 0 else f"state->{v.kind}[{v.index}][{v.lag - 1}]", float(origins[v.kind][v.index]))
-        for v in term.expanded
-    ]
-    return [f"({signal} - ({name}_real){number(origin)})" if origin else signal for signal, origin in signals]
+
+    def signal(v: Variable, lag: int) -> str:
+        place, origin = (
+            f"u[{v.index}]" if lag == 0 else f"state->{v.kind}[{v.index}][{lag - 1}]",
+            origins[v.kind][v.index],
+        )
+        return f"({place} - ({name}_real){number(float(origin))})" if origin else place
+
+    def factor(v: Variable) -> str:
+        argument = signal(v, v.lag) + (f" - {signal(v, v.reach)}" if v.reach > v.lag else "")
+        if v.shape is None:
+            return argument
+        numbers = ", ".join(f"({name}_real){number(p)}" for p in (*v.shape.parameters, 0.0, 0.0)[:2])
+        return f"{name}_{v.shape.name}({argument}, {numbers})"
+
+    return [factor(v) for v in term.expanded]
+
+
+def _functions(model: NarxModel, name: str) -> str:
+    """The functions of signals that the terms hold."""
+    shapes = {v.shape.name: v.shape for v in model.table.functions if v.shape is not None}
+    for shape in shapes.values():
+        if not shape.source:
+            raise ModelError(f"the function {shape.name} is known to Python alone, so that no C source can be written")
+    real = f"{name}_real"
+    bodies = (
+        f"static {real} {name}_{key}({real} x, {real} p, {real} q)\n{{\n    (void)p, (void)q;\n"
+        f"    return ({real})({shape.source});\n}}\n"
+        for key, shape in shapes.items()
+    )
+    return ("#include <math.h>\n" if shapes else "") + "\n".join(bodies)

@@ -1,7 +1,8 @@
 /* Polynomial models that are run along their own past.
 
    Every output c follows x_c(k) = base_c(k) + sum over its terms of theta * part(k) * monomial(x), where a part is a
-   product of signals that are known beforehand and a monomial one of marched signals at earlier samples. Parts
+   product of signals that are known beforehand and a monomial one of marched signals at earlier samples. Functions of
+   marched signals are marched signals too, without equations: they are the last rows of x. Parts
    are computed for a block of samples at once, and terms with the same monomial share one coefficient: what is left to
    do sample by sample is short. */
 #include <math.h>
@@ -20,7 +21,8 @@ typedef struct {
     const integer *equation;       /* [n_terms] the output that each term belongs to */
     const integer *marched_start;  /* [n_monomials + 1] into marched_offset */
     const integer *marched_offset; /* a factor of a monomial is x[k + offset] */
-    integer n_outputs, first, n;   /* outputs; the first sample to compute; samples */
+    const double *shapes;          /* [n_shapes][7] row of the argument, number, difference, gain, unit, p, q */
+    integer n_outputs, n_shapes, first, n; /* outputs; functions of them; the first sample to compute; samples */
 } terms;
 
 typedef struct {
@@ -81,6 +83,11 @@ static integer march(const terms *t, const model *m, const double *base, double 
             if (!(fabs(value) < limit)) return k;
             x[c * t->n + k] = value;
         }
+        for (integer j = 0; j < t->n_shapes; j++) {
+            const double *of = t->shapes + 7 * j, *argument = x + (integer)of[0] * t->n + k;
+            double change = of[2] > 0 ? *argument - argument[-(integer)of[2]] : *argument;
+            x[(t->n_outputs + j) * t->n + k] = shape((int)of[1], of[3] * change, of[5], of[6]) / of[4];
+        }
     }
     return to;
 }
@@ -101,7 +108,7 @@ integer deatwin_run(const terms *t, integer n_terms, const integer *chosen, cons
 
 /* Sums of squared simulation errors of model j = (chosen, theta)[j], of one output that was measured, over each section
    of the samples; stop[i] ends section i. After a divergence they are infinite.
-   x: n numbers of work that begin with the first measured ones. */
+   x: (1 + n_shapes) n numbers of work, whose rows begin with the first measured ones. */
 void deatwin_errors(const terms *t, integer n_models, integer n_terms, const integer *chosen, const double *theta,
                     integer n_sections, const integer *stop, const double *measured, double limit, double *sums,
                     double *x, integer *places, double *coefficient) {

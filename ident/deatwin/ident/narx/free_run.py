@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.shapes import SOURCES, Shape, switch_source
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.integrator.compiled import compile_source, compiler
 
@@ -72,8 +73,9 @@ class March:
     """Terms over one recording, arranged for a recursion over samples."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
-    start: Array  # shape (n_marched, n): The marched signals, of which the samples before ``first`` are used
+    start: Array  # shape (n_marched, n): The signals to compute, of which the samples before ``first`` are used
     first: int  # The first sample to compute
+    derived: tuple[tuple[int, Shape], ...]  # Functions of marched signals, the last rows of ``start``, with their rows
     parts: tuple[Factors, ...]  # The known factors of each term
     monomials: tuple[Factors, ...]  # The products of marched signals that occur
     monomial: Integers  # shape (n_terms,): The monomial of each term
@@ -94,21 +96,35 @@ class March:
         """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the signals to compute from
         sample `first`.
         """
-        heights = [signal.shape[0] for signal in known.values()]
-        row = dict(zip(known, accumulate([0, *heights]), strict=False))
+        rows = [row for signal in known.values() for row in np.asarray(signal, dtype=np.float64)]
+        heights = accumulate([0, *(len(signal) for signal in known.values())])
+        begins = dict(zip(known, heights, strict=False))
+        computed = list(np.asarray(start, dtype=np.float64))
+        derived: dict[tuple[int, Shape], int] = {}
+        known_derived: dict[tuple[int, Shape], int] = {}
 
         def marches(v: Variable) -> bool:
             return v.kind == marched and alone in (None, v.index)
 
-        parts = tuple(tuple((row[v.kind] + v.index, v.lag) for v in term.expanded if not marches(v)) for term in terms)
-        products = [
-            tuple((v.index if alone is None else 0, v.lag) for v in term.expanded if marches(v)) for term in terms
-        ]
+        def row_of(v: Variable) -> int:
+            """Row of a variable's values, which those of a function get when it is first met."""
+            row = begins[v.kind] + v.index if not marches(v) else v.index if alone is None else 0
+            if v.shape is None:
+                return row
+            signals, found = (computed, derived) if marches(v) else (rows, known_derived)
+            if (row, v.shape) not in found:
+                found[row, v.shape] = len(signals)
+                signals.append(v.shape.along(signals[row]))
+            return found[row, v.shape]
+
+        parts = tuple(tuple((row_of(v), v.lag) for v in term.expanded if not marches(v)) for term in terms)
+        products = [tuple((row_of(v), v.lag) for v in term.expanded if marches(v)) for term in terms]
         place = {product: j for j, product in enumerate(dict.fromkeys(products))}
         return cls(
-            known=np.ascontiguousarray(np.concatenate(list(known.values())), dtype=np.float64),
-            start=np.ascontiguousarray(start, dtype=np.float64),
+            known=np.array(rows),
+            start=np.array(computed),
             first=first,
+            derived=tuple(derived),
             parts=parts,
             monomials=tuple(place),
             monomial=np.array([place[product] for product in products], dtype=np.int64),
@@ -123,7 +139,7 @@ class March:
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
         base = None if base is None else np.ascontiguousarray(base, dtype=np.float64)
-        kernel = _kernel(compiler())
+        kernel = self._kernel
         if kernel is None:
             reached = self._plain(chosen, theta, base, limit, x)
         else:
@@ -139,6 +155,7 @@ class March:
                 places.ctypes.data,
                 coefficients.ctypes.data,
             )
+        x = x[: self.n_outputs]
         if reached == x.shape[1]:
             return x, None
         x[:, reached:] = x[:, [reached - 1]] if reached else 0.0
@@ -153,12 +170,12 @@ class March:
         n = self.start.shape[1]
         stops = self.first + (np.arange(1, sections + 1) * (n - self.first)) // sections
         sums = np.empty((len(chosen), sections))
-        kernel = _kernel(compiler())
+        kernel = self._kernel
         if kernel is None:
             for into, model in zip(sums, zip(chosen, theta, strict=True), strict=True):
                 into[:] = self._plain_errors(*model, limit, stops)
             return sums
-        run = self.start[0].copy()
+        run = self.start.copy()
         places, coefficients = self._work(chosen.shape[1])
         kernel.deatwin_errors(
             ctypes.byref(self._tables),
@@ -178,7 +195,7 @@ class March:
 
     def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
         """Sums of squared errors of one model, without the kernel."""
-        x = self.start[:1].copy()
+        x = self.start.copy()
         if self._plain(chosen, theta, None, limit, x) < x.shape[1]:
             return np.full(stops.size, math.inf)
         total = np.concatenate([[0.0], np.cumsum((self.start[0] - x[0]) ** 2)])
@@ -195,7 +212,7 @@ class March:
                 part *= self.known[row, self.first - lag : n - lag]
             coefficients[slots.index((int(self.equations[i]), int(self.monomial[i])))] += part
         products = [(c, self.monomials[j]) for c, j in slots]
-        bases = np.zeros_like(x) if base is None else base
+        bases = np.zeros((self.n_outputs, n)) if base is None else base
         runs: list[list[float]] = x.tolist()
         reached = n
         for k, row in enumerate(coefficients.T.tolist(), start=self.first):
@@ -207,8 +224,11 @@ class March:
             if not all(-limit < value < limit for value in values):
                 reached = k
                 break
-            for run, value in zip(runs, values, strict=True):
+            for run, value in zip(runs, values, strict=False):
                 run[k] = value
+            for run, (source, shape) in zip(runs[self.n_outputs :], self.derived, strict=True):
+                change = runs[source][k] - (runs[source][k - shape.difference] if shape.difference else 0.0)
+                run[k] = float(shape.value(np.array(change)))
         x[:] = runs
         return reached
 
@@ -216,14 +236,36 @@ class March:
     def _tables(self) -> _Terms:
         """The terms as the kernel reads them."""
         n = self.start.shape[1]
-        arrays = (self.known, *_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n))
-        tables = _Terms(*(array.ctypes.data for array in arrays), self.start.shape[0], self.first, n)
+        shapes = [
+            (
+                row,
+                SOURCES.index(shape.name),
+                shape.difference,
+                shape.gain,
+                shape.unit,
+                *(*shape.parameters, 0.0, 0.0)[:2],
+            )
+            for row, shape in self.derived
+        ]
+        numbers = np.array(shapes).reshape(-1, 7)
+        arrays = (self.known, *_flat(self.parts, n), self.monomial, self.equations, *_flat(self.monomials, n), numbers)
+        tables = _Terms(*(array.ctypes.data for array in arrays), self.n_outputs, len(shapes), self.first, n)
         tables.keep = arrays
         return tables
 
+    @property
+    def n_outputs(self) -> int:
+        """Number of the signals with equations."""
+        return self.start.shape[0] - len(self.derived)
+
+    @property
+    def _kernel(self) -> ctypes.CDLL | None:
+        """The compiled kernel; None without a compiler, or where a function is known to Python alone."""
+        return _kernel(compiler()) if all(shape.source for _, shape in self.derived) else None
+
     def _work(self, n_terms: int) -> tuple[Integers, Array]:
         """Memory that the kernel works in."""
-        return np.empty(3 * n_terms + self.start.shape[0], dtype=np.int64), np.empty(max(n_terms, 1) * _BLOCK)
+        return np.empty(3 * n_terms + self.n_outputs, dtype=np.int64), np.empty(max(n_terms, 1) * _BLOCK)
 
 
 def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
@@ -248,16 +290,17 @@ class _Terms(ctypes.Structure):
                 "equation",
                 "marched_start",
                 "marched_offset",
+                "shapes",
             )
         ),
-        *((name, ctypes.c_int64) for name in ("n_outputs", "first", "n")),
+        *((name, ctypes.c_int64) for name in ("n_outputs", "n_shapes", "first", "n")),
     ]
 
 
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
     """The compiled kernel, or None where there is no compiler."""
-    library = compile_source(Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
+    library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     if library is None:
         return None
     try:

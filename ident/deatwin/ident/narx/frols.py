@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -43,6 +44,9 @@ class Frols(NarxIdentifier):
         2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
+    functions : sequence of str
+        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
@@ -92,6 +96,7 @@ class Frols(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         max_terms: int = 15,
         criterion: str = "ebic",
@@ -101,6 +106,7 @@ class Frols(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.functions = functions
         self.rule = rule
         self.max_terms = max_terms
         self.criterion = criterion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -55,6 +55,9 @@ class Grow(NarxIdentifier):
         2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
+    functions : sequence of str
+        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
@@ -99,6 +102,7 @@ class Grow(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         max_terms: int = 15,
         held_out: float = 1 / 3,
@@ -107,6 +111,7 @@ class Grow(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.functions = functions
         self.rule = rule
         self.max_terms = max_terms
         self.held_out = held_out

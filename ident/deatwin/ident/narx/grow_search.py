@@ -128,7 +128,9 @@ def linear_start(data: Regression) -> NarxModel:
         )
 
     def of_order(variable: Variable) -> bool:
-        return variable.lag <= max(_ORDER, first[variable.kind, variable.channel] + _ORDER - 1)
+        return variable.shape is None and variable.lag <= max(
+            _ORDER, first[variable.kind, variable.channel] + _ORDER - 1
+        )
 
     linear = [i for i, term in enumerate(data.table.terms) if term.degree <= 1 and all(map(of_order, term.expanded))]
     if not any(data.table.terms[i].degree for i in linear):

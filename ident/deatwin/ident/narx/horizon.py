@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.free_run import innovations
-from deatwin.ident.narx.terms import TermTable
+from deatwin.ident.narx.terms import TermTable, Variable
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -62,14 +62,14 @@ def _runs(
     lost = np.zeros(last - first, dtype=np.bool_)
     past: list[Array] = []
     for step in range(steps):
-        lagged = []
-        for v in table.variables:
-            if v.kind == "u" or v.lag > step:
-                lagged.append(signals[v.kind][v.index, first + step - v.lag : last + step - v.lag])
-            else:
-                lagged.append(past[-v.lag][v.index] if v.kind == "y" else np.zeros(last - first))
+
+        def lagged(v: Variable, lag: int, step: int = step, past: list[Array] = past) -> Array:
+            if v.kind == "u" or lag > step:
+                return signals[v.kind][v.index, first + step - lag : last + step - lag]
+            return past[-lag][v.index] if v.kind == "y" else np.zeros(last - first)
+
         with np.errstate(over="ignore", invalid="ignore"):  # found in the next line
-            values = weights @ table.over(lagged, last - first)
+            values = weights @ table.over(table.of_signals(lagged), last - first)
         lost |= ~np.all(np.abs(values) < limit, axis=0)
         state = np.where(lost, state, values)
         past = [*past, state][-max(table.max_lag, 1) :]

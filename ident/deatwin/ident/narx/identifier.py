@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import Enum
 from typing import Any, Self
@@ -183,6 +183,7 @@ class NarxIdentifier(Identifier, ABC):
     output_lags: Lags
     input_lags: Lags
     degree: int
+    functions: Sequence[str] = ()
     rule: Rule | None
 
     model_: NarxModel
@@ -257,6 +258,7 @@ class NarxIdentifier(Identifier, ABC):
             output_lags=self.output_lags,
             input_lags=self.input_lags,
             degree=self.degree,
+            functions=self.functions,
             rule=self.rule,
             output=output,
         )

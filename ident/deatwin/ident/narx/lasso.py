@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -88,6 +88,9 @@ class Lasso(NarxIdentifier):
         2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
+    functions : sequence of str
+        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
@@ -118,6 +121,7 @@ class Lasso(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         max_terms: int = 30,
         held_out: float = 0.3,
@@ -125,6 +129,7 @@ class Lasso(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.functions = functions
         self.rule = rule
         self.max_terms = max_terms
         self.held_out = held_out

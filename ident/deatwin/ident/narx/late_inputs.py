@@ -79,7 +79,7 @@ def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, 
 def _last_lag(model: NarxModel, column: int, row: int) -> int:
     """Last lag of an input in an equation; -1 if it is not there."""
     terms = [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
-    return max((v.lag for t in terms for v, _ in t.factors if v.kind == "u" and v.index == column), default=-1)
+    return max((v.reach for t in terms for v, _ in t.factors if v.kind == "u" and v.index == column), default=-1)
 
 
 def _whitened(signals: Sequence[Array]) -> list[Array]:

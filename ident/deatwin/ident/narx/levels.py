@@ -64,7 +64,7 @@ def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str
 
 def _repeats(term: Term, variable: Variable, power: int, relations: dict[int, Array], there: set[Term]) -> bool:
     """Whether a term is a sum of others that are there, by the relation of one of its inputs."""
-    relation = relations.get(variable.index) if variable.kind == "u" else None
+    relation = relations.get(variable.index) if variable.kind == "u" and variable.shape is None else None
     if relation is None or power < relation.size - 1:
         return False
     others = list(term.expanded)

@@ -395,7 +395,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             n_outputs=self.n_outputs,
             sample_time=self.sample_time,
             first=first,
-            fewest=max((v.lag for v in self.table.variables if v.kind == "y"), default=0),
+            fewest=max((v.reach for v in self.table.variables if v.kind == "y"), default=0),
         )
 
     def _check(self, recording: Recording, n_outputs: int | None) -> int:

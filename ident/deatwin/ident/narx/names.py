@@ -10,6 +10,7 @@ from functools import cached_property
 from deatwin.plant.errors import ModelError, nearest
 
 _NAMED = re.compile(r"\s*\*?\s*([^\W\d][^()*^|]*?)\s*\(\s*k\s*(?:-\s*\d+\s*)?\)")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WORD = re.compile(r"[^\W\d]\w*")
 # Names that recordings and models give to signals of which no name was told.
 _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
@@ -38,6 +39,16 @@ class SignalNames:
         name = "|".join(map(re.escape, longest_first)) or "(?!)"
         return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
+    function = re.compile(r"\s*\*?\s*(?:\||([^\W\d]\w*)\s*\((?!\s*k\s*[-)]))")
+    """The opening of a function, with its name; none for |...|."""
+    minus = re.compile(r"\s*-")
+
+    @staticmethod
+    def closing(name: str | None) -> re.Pattern[str]:
+        """The end of a function: the numbers after commas, and the power."""
+        end = r"\|()" if name is None else rf"((?:\s*,\s*{_NUMBER})*)\s*\)"
+        return re.compile(rf"\s*{end}(?:\s*\^\s*(\d+))?\s*")
+
     def signal(self, name: str) -> tuple[str, int]:
         """Return kind and channel of a name."""
         kind, channel = self._signals[name][0]
@@ -52,7 +63,7 @@ class SignalNames:
         if named is None or not self._signals:
             return (
                 f"cannot read the term {text[:80]!r} from {text[position : position + 20]!r} on; "
-                "write terms as 1, y(k-1) or y(k-1)u(k-2)^2"
+                "write terms as 1, y(k-1), y(k-1)u(k-2)^2 or |u(k-1)|"
             )
         sides = {
             side: ", ".join(

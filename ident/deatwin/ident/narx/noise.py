@@ -216,10 +216,11 @@ def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTab
     """Return all products of the lagged signals of the candidates and of e that hold some e."""
     outputs = len(data.recordings[0].outputs)
     noise = [Variable("e", data.output + 1 if outputs > 1 else 0, lag) for lag in lags]
+    plain = [v for v in data.table.variables if v.shape is None]
     products = (
         Term.product(chosen)
         for n in range(1, degree + 1)
-        for chosen in combinations_with_replacement([*data.table.variables, *noise], n)
+        for chosen in combinations_with_replacement([*plain, *noise], n)
     )
     return TermTable(tuple(term for term in products if any(v.kind == "e" for v, _ in term.factors)))
 

@@ -20,12 +20,17 @@ def about_data(data: Regression) -> Regression:
     A signal whose mean is no larger than its swing (largest minus smallest value) keeps its zero: its powers lose at
     most a bit or two per factor. For any other signal, for example in kelvin, zero has no part in the experiment,
     regressors about it would be nearly constant, and the effect of a prior would depend on it. Neither choice depends
-    on the unit.
+    on the unit. A signal with a function of it keeps its zero, about which the function is meant.
     """
+    kept = {(v.kind, v.index) for v in data.table.functions}
     return replace(
         data,
-        input_origin=_origins([record.inputs for record in data.recordings]),
-        output_origin=_origins([record.outputs for record in data.recordings]),
+        input_origin=_origins(
+            [record.inputs for record in data.recordings], [row for kind, row in kept if kind == "u"]
+        ),
+        output_origin=_origins(
+            [record.outputs for record in data.recordings], [row for kind, row in kept if kind == "y"]
+        ),
     )
 
 
@@ -34,7 +39,7 @@ def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
 
     No constant term is needed there: it would only say how far from the equilibrium the origin was put.
     """
-    moved = model.output_origin.any() or model.input_origin.any()
+    moved = (model.output_origin.any() or model.input_origin.any()) and not model.table.functions
     if len(data) != model.n_outputs or not moved or not any(term.degree == 0 for term in model.terms):
         return data
     swings = np.ptp(np.concatenate([record.outputs for record in data[0].recordings], axis=1), axis=1)
@@ -57,8 +62,9 @@ def _rest(table: TermTable, theta: Array, equations: list[int], swings: Array) -
     return found.x * swings if found.success and np.all(np.abs(found.x) <= 1.0) else None
 
 
-def _origins(signals: list[Array]) -> Array:
+def _origins(signals: list[Array], kept: list[int]) -> Array:
     joined = np.concatenate(signals, axis=1)
     swing = np.ptp(joined, axis=1)
     mean = np.where(swing > 0, joined.mean(axis=1), joined[:, 0])  # a constant is its own mean, to the last bit
+    mean[kept] = 0.0
     return np.where(np.abs(mean) <= swing, 0.0, mean)

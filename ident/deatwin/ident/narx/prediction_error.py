@@ -89,7 +89,7 @@ def noise_rows(data: Regression, table: TermTable, noise: Sequence[Array]) -> Ar
     """Evaluate noise terms over all fitted samples. Shapes: `noise` (n_outputs, n); returns (n_terms, n_samples)."""
     return np.concatenate(
         [
-            table.rows(*data.scaled(record), data.first, record.n_samples, e)
+            data.for_scaled(table).rows(*data.scaled(record), data.first, record.n_samples, e)
             for record, e in zip(data.recordings, noise, strict=True)
         ],
         axis=1,
@@ -240,7 +240,7 @@ def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Arr
         band[0] = 1.0
         for variable in lags:
             weights, parts = _derivative(table, theta, variable)
-            along = weights @ parts.rows(*data.scaled(record), data.first, record.n_samples, e)
+            along = weights @ data.for_scaled(parts).rows(*data.scaled(record), data.first, record.n_samples, e)
             band[variable.lag, lead - variable.lag : band.shape[1] - variable.lag] = along
         bands.append(band)
     return bands

@@ -27,6 +27,7 @@ from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.terms import Term, TermTable, Variable
+from deatwin.ident.narx.variables import argument_of
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -266,12 +267,18 @@ def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTa
     first, n = max(model.table.max_lag, table.max_lag), recording.n_samples
     lagged = [variable for variable in model.table.variables if variable.kind == "y"]
     signals = model.about_origin(recording.inputs, run[None])
-    band = np.zeros((max((v.lag for v in lagged), default=0) + 1, n - first))
+    band = np.zeros((max((v.reach for v in lagged), default=0) + 1, n - first))
     band[0] = 1.0
     for variable in lagged:
         terms, weights = _derivative(model, variable)
         slope = weights @ TermTable(terms).rows(*signals, first, n)
-        band[variable.lag, : n - first - variable.lag] = -slope[variable.lag :]
+        if variable.shape is not None:
+            slope *= variable.shape.slope(
+                argument_of(variable, lambda v, lag: signals[1][v.index, first - lag : n - lag])
+            )
+        band[variable.lag, : n - first - variable.lag] -= slope[variable.lag :]
+        if variable.reach > variable.lag:
+            band[variable.reach, : n - first - variable.reach] += slope[variable.reach :]
     solved, _ = dtbtrs(band, table.rows(*signals, first, n).T, uplo="L", diag="U")
     return np.asarray(solved, dtype=np.float64)
 

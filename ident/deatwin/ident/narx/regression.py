@@ -15,7 +15,7 @@ from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
-from deatwin.ident.narx.terms import Lags, Rule, TermTable, generate_terms
+from deatwin.ident.narx.terms import Lags, Rule, Term, TermTable, Variable, generate_terms
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording, label
 
@@ -76,6 +76,7 @@ class Regression:
         output_lags: Lags,
         input_lags: Lags,
         degree: int,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         output: int = 0,
     ) -> Regression:
@@ -94,6 +95,7 @@ class Regression:
             degree,
             n_inputs=n_inputs,
             n_outputs=n_outputs,
+            functions=_functions(functions, chosen[0]),
             rule=rule,
         )
         return cls.on(chosen, TermTable(without_repeated_powers(terms, chosen)), output=output)
@@ -156,8 +158,17 @@ class Regression:
     def term_scales(self) -> Array:
         """Physical size of a parameter of 1 for each term, shape (n_terms,)."""
         scales = {"y": self.output_scales, "e": self.output_scales, "u": self.input_scales}
-        values = np.array([scales[v.kind][v.index] for v in self.table.variables])
-        return self.output_scale / self.table.at(values)
+        values = [scales[v.kind][v.index] ** (1 if v.shape is None else v.shape.degree) for v in self.table.variables]
+        return self.output_scale / self.table.at(np.array(values))
+
+    @cached_property
+    def scaled_table(self) -> TermTable:
+        """The table for scaled signals, term by term."""
+        return self.for_scaled(self.table)
+
+    def for_scaled(self, table: TermTable) -> TermTable:
+        """Return a table for scaled signals, term by term."""
+        return table.in_units({"y": self.output_scales, "u": self.input_scales})
 
     def scaled(self, record: Recording) -> tuple[Array, Array]:
         """Return inputs, (n_inputs, n), and outputs, (n_outputs, n), less their origins and divided by the scales."""
@@ -177,7 +188,7 @@ class Regression:
             inputs, outputs = self.scaled(record)
             for start in range(self.first, record.n_samples, _BLOCK):
                 stop = min(start + _BLOCK, record.n_samples)
-                yield self.table.rows(inputs, outputs, start, stop), outputs[self.output, start:stop]
+                yield self.scaled_table.rows(inputs, outputs, start, stop), outputs[self.output, start:stop]
 
     def matrix(self) -> tuple[Array, Array]:
         """Return scaled regressors, transposed to (n_terms, n_samples), and outputs, shape (n_samples,)."""
@@ -246,6 +257,21 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
     if not chosen:
         raise ModelError("no recording was given; fit needs at least one")
     return chosen
+
+
+def _functions(written: Sequence[str], record: Recording) -> tuple[Variable, ...]:
+    """Return functions of lagged signals that join the candidates."""
+    if isinstance(written, str):
+        raise ModelError(f'functions = {written!r}; give a list, as ["|u(k-1)|", "sat(y(k-1),0.5)"]')
+    names = {"input_names": record.input_names, "output_names": record.output_names}
+    terms = [Term.parse(text, **names) for text in written]
+    for text, term in zip(written, terms, strict=True):
+        if term.degree != 1 or term.expanded[0].shape is None:
+            raise ModelError(f'functions: {text!r} is no function of a lagged signal, as "|u(k-1)|" is')
+    table = TermTable(tuple(terms))
+    if table.channels("u") > len(record.inputs) or table.channels("y") > len(record.outputs):
+        raise ModelError(f"functions {', '.join(written)}: the recordings have no such signal")
+    return table.variables
 
 
 def _scales(signals: list[Array]) -> Array:

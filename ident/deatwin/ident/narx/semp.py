@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +70,9 @@ class Semp(NarxIdentifier):
         2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
+    functions : sequence of str
+        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
@@ -111,6 +115,7 @@ class Semp(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         max_terms: int = 15,
         threshold: float | None = None,
@@ -121,6 +126,7 @@ class Semp(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.functions = functions
         self.rule = rule
         self.max_terms = max_terms
         self.threshold = threshold

@@ -73,7 +73,7 @@ class SempSearch:
         signals = [data.scaled(record) for record in data.recordings]
         self.marches = [
             March.of(
-                data.table.terms,
+                data.scaled_table.terms,
                 {"u": inputs, "y": outputs},
                 "y",
                 outputs[[data.output]],

@@ -37,7 +37,7 @@ def shown_units(model: NarxModel) -> ShownUnits:
     plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
     trained = model.operating
     exponents = _exponents(model.theta)
-    if trained is None or not exponents:
+    if trained is None or not exponents or model.table.functions:  # whose numbers are in the signals' own units
         return plain
     outputs = _sizes(
         trained.output_min - model.output_origin, trained.output_max - model.output_origin, model.output_units

@@ -22,7 +22,7 @@ def single_output(data: Regression) -> Regression:
             return replace(variable, channel=variable.index + 1)
         if variable.index == own:
             return replace(variable, channel=0)
-        return Variable("u", n_inputs + 1 + variable.index - (variable.index > own), variable.lag)
+        return replace(variable, kind="u", channel=n_inputs + 1 + variable.index - (variable.index > own))
 
     terms = tuple(Term.product(map(renamed, term.expanded)) for term in data.table.terms)
     regression = replace(

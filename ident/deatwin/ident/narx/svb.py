@@ -82,6 +82,9 @@ class SvbNarx(NarxIdentifier):
         2], "w": [4, 5]}``.
     degree : int
         Largest degree of a candidate.
+    functions : sequence of str
+        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
+        `register_function`. A candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     clean_up : str
@@ -128,6 +131,7 @@ class SvbNarx(NarxIdentifier):
         output_lags: Lags = 2,
         input_lags: Lags = 2,
         degree: int = 2,
+        functions: Sequence[str] = (),
         rule: Rule | None = None,
         clean_up: str = "evidence",
         resolution: float = 100.0,
@@ -141,6 +145,7 @@ class SvbNarx(NarxIdentifier):
         self.output_lags = output_lags
         self.input_lags = input_lags
         self.degree = degree
+        self.functions = functions
         self.rule = rule
         self.clean_up = clean_up
         self.resolution = resolution

@@ -1,7 +1,8 @@
 """Polynomial NARMAX terms: written, parsed, generated, and evaluated as regressors.
 
 A term is a product of lagged outputs, inputs and noise, written as in the literature: ``y(k-1)u(k-2)^2`` or
-``u(k-1)e(k-2)``; with several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``.
+``u(k-1)e(k-2)``; with several channels ``y1(k-1)u3(k-2)^2``; the constant term is ``1``. Factors may also be functions
+of an output or input, as ``|u(k-1)|`` or ``sat(y(k-1),0.5)``; see `deatwin.ident.narx.shapes`.
 """
 
 from __future__ import annotations
@@ -9,8 +10,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, total_ordering
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -19,63 +20,16 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.lags import ChannelLags, channel_lags, lag_list
 from deatwin.ident.narx.lags import Lags as Lags
 from deatwin.ident.narx.names import SignalNames
+from deatwin.ident.narx.variables import Variable as Variable
+from deatwin.ident.narx.variables import read_factor, value_of
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
-
-_KINDS = "yue"  # the order in which factors are written
 
 Rule = Callable[["Term"], bool]
 
 MOST_TERMS = 20_000
 """Candidates beyond which the Gram matrix alone would need gigabytes."""
-MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
-"""Numbers in a written term beyond which it is a mistake, and a model of it would need gigabytes."""
-
-
-@total_ordering
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """Lagged signal, as y(k-1).
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the signal: "y" for an output, "u" for an input, "e" for the noise of an output.
-    channel : int
-        Number of the channel from 1; 0 for a single channel, which is written without a number.
-    lag : int
-        Delay in samples, at least 0 for an input and at least 1 otherwise.
-    """
-
-    kind: str
-    channel: int
-    lag: int
-
-    @property
-    def index(self) -> int:
-        """Row of the channel in ``Recording.inputs`` or ``Recording.outputs``."""
-        return max(self.channel - 1, 0)
-
-    @property
-    def _key(self) -> tuple[int, int, int]:
-        return _KINDS.index(self.kind), self.channel, self.lag
-
-    def __lt__(self, other: Variable) -> bool:
-        return self._key < other._key
-
-    @property
-    def symbol(self) -> str:
-        """Symbol of the signal without its lag, as y or u2."""
-        return f"{self.kind}{self.channel or ''}"
-
-    @property
-    def delay(self) -> str:
-        """Written lag, as (k-1)."""
-        return f"(k-{self.lag})" if self.lag else "(k)"
-
-    def __str__(self) -> str:
-        return self.symbol + self.delay
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,21 +77,8 @@ class Term:
         variables: list[Variable] = []
         position = 0
         while position < len(text):
-            match = names.factor.match(text, position)
-            if match is None:
-                raise ModelError(names.unread(text, position))
-            name, kind, number, lag, power = match.groups()
-            limits = (number, MOST_CHANNELS, "channel"), (lag, MOST_LAG, "lag"), (power, MOST_POWER, "power")
-            for digits, most, what in limits:
-                if len(digits or "") > 6 or int(digits or 0) > most:
-                    raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
-            kind, channel = names.signal(name) if name else (kind, int(number or 0))
-            variable = Variable(kind, channel, int(lag or 0))
-            if kind != "u" and variable.lag < 1:
-                held = "output" if kind == "y" else "noise"
-                raise ModelError(f"term {text!r} holds the {held} at the present sample; its lag must be at least 1")
-            variables += [variable] * int(power or 1)
-            position = match.end()
+            variable, power, position = read_factor(text, position, names)
+            variables += [variable] * power
         if not variables:
             raise ModelError(f"the term {text!r} is empty; write 1 for the constant")
         return cls.product(variables)
@@ -161,7 +102,7 @@ class Term:
             Symbol of a signal by kind, "y", "u" or "e", and row; signals without an entry keep the symbol of
             `Variable`.
         """
-        factors = [(f"{symbols.get((v.kind, v.index), v.symbol)}{v.delay}", power) for v, power in self.factors]
+        factors = [(v.written(symbols.get((v.kind, v.index), v.symbol)), power) for v, power in self.factors]
         return "".join(f"{text}^{power}" if power > 1 else text for text, power in factors) or "1"
 
     def __str__(self) -> str:
@@ -176,6 +117,7 @@ def generate_terms(
     noise_lags: ChannelLags = 0,
     n_inputs: int = 1,
     n_outputs: int = 1,
+    functions: Sequence[Variable] = (),
     rule: Rule | None = None,
 ) -> tuple[Term, ...]:
     """Return all candidate terms up to a degree, the constant first, then by degree.
@@ -191,6 +133,8 @@ def generate_terms(
         Lags of the noise of every output, in samples, as above; none by default.
     n_inputs, n_outputs : int
         Number of channels; a single channel is written without a number.
+    functions : sequence of Variable
+        Functions of lagged signals that join the lagged signals; a candidate holds each of them once at most.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
 
@@ -216,6 +160,7 @@ def generate_terms(
     ):
         numbers = range(1, count + 1) if count > 1 else (0,) * count
         variables += [Variable(kind, n, lag) for n, own in zip(numbers, lags, strict=True) for lag in own]
+    variables += dict.fromkeys(functions)
     if not variables:
         raise ModelError("no lags at all; give output_lags or input_lags")
     candidates = math.comb(len(variables) + degree, degree)
@@ -227,7 +172,9 @@ def generate_terms(
     products = (
         Term.product(chosen) for n in range(degree + 1) for chosen in combinations_with_replacement(variables, n)
     )
-    terms = tuple(term for term in products if rule is None or rule(term))
+    # |x|^2 is x^2 and sign(x)^2 is 1; other functions have no use for powers that one more of them had not.
+    once = (term for term in products if all(power == 1 for v, power in term.factors if v.shape is not None))
+    terms = tuple(term for term in once if rule is None or rule(term))
     if not terms:
         raise ModelError(f"the rule {rule!r} leaves none of {candidates} candidate terms")
     return terms
@@ -264,7 +211,40 @@ class TermTable:
     @cached_property
     def max_lag(self) -> int:
         """Largest lag in samples, which is the index of the first sample that can be computed."""
-        return max((variable.lag for variable in self.variables), default=0)
+        return max((variable.reach for variable in self.variables), default=0)
+
+    @cached_property
+    def functions(self) -> tuple[Variable, ...]:
+        """Variables that are functions of a signal."""
+        return tuple(variable for variable in self.variables if variable.shape is not None)
+
+    def in_units(self, scales: Mapping[str, Array]) -> TermTable:
+        """Return the table for signals that are counted in other units: only functions depend on them.
+
+        Parameters
+        ----------
+        scales : mapping of str to ndarray
+            Size of the unit of each signal, by kind and row.
+        """
+        if not self.functions:
+            return self
+
+        def scaled(v: Variable) -> Variable:
+            if v.shape is None:
+                return v
+            return replace(v, shape=replace(v.shape, gain=v.shape.gain * float(scales[v.kind][v.index])))
+
+        return TermTable(tuple(Term(tuple((scaled(v), p) for v, p in term.factors)) for term in self.terms))
+
+    def of_signals(self, lagged: Callable[[Variable, int], Array]) -> list[Array]:
+        """Return the values of each of ``variables``.
+
+        Parameters
+        ----------
+        lagged : callable
+            Function that returns the signal of a variable at a lag.
+        """
+        return [value_of(v, lagged) for v in self.variables]
 
     def channels(self, kind: str) -> int:
         """Return the number of channels of a kind that the terms need.
@@ -333,8 +313,11 @@ class TermTable:
         signal = {"y": outputs, "u": inputs, "e": noise}
         if noise is None and self.channels("e"):
             raise ModelError("the terms hold noise e(k-l), which is not measured: give its values")
-        lagged = [signal[v.kind][v.index, start - v.lag : stop - v.lag] for v in self.variables]  # type: ignore[index]
-        return self.over(lagged, stop - start)
+
+        def lagged(v: Variable, lag: int) -> Array:
+            return signal[v.kind][v.index, start - lag : stop - lag]  # type: ignore[index]
+
+        return self.over(self.of_signals(lagged), stop - start)
 
     def over(self, lagged: Sequence[Array], count: int) -> Array:
         """Evaluate all terms at many values of each variable.

@@ -135,7 +135,7 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, so
     only a diverged free run counts.
     """
-    nonlinear = any(sum(power for _, power in term.factors) > 1 for term in model.terms)
+    nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
     if nonlinear and not diverged:
         return None
     poles = poles_at(model, recordings)
@@ -160,8 +160,8 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
 
 def poles_at(model: NarxModel, recordings: Sequence[Recording]) -> NDArray[np.complex128]:
     """Return the poles of a model that is linearised at the mean of recordings, largest magnitude first."""
-    longest = max((v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"), default=0)
-    lags = sorted({v.lag for term in model.terms for v, _ in term.factors if v.kind == "y"})
+    longest = max((v.reach for term in model.terms for v, _ in term.factors if v.kind == "y"), default=0)
+    lags = sorted({lag for v in model.table.variables if v.kind == "y" for lag in (v.lag, v.reach)})
     m = model.n_outputs
     companion = np.eye(m * longest, k=-m)
     level, inputs, moved = _point(model, recordings)

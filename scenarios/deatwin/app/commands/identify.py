@@ -23,6 +23,7 @@ from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
     from deatwin.app.identify_report import Tested
+    from deatwin.ident.look import BestLinearApproximation
     from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
     from deatwin.studies.folder import ResultFolder
@@ -84,6 +85,15 @@ Decimation = Annotated[
         help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
     ),
 ]
+Functions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--function",
+        metavar="TEXT",
+        help="A function of a lagged signal that terms may hold, as '|u(k-1)|', 'sat(u(k-1),0.5)' or "
+        "'sign(y(k-1)-y(k-2))'; once for each.",
+    ),
+]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -102,6 +112,7 @@ def identify(
     first_input_lag: FirstInputLag = None,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
     max_terms: MaxTerms = 15,
+    functions: Functions = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
     time_column: TimeColumn = None,
@@ -124,6 +135,7 @@ def identify(
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
     from deatwin.app.identify_noise import biased_by_noise, outlying
+    from deatwin.app.identify_periodic import approximated, degree_remarks
     from deatwin.app.identify_report import linear_errors
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
@@ -155,6 +167,7 @@ def identify(
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
+        lags["functions"] = functions or []
         identifier = _identifier(method, lags, max_terms)
         _fit(identifier, training, records, voice)
         identifier, diverged = bounded(
@@ -173,6 +186,7 @@ def identify(
         apart = [*outlying(training), *disagreements(model, chosen.dead_times)]
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
         told = () if tested.validation is None else tested.validation.notes
+        periodic = approximated(whole)
         found = [
             *diverged,
             *lost(model, unseen, whole),
@@ -181,6 +195,7 @@ def identify(
             *identifier.notes_,
             *told,
             *unexcited,
+            *degree_remarks(periodic, degree),
         ]
         found = list(dict.fromkeys(found))
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
@@ -192,7 +207,9 @@ def identify(
             linear = (
                 linear_errors(chosen.lags, output_lags or OUTPUT_LAGS, training, unseen) if tested.pole is None else []
             )
-            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear)
+            _write_report(
+                folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear, periodic
+            )
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -242,6 +259,7 @@ def _write_report(
     notes: Sequence[str],
     clocks: list[str],
     linear: Sequence[float],
+    periodic: BestLinearApproximation | None,
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
 
@@ -254,6 +272,7 @@ def _write_report(
         notes=notes,
         clocks=clocks,
         linear=linear,
+        best_linear=periodic,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")

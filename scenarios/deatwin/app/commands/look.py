@@ -166,6 +166,12 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
             panels[0].set_title(Path(label(one.recordings[0])).name, loc="left", fontsize="medium")
             figure.align_ylabels()
             folder.text("look.svg" if len(looks) == 1 else f"look_{number}.svg", standalone(figure))
+        if one.best_linear is not None:
+            with draw((5.4, 5.0)) as figure:
+                one.best_linear.plot(list(figure.subplots(2, 1)))
+                figure.align_ylabels()
+                name = "best_linear" if len(looks) == 1 else f"best_linear_{number}"
+                folder.text(f"{name}.svg", standalone(figure))
 
 
 def _rig_file(seen: Sequence[Seen], kind: str) -> str:

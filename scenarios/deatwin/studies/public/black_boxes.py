@@ -116,7 +116,7 @@ def attempt(method: str, data: DataSet) -> Outcome:
 
 def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome:
     """Hold a model against the test recording."""
-    run = _free(model, data.test)
+    run = free(model, data.test)
     return Outcome(
         data=data.name,
         method=method,
@@ -125,13 +125,13 @@ def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome
         model=model,
         one_step=model.predict(data.test).rms_error,
         free_run=run.rms_error if run.status.ok else np.nan,
-        training=_free(model, data.train).rms_error,
+        training=free(model, data.train).rms_error,
         outputs=run.outputs[0],
         failure="" if run.status.ok else f"the free run diverges at {run.failed_at_s:.4g} s",
     )
 
 
-def _free(model: Model, recording: Recording) -> Any:
+def free(model: Model, recording: Recording) -> Any:
     """The free run from the first measured lags alone, as `NarxModel` does it."""
     if isinstance(model, NarxModel):
         return model.simulate(recording)

@@ -37,6 +37,7 @@ class Candidates:
     degree: int  # Largest degree
     max_terms: int  # Largest number of terms
     rule: Rule | None = None  # That keeps a candidate
+    functions: tuple[str, ...] = ()  # Of lagged signals, beside these
 
     @property
     def arguments(self) -> dict[str, object]:
@@ -46,6 +47,7 @@ class Candidates:
             "input_lags": self.input_lags,
             "degree": self.degree,
             "rule": self.rule,
+            "functions": self.functions,
         }
 
 

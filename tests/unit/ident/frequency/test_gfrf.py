@@ -389,7 +389,7 @@ def test_frequencies_that_are_none_are_said(order, omega, said):
 def test_models_and_operating_points_that_do_not_suit_are_said():
     with pytest.raises(ModelError, match="symmetric"):
         gfrf(nonlinear(), 1, OMEGA, form="symetric")
-    with pytest.raises(ModelError, match="one input"):
+    with pytest.raises(ModelError, match="2 inputs: name that of each frequency"):
         gfrf(NarxModel.from_terms({"u1(k)": 1.0, "u2(k)": 1.0}, sample_time=1.0), 1, 0.1)
     outputs = NarxModel.from_terms({"y1": {"u(k-1)": 1.0}, "y2": {"u(k-1)": 1.0}}, sample_time=1.0)
     with pytest.raises(ModelError, match="one output; this one has 2"):

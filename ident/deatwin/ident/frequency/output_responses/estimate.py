@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.ident.frequency.checks import whole_number, whole_order
+from deatwin.ident.frequency.checks import polynomial_model, whole_number, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
-from deatwin.ident.frequency.gfrf import require_one_input, unit_of
+from deatwin.ident.frequency.gfrf import input_row, require_one_input, unit_of
 from deatwin.ident.frequency.many import Evaluated
 from deatwin.ident.frequency.output_responses.levels import LevelFit, chebyshev_levels, checked_levels, fit_orders
-from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
+from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum, product_spectrum
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus, NofrfWarning
 from deatwin.ident.frequency.output_responses.steady import steady_state
 from deatwin.ident.frequency.response import FrequencyResponse
-from deatwin.ident.frequency.spectrum import one_period, output_orders, spectrum_of
+from deatwin.ident.frequency.spectrum import cross_order, one_period, output_orders, spectrum_of
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
@@ -104,22 +104,28 @@ def nofrf(
 
 
 def nofrf_exact(
-    model: NarxModel, excitation: ArrayLike, order: int, *, operating_input: ArrayLike | None = None
+    model: NarxModel,
+    excitation: ArrayLike,
+    order: int | Mapping[str, int],
+    *,
+    operating_input: ArrayLike | None = None,
 ) -> FrequencyResponse:
     """Compute a nonlinear output frequency response from the model's equations, without truncation.
 
-    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output.
+    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output. Of a model with several
+    inputs, Y_n is the part that goes with the given power of each, and U_n the spectrum of the product of these powers.
 
     Parameters
     ----------
     model : NarxModel
-        Model of one input and one output.
-    excitation : array_like, shape (n_samples,)
+        Model of one output.
+    excitation : array_like, shape (n_samples,), or (n_inputs, n_samples) for several inputs
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
-    order : int
-        Order n, at least 1.
-    operating_input : float, optional
+    order : int, or mapping of str to int
+        Order n, at least 1; for several inputs the power of each by its name, as ``{"u1": 1, "u2": 1}``, 0 where it is
+        not named.
+    operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 
     Returns
@@ -142,15 +148,34 @@ def nofrf_exact(
     ----------
     Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
     (2005) 345-362, doi:10.1080/00207170500095759.
+    Peng, Lang, Billings, "Non-linear output frequency response functions for multi-input non-linear Volterra systems",
+    Int. J. Control 80 (2007) 843-855.
     """
-    order = whole_order(order)
-    require_one_input(model)
-    period = one_period(excitation, model.sample_time)
-    power = input_spectrum(period, order, model.sample_time, unit=model.input_units[0])
+    powers = _powers_of_inputs(polynomial_model(model), order)
+    periods = np.atleast_2d(one_period(excitation, model.sample_time, len(powers)))
+    power = product_spectrum(periods, powers, model.sample_time, model.input_units)
     if not power.suitable:
         warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
-    output = output_orders(model, period, order, operating_input=operating_input)[-1]
-    return _quotient(output, power, unit_of(model, order))
+    output = cross_order(model, excitation, powers, operating_input)
+    rows = [row for row, count in enumerate(powers) for _ in range(count)]
+    return _quotient(output, power, unit_of(model, rows))
+
+
+def _powers_of_inputs(model: NarxModel, order: int | Mapping[str, int]) -> tuple[int, ...]:
+    """Return the power of each input."""
+    count = len(model.input_names)
+    if not isinstance(order, Mapping):
+        if count != 1:
+            raise ModelError(
+                f"the model has {count} inputs: give the power of each by its name, as "
+                f"order={dict.fromkeys(model.input_names[:2], 1)}"
+            )
+        return (whole_order(order),)
+    powers = [0] * count
+    for name, power in order.items():
+        powers[input_row(model, name)] = whole_number(power, f"the power of {name}", 0)
+    whole_order(sum(powers))
+    return tuple(powers)
 
 
 def _wanted_orders(order: int, highest: int | None) -> range:
@@ -214,7 +239,7 @@ def _result(
     outputs = tuple(_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,
-        orders=tuple(_quotient(y, u, unit_of(model, u.order)) for y, u in zip(outputs, inputs, strict=True)),
+        orders=tuple(_quotient(y, u, unit_of(model, (0,) * u.order)) for y, u in zip(outputs, inputs, strict=True)),
         outputs=outputs,
         inputs=inputs,
         levels=read_only(runs.levels),

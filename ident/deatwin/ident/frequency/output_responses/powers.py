@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
@@ -151,38 +151,49 @@ def input_spectrum(excitation: ArrayLike, order: int, sample_time: float, *, uni
     Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
     (2005) 345-362, doi:10.1080/00207170500095759.
     """
-    order = whole_order(order)
-    sample_time = checked_sample_time(sample_time)
-    period = one_period(excitation, sample_time)
-    if not np.any(period):
+    period = one_period(excitation, checked_sample_time(sample_time))
+    return product_spectrum(period[None], [whole_order(order)], sample_time, (unit,))
+
+
+def product_spectrum(periods: Array, powers: Sequence[int], sample_time: float, units: Sequence[str]) -> InputSpectrum:
+    """Return the spectrum of a product of powers of inputs. Shapes: `periods` (n_inputs, n); `powers` (n_inputs,)."""
+    taken = [(period, power, unit) for period, power, unit in zip(periods, powers, units, strict=True) if power]
+    if not all(np.any(period) for period, _, _ in taken):
         raise ModelError("the excitation is zero throughout; it has no spectrum to divide by")
-    n = period.size
-    spectrum = spectrum_of(period)
-    excited = excited_lines(spectrum)
+    n, order = periods.shape[1], sum(powers)
+    spectra = [spectrum_of(period) for period, _, _ in taken]
+    excited = [excited_lines(spectrum) for spectrum in spectra]
+    waves = [n * np.fft.irfft(np.where(lines, np.abs(u), 0.0), n) for u, lines in zip(spectra, excited, strict=True)]
     with np.errstate(over="ignore", invalid="ignore"):
-        values = spectrum_of(period**order)
-        in_phase = spectrum_of((n * np.fft.irfft(np.where(excited, np.abs(spectrum), 0.0), n)) ** order).real
+        values = spectrum_of(np.prod([period**power for period, power, _ in taken], axis=0))
+        in_phase = spectrum_of(np.prod([w**power for w, (_, power, _) in zip(waves, taken, strict=True)], axis=0)).real
     if not (np.all(np.isfinite(values)) and _SMALLEST < in_phase.max() < np.inf):
         raise ModelError(
-            f"the power {order} of an excitation up to {np.abs(period).max():.3g} leaves the range of double "
+            f"the power {order} of an excitation up to {np.abs(periods).max():.3g} leaves the range of double "
             "precision; choose another amplitude, another unit or a lower order"
         )
-    in_range = _reached(excited, order, n)
+    in_range = _reached([lines for lines, (_, power, _) in zip(excited, taken, strict=True) for _ in range(power)], n)
     return InputSpectrum(
         order=order,
         values=values,
         in_phase=np.where(in_range, in_phase, 0.0),
         in_range=in_range,
         omega=line_frequencies(n, sample_time),
-        unit=f"{unit}^{order}" if unit and order > 1 else unit,
+        unit=_unit([(unit, power) for _, power, unit in taken]),
     )
 
 
-def _reached(excited: Flags, order: int, n: int) -> Flags:
-    """The lines that sums of so many excited ones reach, modulo the period's n lines: by counting the ways."""
-    once = np.fft.irfft(excited.astype(np.float64), n)
-    reached = excited
-    for _ in range(order - 1):
+def _unit(powers: Sequence[tuple[str, int]]) -> str:
+    """Return a product of powers of units; empty where one is unknown."""
+    written = [f"{unit}^{power}" if power > 1 else unit for unit, power in powers]
+    return " ".join(written) if all(unit for unit, _ in powers) else ""
+
+
+def _reached(excited: Sequence[Flags], n: int) -> Flags:
+    """The lines that sums of an excited one of each factor reach, modulo the period's n lines: by counting the ways."""
+    reached = excited[0]
+    for more in excited[1:]:
+        once = np.fft.irfft(more.astype(np.float64), n)
         ways = np.fft.rfft(np.fft.irfft(reached.astype(np.float64), n) * once) * n
         reached = ways.real > 0.5
     return np.asarray(reached, dtype=np.bool_)

@@ -54,9 +54,9 @@ class MovingParts:
         """Splits of a part in two."""
         return self.parts.splits(part)
 
-    def input(self, part: int, lag: int) -> Array | None:
-        """Input of the parts, whose amplitude does not change."""
-        return self.parts.input(part, lag)
+    def input(self, part: int, lag: int, row: int) -> Array | None:
+        """Input of a row, whose amplitude does not change."""
+        return self.parts.input(part, lag, row)
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
         """Delay a part, the amplitude of a lag ago included. Shapes: `values` (n_times, n)."""

@@ -1,0 +1,445 @@
+"""The best linear approximation of a periodic recording, with its noise and its odd and even nonlinear distortions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.look.inputs import period_of
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.plant.drawing import written_unit
+from deatwin.plant.errors import DataError
+from deatwin.plant.prefixes import with_unit
+from deatwin.plant.recording import Recording, label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Lines = NDArray[np.bool_]
+
+_EXCITED = 1e-4
+"""Share of the largest line's power from which on a line counts as excited: generators distort by less than -40 dB."""
+_ABOVE_NOISE = 10.0
+"""Times its own noise that the power of an excited line is: noise alone exceeds it in 1 line of 20 000."""
+_NEIGHBOURS = 6
+"""Detection lines whose mean is the distortion of an excited one: six tell it within 2 dB (one deviation)."""
+_SETTLED = 0.99
+"""Probability that a period without a transient is kept."""
+_SAME = 0.99
+"""Correlation from which on two inputs are one signal, the one perhaps later than the other."""
+_SAME_SIZE = 1.1
+"""Ratio of the inputs' rms up to which realisations are alike: what is cubic in the response differs by 20 % then."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BestLinearApproximation(Frozen):
+    """Response of the linear system nearest to a recorded one, and what of the output it leaves.
+
+    Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT); the rms of a part is the root of
+    twice the sum of their squares.
+
+    Parameters
+    ----------
+    frequencies : ndarray, shape (n_lines,)
+        Excited lines, Hz.
+    response : ndarray of complex, shape (n_lines,)
+        Best linear approximation, output unit by input unit.
+    variance : ndarray, shape (n_lines,)
+        Variance of `response`, E|G - E G|^2, by noise and distortion.
+    noise_variance : ndarray, shape (n_lines,)
+        The part of it that noise causes, which more periods would lower.
+    dof : float
+        Degrees of freedom of `variance`.
+    complete : bool
+        True if `variance` includes the distortion; False if neither several realisations nor detection lines show it.
+    all_frequencies : ndarray, shape (n_all,)
+        All lines of a period between 0 and half the sampling rate, Hz.
+    excited, odd : ndarray of bool, shape (n_all,)
+        Which lines are excited, and which are odd harmonics of the period.
+    output : ndarray, shape (n_all,)
+        Amplitude of the output, rms over the realisations.
+    noise : ndarray, shape (n_all,)
+        Standard deviation of the output's mean over the periods of one realisation.
+    distortion_variance : ndarray, shape (n_all,)
+        Power of the nonlinear distortion, unbiased, so that it may fall below zero where there is none; NaN where it
+        cannot be told.
+    realisations : int
+        Number of different inputs.
+    periods : int
+        Number of periods that were used, of all realisations.
+    left_out : int
+        Number of periods before the steady state, which were not used.
+    input_unit, output_unit : str
+        Units of the channels; empty if unknown.
+    noise_rms : float
+        Standard deviation of a single reading's noise, output unit.
+    """
+
+    frequencies: Array
+    response: Complex
+    variance: Array
+    noise_variance: Array
+    dof: float
+    complete: bool
+    all_frequencies: Array
+    excited: Lines
+    odd: Lines
+    output: Array
+    noise: Array
+    distortion_variance: Array
+    realisations: int
+    periods: int
+    left_out: int
+    input_unit: str
+    output_unit: str
+    noise_rms: float
+
+    @property
+    def separates(self) -> bool:
+        """True if only odd lines are excited, so that even distortions show on even lines and odd ones on odd lines."""
+        return bool(self.odd[self.excited].all())
+
+    @property
+    def even_rms(self) -> float:
+        """Root mean square of the even distortion over time, output unit; NaN where it cannot be told from the odd."""
+        return self._rms(~self.odd) if self.separates else float("nan")
+
+    @property
+    def odd_rms(self) -> float:
+        """Root mean square of the odd distortion over time, output unit; NaN where it cannot be told."""
+        return self._rms(self.odd) if self.separates else float("nan")
+
+    def _rms(self, lines: Lines) -> float:
+        return float(np.sqrt(2.0 * np.maximum(np.sum(self.distortion_variance[lines]), 0.0)))
+
+    def radius(self, probability: float = 0.95) -> Array:
+        """Return the radius of the disc about each value of `response` that holds the true one.
+
+        Parameters
+        ----------
+        probability : float
+            Probability that it does, between 0 and 1.
+
+        Returns
+        -------
+        ndarray, shape (n_lines,)
+            In output unit by input unit.
+        """
+        from scipy.special import fdtri
+
+        return np.asarray(np.sqrt(self.variance * fdtri(2.0, self.dof, probability)))
+
+    def __str__(self) -> str:
+        def size(value: float) -> str:
+            return f"{with_unit(value, self.output_unit)} rms" if np.isfinite(value) else "unknown"
+
+        drawn = f"{self.realisations} realisation{'s' if self.realisations > 1 else ''}, {self.periods} periods"
+        text = f"best linear approximation at {self.frequencies.size} lines from {drawn}"
+        if self.left_out:
+            text += f", without {self.left_out} in which the output settles"
+        text += f": noise {size(self.noise_rms)}"
+        if self.separates:
+            return text + f", even distortion {size(self.even_rms)}, odd distortion {size(self.odd_rms)}"
+        if self.complete:
+            return text + f", nonlinear distortion {size(self._rms(np.isfinite(self.distortion_variance)))}"
+        return text + ", nonlinear distortion unknown: excite odd harmonics only, some left out, or several phases"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the approximation as plain data for JSON; frequencies in Hz, values in the channels' units.
+
+        Returns
+        -------
+        dict
+        """
+
+        def number(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        return {
+            "realisations": self.realisations,
+            "periods": self.periods,
+            "left_out": self.left_out,
+            "noise_rms": self.noise_rms,
+            "even_rms": number(self.even_rms),
+            "odd_rms": number(self.odd_rms),
+            "distortion_known": self.complete,
+            "frequency_Hz": self.frequencies.tolist(),
+            "gain": np.abs(self.response).tolist(),
+            "phase_deg": np.degrees(np.angle(self.response)).tolist(),
+            "std": np.sqrt(self.variance).tolist(),
+            "noise_std": np.sqrt(self.noise_variance).tolist(),
+        }
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw the gain with its standard deviations, and the output's lines with noise and distortions.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib Axes, optional
+            Axes to draw on; created if omitted.
+
+        Returns
+        -------
+        sequence of matplotlib Axes
+        """
+        gain, output = chosen = panels_or_new(axes, 2, height=2.6)
+        gain.plot(
+            self.frequencies, np.abs(self.response), ".", color="C0", markersize=3, label="best linear approximation"
+        )
+        named = "noise and distortion" if self.complete else "noise alone: distortion is not told"
+        gain.plot(
+            self.frequencies, np.sqrt(self.variance), color="C3", linewidth=1.0, label=f"standard deviation, {named}"
+        )
+        gain.plot(self.frequencies, np.sqrt(self.noise_variance), color="0.5", linewidth=1.0, label="of noise")
+        units = f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
+        gain.set(ylabel=f"gain ({written_unit(units)})" if units else "gain", yscale="log", xlabel="frequency (Hz)")
+        parts = [(self.excited, ".", "C0", "output, excited lines")]
+        if self.separates:
+            parts += [
+                (~self.excited & self.odd, "^", "C3", "odd distortion"),
+                (~self.odd, "o", "C2", "even distortion"),
+            ]
+        else:
+            parts += [(~self.excited, "^", "C3", "detection lines")]
+        for lines, marker, colour, name in parts:
+            if lines.any():
+                output.plot(
+                    self.all_frequencies[lines], self.output[lines], marker, color=colour, markersize=3, label=name
+                )
+        output.plot(self.all_frequencies, self.noise, color="0.5", linewidth=1.0, label="standard deviation of noise")
+        unit = written_unit(self.output_unit)
+        output.set(ylabel=f"amplitude ({unit})" if unit else "amplitude", yscale="log", xlabel="frequency (Hz)")
+        for panel in chosen:
+            panel.legend(fontsize="small", ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+        return chosen
+
+
+@dataclass(frozen=True)
+class _Realisation:
+    """Steady-state periods of one input, by lines above 0 Hz and below half the sampling rate: (n_periods, n_all)."""
+
+    inputs: Complex
+    outputs: Complex
+    left_out: int
+
+    @property
+    def means(self) -> tuple[Complex, Complex]:
+        return self.inputs.mean(axis=0), self.outputs.mean(axis=0)
+
+
+def best_linear_approximation(
+    recordings: Recordings, *, period: float | None = None, channel: int = 0, output: int = 0, skip: int | None = None
+) -> BestLinearApproximation:
+    """Estimate the best linear approximation of a system from periodic recordings, with noise and distortions.
+
+    What differs between periods is noise; what differs between realisations of the input's phases (robust method), or
+    appears on lines that are not excited (fast method: one realisation of an odd random-phase multisine with detection
+    lines), is nonlinear distortion. Recordings of the same signal count as further periods.
+
+    Parameters
+    ----------
+    recordings : Recording, Experiment, or several
+        Recordings with the same signals and sample time; each with at least two periods of a periodic input, of the
+        same rms within 10 %.
+    period : float, optional
+        Period of the input, s; found in the first recording if omitted.
+    channel, output : int
+        Rows of the input and the output, from 0. No other input may move.
+    skip : int, optional
+        Number of periods at the start of each recording to leave out; by default those in which the output still
+        settles, which needs three periods or more.
+
+    Returns
+    -------
+    BestLinearApproximation
+
+    Raises
+    ------
+    DataError
+        If a recording is not periodic, has too few periods, or a period is no whole number of samples; if another input
+        moves, the inputs differ in size, or no line is excited in all.
+    ModelError
+        If the recordings do not fit together.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition, Wiley-IEEE Press,
+    2012, chapters 3 and 4.
+    """
+    records = flatten(recordings)
+    require_alike(records)
+    if not 0 <= channel < records[0].inputs.shape[0] or not 0 <= output < records[0].outputs.shape[0]:
+        raise DataError(f"{label(records[0])} has no input {channel} or no output {output}; rows count from 0")
+    n = _samples_of(records[0], period, channel)
+    runs = _distinct([_realisation(record, n, channel, output, skip) for record in records])
+    excited = _excited(runs)
+    means = [run.means for run in runs]
+    inputs, outputs = np.array([u for u, _ in means]), np.array([y for _, y in means])
+    response = np.mean(outputs[:, excited] / inputs[:, excited], axis=0)
+    lines = np.arange(1, excited.size + 1)
+    single, noise = _noise(runs, excited, response)
+    power = np.mean(np.abs(inputs[:, excited]) ** 2, axis=0)
+    # Where a generator excites a detection line faintly, the linear response to that is no distortion.
+    at = [np.interp(lines, lines[excited], part) for part in (response.real, response.imag)]
+    rest = np.mean(np.abs(outputs - (at[0] + 1j * at[1]) * inputs) ** 2, axis=0)
+    beside = _beside(lines, excited)
+    complete, dof = len(runs) > 1 or beside is not None, 2.0 * (len(runs) - 1)
+    if len(runs) > 1:
+        of_one = np.var(outputs[:, excited] / inputs[:, excited], axis=0, ddof=1) * power
+    elif beside is not None:
+        of_one, dof = rest[beside].mean(axis=1), 2.0 * beside.shape[1]
+    else:
+        of_one, dof = noise[excited], 2.0 * (len(runs[0].outputs) - 1)
+    distortion = np.where(excited, np.nan, rest - noise)
+    if complete:
+        distortion[excited] = of_one - noise[excited]
+    step = records[0].sample_time
+    return BestLinearApproximation(
+        frequencies=lines[excited] / (n * step),
+        response=response,
+        variance=of_one / power / len(runs),
+        noise_variance=noise[excited] / power / len(runs),
+        dof=dof,
+        complete=complete,
+        all_frequencies=lines / (n * step),
+        excited=excited,
+        odd=lines % 2 == 1,
+        output=np.sqrt(np.mean(np.abs(outputs) ** 2, axis=0)),
+        noise=np.sqrt(noise),
+        distortion_variance=distortion,
+        realisations=len(runs),
+        periods=sum(len(run.outputs) for run in runs),
+        left_out=sum(run.left_out for run in runs),
+        input_unit=records[0].input_units[channel],
+        output_unit=records[0].output_units[output],
+        noise_rms=float(np.sqrt(2.0 * single.sum())),
+    )
+
+
+def _samples_of(record: Recording, period: float | None, channel: int) -> int:
+    """Return the samples of a period."""
+    found = period_of(record.inputs[channel]) if period is None else period / record.sample_time
+    if found is None:
+        raise DataError(
+            f"{label(record)}: the input {record.input_names[channel]} does not repeat itself; give a period"
+        )
+    n = round(found)
+    if n < 4 or abs(found - n) * (record.n_samples // max(n, 1)) > 0.5:
+        raise DataError(
+            f"{label(record)}: a period of {found:.6g} samples is no whole number of at least 4, so that its lines leak; "
+            "generate and sample the input by one clock"
+        )
+    return n
+
+
+def _realisation(record: Recording, n: int, channel: int, output: int, skip: int | None) -> _Realisation:
+    others = np.delete(record.inputs, channel, axis=0)
+    if np.any(np.ptp(others, axis=1) > 0.0):
+        raise DataError(
+            f"{label(record)}: another input than {record.input_names[channel]} moves; excite one at a time"
+        )
+    periods = record.n_samples // n
+    needed = 2 + (1 if skip is None else skip)
+    if periods < needed:
+        raise DataError(
+            f"{label(record)}: {periods} whole periods of {n} samples; needs {needed}"
+            + (", or skip=0 if the first is in the steady state" if skip is None and periods == 2 else "")
+        )
+    u, y = (
+        np.fft.rfft(row[: periods * n].reshape(periods, n)) / n
+        for row in (record.inputs[channel], record.outputs[output])
+    )
+    inner = slice(1, (n + 1) // 2)
+    left_out = _settling(y[:, inner]) if skip is None else skip
+    return _Realisation(inputs=u[left_out:, inner], outputs=y[left_out:, inner], left_out=left_out)
+
+
+def _settling(outputs: Complex) -> int:
+    """Return the periods after which a period differs from the next by no more than the last two do from each other.
+
+    The ratio of two powers of noise is an F variable; its degrees of freedom are those of unequal lines (Satterthwaite).
+    """
+    from scipy.special import fdtri
+
+    steps = np.abs(np.diff(outputs, axis=0)) ** 2
+    dof = 4.0 * steps[-1].sum() ** 2 / max(np.sum(steps[-1] ** 2), np.finfo(float).tiny)
+    settled = steps.sum(axis=1) <= max(fdtri(dof, dof, _SETTLED), 1.0) * steps[-1].sum()
+    return int(np.argmax(settled))
+
+
+def _distinct(runs: Sequence[_Realisation]) -> list[_Realisation]:
+    """Return realisations that differ in their input: those of one signal, begun at other times, are joined."""
+    distinct: list[_Realisation] = []
+    for run in runs:
+        mean = run.inputs.mean(axis=0)
+        for j, other in enumerate(distinct):
+            first = other.inputs.mean(axis=0)
+            sizes = np.linalg.norm(first), np.linalg.norm(mean)
+            if not 1.0 / _SAME_SIZE <= sizes[1] / sizes[0] <= _SAME_SIZE:
+                raise DataError(
+                    f"inputs whose rms differ, {np.sqrt(2) * sizes[0]:.4g} and {np.sqrt(2) * sizes[1]:.4g}: the best "
+                    "linear approximation depends on the size; give recordings of one size"
+                )
+            n = 2 * mean.size + 2
+            alike = np.fft.irfft(np.concatenate([[0.0], mean * first.conj(), [0.0]]), n) * n / 2.0
+            if alike.max() > _SAME * sizes[0] * sizes[1]:
+                turn = np.exp(2j * np.pi * np.arange(1, mean.size + 1) * int(np.argmax(alike)) / n)
+                distinct[j] = _Realisation(
+                    np.vstack([other.inputs, run.inputs * turn]),
+                    np.vstack([other.outputs, run.outputs * turn]),
+                    other.left_out + run.left_out,
+                )
+                break
+        else:
+            distinct.append(run)
+    return distinct
+
+
+def _excited(runs: Sequence[_Realisation]) -> Lines:
+    """Return which lines every realisation excites."""
+    found = []
+    for run in runs:
+        power = np.abs(run.inputs.mean(axis=0)) ** 2
+        noise = np.var(run.inputs, axis=0, ddof=1) / len(run.inputs)
+        found.append((power > _EXCITED * power.max()) & (power > _ABOVE_NOISE * noise))
+    excited = np.logical_and.reduce(found)
+    if not excited.any():
+        raise DataError("no line is excited in all recordings; give recordings of one set of harmonics")
+    return np.asarray(excited, dtype=np.bool_)
+
+
+def _noise(runs: Sequence[_Realisation], excited: Lines, response: Complex) -> tuple[Array, Array]:
+    """Return the variance of the output's noise in one period, and in the mean of a realisation's periods."""
+    gain = np.zeros(excited.size, dtype=np.complex128)
+    gain[excited] = response
+    single = np.array([np.var(run.outputs - gain * run.inputs, axis=0, ddof=1) for run in runs])
+    counts = np.array([len(run.outputs) for run in runs])
+    return single.mean(axis=0), (single / counts[:, None]).mean(axis=0)
+
+
+def _beside(lines: NDArray[np.int64], excited: Lines) -> NDArray[np.int64] | None:
+    """Return the places of the detection lines nearest to each excited one, of its parity; None where there are none.
+
+    Shapes: returns (n_excited, n_neighbours). Lines above the band hold distortion of other kinds and do not count.
+    """
+    band = slice(int(np.argmax(excited)), excited.size - int(np.argmax(excited[::-1])))
+    inside = np.zeros_like(excited)
+    inside[band] = ~excited[band]
+    parities = set((lines[excited] % 2).tolist())
+    places = {parity: np.flatnonzero(inside & (lines % 2 == parity)) for parity in parities}
+    count = min([_NEIGHBOURS, *(place.size for place in places.values())])
+    if count == 0:
+        return None
+    nearest = [
+        places[line % 2][np.argsort(np.abs(lines[places[line % 2]] - line), kind="stable")[:count]]
+        for line in lines[excited]
+    ]
+    return np.array(nearest)

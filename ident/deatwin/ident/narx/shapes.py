@@ -1,0 +1,219 @@
+"""Functions of a lagged signal that terms may hold besides powers: |u(k-1)|, sat(u(k-1),0.5), sign(y(k-1)-y(k-2)).
+
+>>> import numpy as np
+>>> from deatwin.ident.narx import Fixed, Recording
+>>> u = np.sin(np.arange(20.0) ** 2)
+>>> y = np.append(0.0, 2.0 * np.abs(u[:-1]))
+>>> Fixed(terms=["|u(k-1)|"]).fit(Recording.from_arrays(u, y, 1.0)).model_.theta.round(12).tolist()
+[2.0]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.errors import ModelError, nearest
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+_STEP = float(np.cbrt(np.finfo(float).eps))
+"""Step of a central difference, as a share of the argument: there, rounding and truncation are alike."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A function of a signal x and up to two numbers."""
+
+    parameters: tuple[str, ...]
+    degree: int  # To which power of the unit of x it belongs if its numbers scale with x; 0 for a pure number
+    value: Callable[..., Array]
+    slope: Callable[..., Array]
+    kinks: Callable[..., tuple[float, ...]]  # Arguments without a derivative
+    source: str = ""  # The value in C, of x, p and q; empty if Python alone knows it
+
+
+def _above(x: Array, knot: float) -> Array:
+    return np.maximum(x - knot, 0.0)
+
+
+def _bell(x: Array, centre: float, width: float) -> Array:
+    return np.asarray(np.exp(-(((x - centre) / width) ** 2)))
+
+
+_KINDS: dict[str, _Kind] = {
+    "abs": _Kind((), 1, np.abs, np.sign, lambda: (0.0,), "fabs(x)"),
+    "sign": _Kind((), 0, np.sign, np.zeros_like, lambda: (0.0,), "(x > 0) - (x < 0)"),
+    "sat": _Kind(
+        ("limit",),
+        1,
+        lambda x, p: np.clip(x, -p, p),
+        lambda x, p: (np.abs(x) < p) * 1.0,
+        lambda p: (-p, p),
+        "x > p ? p : x < -p ? -p : x",
+    ),
+    "dead": _Kind(
+        ("width",),
+        1,
+        lambda x, p: x - np.clip(x, -p, p),
+        lambda x, p: (np.abs(x) > p) * 1.0,
+        lambda p: (-p, p),
+        "x > p ? x - p : x < -p ? x + p : 0",
+    ),
+    "hinge": _Kind(("knot",), 1, _above, lambda x, p: (x > p) * 1.0, lambda p: (p,), "x > p ? x - p : 0"),
+    "spline": _Kind(
+        ("knot",),
+        3,
+        lambda x, p: _above(x, p) ** 3,
+        lambda x, p: 3.0 * _above(x, p) ** 2,
+        lambda p: (),
+        "x > p ? (x - p) * (x - p) * (x - p) : 0",
+    ),
+    "rbf": _Kind(
+        ("centre", "width"),
+        0,
+        _bell,
+        lambda x, p, q: -2.0 * (x - p) / q**2 * _bell(x, p, q),
+        lambda p, q: (),
+        "exp(-((x - p) / q) * ((x - p) / q))",
+    ),
+}
+SOURCES = tuple(_KINDS)
+"""Names of the functions that are built in, by their numbers in C."""
+
+
+def register_function(name: str, function: Function, slope: Function | None = None) -> None:
+    """Let terms hold a function of one's own, as ``name(u(k-1))``.
+
+    Parameters
+    ----------
+    name : str
+        Name in terms: a word that names no other function. A name may be registered again.
+    function : callable
+        Function of an array of any shape that returns one of the same shape, in float64; it gets the signal in its unit.
+    slope : callable, optional
+        Its derivative, of the same kind; by central differences if omitted.
+
+    Raises
+    ------
+    ModelError
+        If the name is no word, or belongs to a function that is built in.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from deatwin.ident.narx import Term
+    >>> register_function("softly", np.tanh)
+    >>> str(Term.parse("y(k-1) softly(u(k-2))"))
+    'y(k-1)softly(u(k-2))'
+    """
+    if not (isinstance(name, str) and name.isidentifier() and name.isascii()) or name in SOURCES:
+        raise ModelError(f"{name!r} cannot name a function of one's own; built in are {', '.join(SOURCES)}")
+    if not callable(function) or not (slope is None or callable(slope)):
+        raise ModelError(f"the function {name} and its slope must be callables that take an array")
+
+    def difference(x: Array) -> Array:
+        step = _STEP * np.maximum(np.abs(x), 1e-3 * np.abs(x).max(initial=0.0) or 1.0)
+        return (function(x + step) - function(x - step)) / (2.0 * step)
+
+    _KINDS[name] = _Kind((), 0, function, slope or difference, lambda: ())
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Shape:
+    """A function of a lagged signal, or of its change over some samples."""
+
+    name: str
+    parameters: tuple[float, ...] = ()
+    difference: int = 0  # Samples: it is a function of x(k) - x(k-difference); 0 for one of x(k)
+    gain: float = 1.0  # Size of the unit in which the signal is given; the parameters stay as they are
+
+    @classmethod
+    def of(cls, name: str, parameters: Iterable[float], difference: int) -> Shape:
+        """Return a shape after checks."""
+        chosen = tuple(parameters)
+        if name not in _KINDS:
+            raise ModelError(
+                f"no function is called {name!r}{nearest(name, list(_KINDS))}; known are {', '.join(_KINDS)}, and "
+                "register_function adds one's own"
+            )
+        wanted = _KINDS[name].parameters
+        if len(chosen) != len(wanted) or not np.isfinite(chosen).all():
+            form = ", ".join(["u(k-1)", *wanted])
+            raise ModelError(f"the function {name} is written {name}({form}); got {len(chosen)} numbers")
+        positive = [p for key, p in zip(wanted, chosen, strict=True) if key in ("limit", "width")]
+        if positive and positive[0] <= 0.0:
+            raise ModelError(f"the function {name} needs a positive {wanted[-1]}; got {positive[0]:g}")
+        return cls(name, chosen, difference)
+
+    @property
+    def _kind(self) -> _Kind:
+        if self.name not in _KINDS:  # in another process
+            raise ModelError(f"the function {self.name!r} is not known here: call register_function first")
+        return _KINDS[self.name]
+
+    @property
+    def degree(self) -> int:
+        """Power of the signal's unit to which its values belong."""
+        return self._kind.degree
+
+    @property
+    def unit(self) -> float:
+        """Size of the unit in which values are returned."""
+        return self.gain**self.degree
+
+    @property
+    def source(self) -> str:
+        """The value in C as an expression of x, p and q; empty for a function of the user's own."""
+        return self._kind.source
+
+    def value(self, x: Array) -> Array:
+        """Return the function of a signal, or of its change."""
+        found = np.asarray(self._kind.value(self.gain * np.asarray(x), *self.parameters), dtype=np.float64)
+        if found.shape != np.shape(x):
+            raise ModelError(f"the function {self.name} returns the shape {found.shape} for {np.shape(x)}")
+        return found / self.unit
+
+    def along(self, signal: Array) -> Array:
+        """Return the function of a whole signal; a change before the first sample is none. Shapes: `signal` (n,)."""
+        changed = signal
+        if self.difference:
+            changed = np.zeros_like(signal)
+            changed[self.difference :] = signal[self.difference :] - signal[: -self.difference]
+        return self.value(changed)
+
+    def slope(self, x: Array) -> Array:
+        """Return the derivative; at a kink that of one side, or their mean."""
+        found = self._kind.slope(self.gain * np.asarray(x), *self.parameters)
+        return np.asarray(found, dtype=np.float64) * (self.gain / self.unit)
+
+    def curvature(self, x: Array) -> Array:
+        """Return the second derivative, by central differences."""
+        step = _STEP * max(float(np.abs(x).max(initial=0.0)), *map(abs, (*self.parameters, 1e-3)))
+        return (self.slope(x + step) - self.slope(x - step)) / (2.0 * step)
+
+    def bends_at(self, x: float) -> bool:
+        """Return whether there is no derivative at a value."""
+        return bool(np.isin(self.gain * x, self._kind.kinks(*self.parameters)))
+
+    def written(self, signal: str, delay: Callable[[int], str], lag: int) -> str:
+        """Return the function as text."""
+        inner = signal + delay(lag) + (f"-{signal}{delay(lag + self.difference)}" if self.difference else "")
+        if self.name == "abs":
+            return f"|{inner}|"
+        return f"{self.name}({','.join([inner, *map(_number, self.parameters)])})"
+
+
+def _number(value: float) -> str:
+    return repr(value).removesuffix(".0")
+
+
+def switch_source() -> str:
+    """Return the C function that evaluates a function that is built in, by its number."""
+    cases = "\n".join(f"    case {i}: return {_KINDS[name].source};" for i, name in enumerate(SOURCES))
+    head = "#include <math.h>\nstatic double shape(int number, double x, double p, double q) {\n    switch (number) {\n"
+    return f"{head}{cases}\n    }}\n    return NAN;\n}}\n"

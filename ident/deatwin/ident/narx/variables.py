@@ -1,0 +1,140 @@
+"""Lagged signals and functions of them: the factors of terms, written and read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import total_ordering
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.names import SignalNames
+from deatwin.ident.narx.shapes import Shape
+from deatwin.plant.errors import ModelError
+
+Array = NDArray[np.float64]
+
+_KINDS = "yue"  # the order in which factors are written
+
+MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
+"""Numbers in a written term beyond which it is a mistake, and a model of it would need gigabytes."""
+
+
+@total_ordering
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """Lagged signal, as y(k-1), or a function of one, as |u(k-1)|.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the signal: "y" for an output, "u" for an input, "e" for the noise of an output.
+    channel : int
+        Number of the channel from 1; 0 for a single channel, which is written without a number.
+    lag : int
+        Delay in samples, at least 0 for an input and at least 1 otherwise.
+    shape : Shape, optional
+        Function of the lagged signal; the signal itself if omitted.
+    """
+
+    kind: str
+    channel: int
+    lag: int
+    shape: Shape | None = None
+
+    @property
+    def index(self) -> int:
+        """Row of the channel in ``Recording.inputs`` or ``Recording.outputs``."""
+        return max(self.channel - 1, 0)
+
+    @property
+    def reach(self) -> int:
+        """Largest lag that it needs, in samples."""
+        return self.lag + (0 if self.shape is None else self.shape.difference)
+
+    @property
+    def _key(self) -> tuple[object, ...]:
+        return _KINDS.index(self.kind), self.channel, self.lag, () if self.shape is None else (self.shape,)
+
+    def __lt__(self, other: Variable) -> bool:
+        return self._key < other._key
+
+    @property
+    def symbol(self) -> str:
+        """Symbol of the signal without its lag, as y or u2."""
+        return f"{self.kind}{self.channel or ''}"
+
+    def written(self, symbol: str) -> str:
+        """Return the variable as text with another symbol for its signal.
+
+        Parameters
+        ----------
+        symbol : str
+            Symbol of the signal without its lag.
+        """
+        return symbol + _delay(self.lag) if self.shape is None else self.shape.written(symbol, _delay, self.lag)
+
+    def __str__(self) -> str:
+        return self.written(self.symbol)
+
+
+def _delay(lag: int) -> str:
+    """Return a lag as text, as (k-1)."""
+    return f"(k-{lag})" if lag else "(k)"
+
+
+def read_factor(text: str, position: int, names: SignalNames) -> tuple[Variable, int, int]:
+    """Read a factor of a term; returns its power and where the next one begins, too."""
+    opened = names.function.match(text, position)
+    if opened is None:
+        return _signal(text, position, names)
+    variable, inner, position = _signal(text, opened.end(), names)
+    difference = 0
+    if minus := names.minus.match(text, position):
+        earlier, _, position = _signal(text, minus.end(), names)
+        difference = earlier.lag - variable.lag
+        if (earlier.kind, earlier.channel) != (variable.kind, variable.channel) or difference < 1:
+            raise ModelError(
+                f"term {text[:80]!r}: a function takes the difference of one signal and an earlier sample of it, as "
+                "sign(y(k-1)-y(k-2))"
+            )
+    closed = names.closing(opened.group(1)).match(text, position)
+    if closed is None or inner > 1 or variable.kind == "e":
+        raise ModelError(names.unread(text, position))
+    numbers = [float(number) for number in (closed.group(1) or "").split(",")[1:]]
+    shape = Shape.of(opened.group(1) or "abs", numbers, difference)
+    return replace(variable, shape=shape), _bounded(text, closed.group(2), MOST_POWER, "power") or 1, closed.end()
+
+
+def _signal(text: str, position: int, names: SignalNames) -> tuple[Variable, int, int]:
+    """Read a lagged signal with its power."""
+    match = names.factor.match(text, position)
+    if match is None:
+        raise ModelError(names.unread(text, position))
+    name, kind, number, lag, power = match.groups()
+    position_of, delay = _bounded(text, number, MOST_CHANNELS, "channel"), _bounded(text, lag, MOST_LAG, "lag")
+    kind, channel = names.signal(name) if name else (kind, position_of)
+    if kind != "u" and delay < 1:
+        held = "output" if kind == "y" else "noise"
+        raise ModelError(f"term {text!r} holds the {held} at the present sample; its lag must be at least 1")
+    return Variable(kind, channel, delay), _bounded(text, power, MOST_POWER, "power") or 1, match.end()
+
+
+def _bounded(text: str, digits: str | None, most: int, what: str) -> int:
+    """Read a number of a term; 0 where it is not written."""
+    if len(digits or "") > 6 or int(digits or 0) > most:
+        raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
+    return int(digits or 0)
+
+
+def argument_of(variable: Variable, lagged: Callable[[Variable, int], Array]) -> Array:
+    """Return the argument of a variable's function: its signal, or a difference of it."""
+    now = lagged(variable, variable.lag)
+    return now if variable.reach == variable.lag else now - lagged(variable, variable.reach)
+
+
+def value_of(variable: Variable, lagged: Callable[[Variable, int], Array]) -> Array:
+    """Return the value of a variable."""
+    argument = argument_of(variable, lagged)
+    return argument if variable.shape is None else variable.shape.value(argument)

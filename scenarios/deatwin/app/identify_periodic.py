@@ -1,0 +1,45 @@
+"""What periodic recordings tell before a model is made: their best linear approximation, and the degree it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from deatwin.ident.look import BestLinearApproximation, best_linear_approximation
+from deatwin.plant.errors import DataError
+from deatwin.plant.prefixes import with_unit
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.svg import draw
+from deatwin.studies.report.tabulated import drawn_table
+
+if TYPE_CHECKING:
+    from deatwin.plant.recording import Recording
+
+
+def approximated(records: Sequence[Recording]) -> BestLinearApproximation | None:
+    """Return the best linear approximation of all recordings; None where they are not periodic, or not alike."""
+    try:
+        return best_linear_approximation(records)
+    except DataError:
+        return None
+
+
+def degree_remarks(found: BestLinearApproximation | None, degree: int) -> list[str]:
+    """Say that terms of an odd degree are worth trying, where odd distortion is above the noise and none are allowed."""
+    if found is None or degree != 2 or not found.odd_rms > max(found.noise_rms, found.even_rms):
+        return []
+    size = with_unit(found.odd_rms, found.output_unit)
+    return [
+        f"the odd nonlinear distortion, {size} rms, is above the noise and above the even one: try terms of odd degree, "
+        "--degree 3"
+    ]
+
+
+def periodic_drawing(found: BestLinearApproximation) -> Drawing:
+    """Draw what the recordings say without a model."""
+    with draw((7.4, 5.6)) as figure:
+        found.plot(list(figure.subplots(2, 1)))
+        figure.align_ylabels()
+        text = str(found)
+        caption = f"{text[:1].upper()}{text[1:]}."
+        return Drawing.of(figure, "best_linear", "Without a model", caption, drawn_table(figure))

@@ -1,0 +1,296 @@
+"""The physics that is documented of three benchmarks, written down whole and calibrated: nothing is to be found.
+
+Tanks with brims, a carriage with dry friction in open loop, Bouc's and Wen's spring. The training part is fitted, and
+decides between forms; the official test part is run free.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.parallel import run_jobs
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Place
+from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.effects.smooth import smooth_sign, soft_excess
+from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.recording import Experiment
+from deatwin.plant.rigs.base import ReadingTime, Rig
+from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
+from deatwin.scenarios.real_physics.cascaded_tanks import Tanks
+from deatwin.scenarios.real_physics.emps import FILES
+from deatwin.studies.missing_physics.case import HeldOut, experiment_of
+from deatwin.studies.provenance import hashes
+from deatwin.studies.public.columns import matlab_vectors
+from deatwin.studies.public.sources import data_folder
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
+from deatwin.studies.report.svg import draw
+from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.stories import Setting
+
+Array = NDArray[np.float64]
+AVERAGED = 5
+"""Samples of 1 ms that make one of EMPS: the mean voltage keeps the impulse, and friction needs no finer ones."""
+MOTOR = 35.150651882485469
+"""N/V, as the benchmark's file has it."""
+STARTS = 3
+"""Fits of which two must agree."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrimmedTanks(Tanks):
+    """Two tanks that overflow, whose outlets follow a power of the level, read by a sensor that ends at 10 V.
+
+    The level of the upper tank is counted so that both tanks have the same area.
+    """
+
+    kind: ClassVar[str] = "brimmed-tanks"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        kept = {p.name: p for p in super().parameters if p.name not in ("area_ratio", "upper_start")}
+        return (
+            *kept.values(),
+            Parameter(name="upper_start", value=5.0, unit="V", lower=0.0, upper=30.0),
+            Parameter(name="brim", value=9.8, unit="V", lower=3.0, upper=40.0),
+            Parameter(name="lower_brim", value=10.0, unit="V", lower=8.0, upper=15.0),
+            Parameter(name="caught", value=0.3, unit="1", lower=0.0, upper=1.0),
+            Parameter(name="upper_power", value=0.5, unit="1", lower=0.2, upper=1.5),
+            Parameter(name="lower_power", value=0.5, unit="1", lower=0.2, upper=1.5),
+        )
+
+    def write(self, build: Builder) -> Any:
+        p = build.parameter
+        upper = build.watch("upper_level", build.state("upper", scale=5.0, start=p("upper_start")))
+        lower = build.watch("displacement", build.state("lower", scale=5.0, start=p("lower_start")))
+        above = soft_excess(build.place(Place.DRIVE, "command", build.command) - p("threshold"), 0.02)
+        between, out = (
+            p(f"{name}_outlet") * (level**2 + 0.01**2) ** (p(f"{name}_power") / 2)
+            for name, level in (("upper", upper), ("lower", lower))
+        )
+        spilt, lost = (soft_excess(x - p(name), 0.05) for x, name in ((upper, "brim"), (lower, "lower_brim")))
+        build.rate(upper, p("pump") * above - between - spilt)
+        build.rate(lower, between + p("caught") * spilt - out - lost)
+        return build.place(Place.SENSOR, "reading", lower - soft_excess(lower - 10.0, 0.01))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenCarriage(Rig):
+    """A carriage with dry and viscous friction and a force offset, driven by the motor's voltage."""
+
+    sample_time: float = 1e-3 * AVERAGED
+    noise: float = 0.0
+    reading: ReadingTime = ReadingTime.START_OF_HOLD
+    uneven: bool = False  # True if viscous friction may differ between the directions
+
+    kind: ClassVar[str] = "open-carriage"
+    input_name: ClassVar[str] = "voltage"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "position"
+    output_unit: ClassVar[str] = "m"
+    sizes: ClassVar[Sizes] = Sizes(
+        motion=0.1, force=50.0, period=0.02, command=1.0, command_unit="V", reading=20e-6, body="carriage"
+    )
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        named = (
+            Parameter(name="mass", value=95.0, unit="kg", lower=10.0, upper=1e3, scale=Scale.LOGARITHMIC),
+            Parameter(name="viscosity", value=200.0, unit="N s/m", lower=0.0, upper=1e4),
+            Parameter(name="offset", value=0.0, unit="N", lower=-100.0, upper=100.0),
+            Parameter(name="dry", value=20.0, unit="N", lower=0.0, upper=100.0),
+        )
+        difference = Parameter(name="viscous_difference", value=0.0, unit="N s/m", lower=-200.0, upper=200.0)
+        return (*named, difference) if self.uneven else named
+
+    def write(self, build: Builder) -> Any:
+        p = build.parameter
+        position = build.watch("displacement", build.state("position", scale=0.1))
+        velocity = build.watch("velocity", build.state("velocity", scale=0.1))
+        way = smooth_sign(velocity, 5e-4)
+        viscosity = p("viscosity") + (p("viscous_difference") * way if self.uneven else 0.0)
+        drive = MOTOR * build.place(Place.DRIVE, "command", build.command) - p("offset")
+        force = build.place(Place.BALL, "force", -viscosity * velocity - p("dry") * way)
+        build.rate(position, velocity)
+        build.rate(velocity, drive + force, mass=p("mass"))
+        return build.place(Place.SENSOR, "reading", position)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """A plant, what it is fitted to, what judges it, and what others reached."""
+
+    name: str
+    plant: Plant
+    fitted: tuple[Experiment, ...]
+    held_out: HeldOut
+    unit: str
+    scale: float
+    goal: float  # In that unit
+    published: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """A calibrated plant, and its free run over the test part."""
+
+    task: Task
+    fit: Calibration
+    seconds: float  # Time to calibrate
+
+    @property
+    def readings(self) -> Array:
+        """The free run where it counts, shape (n,), SI."""
+        return self.task.held_out.readings(self.fit.plant)
+
+    @property
+    def error(self) -> float:
+        """Rms error over the test part, in the unit shown."""
+        return float(np.sqrt(np.mean((self.task.held_out.measured - self.readings) ** 2))) / self.task.scale
+
+    @property
+    def trained(self) -> float:
+        """Rms error over the training part, in the unit shown."""
+        return self.fit.rms / self.task.scale
+
+
+def run(setting: Setting) -> Mapping[str, Any]:
+    """Calibrate every plant on its training part, and run it free over the test part."""
+    found = calibrated(setting.data, setting.jobs)
+    files = [file for folder in ("cascaded_tanks", "emps", "boucwen_benchmark_h5") for file in _files(setting, folder)]
+    record = setting.record(hashes(files))
+    rows = [_row(one) for one in found]
+    page = StoryPage(
+        title="grey-boxes",
+        sentence=f"The documented physics of three benchmarks, calibrated on the training parts: {reached(rows)} goals "
+        "reached on the test parts; " + "; ".join(f"{j.task.name} {j.error:.3g} {j.task.unit}" for j in found) + ".",
+        rows=rows,
+        figures=[_drawn(number, one) for number, one in enumerate(found, start=1)],
+        notes=[Note(title="How it was judged", paragraphs=NOTES)],
+        tables=[_table(found), *(_parameters(one) for one in found)],
+    )
+    return finish(setting.folder, record, page, errors={one.task.name: one.error for one in found})
+
+
+def calibrated(data: Path | None, jobs: int) -> list[Judged]:
+    """Return all plants, calibrated."""
+    tasks = (*_tanks(data), *_emps(data), *_bouc_wen(data))
+    return run_jobs(_judged, [(task,) for task in tasks], workers=jobs)
+
+
+NOTES = (
+    "Forms were chosen and parameters fitted on the training parts alone: outlets of the tanks by a power of the level, "
+    "rather than Torricelli's with a laminar share, because a fit to the first part of the training record then ran "
+    "better over the rest; the friction of EMPS with a difference between the directions for the same reason.",
+    "The test parts of the tanks and of EMPS were looked at twice before this page was written: with these forms, and "
+    "with the simpler ones that others have published (tanks 0.298 V; EMPS below). That of Bouc-Wen judges another "
+    "story, too.",
+    "EMPS runs in open loop: from the recorded voltage of the motor to the position, so that a small error of force "
+    "grows with time. The voltage is averaged over 5 ms.",
+)
+
+
+def _row(one: Judged) -> Measure:
+    name, unit = f"{one.task.name}: free run over the test part", one.task.unit
+    return Measure(name, f"at most {one.task.goal:g} {unit} rms", f"{one.error:.3g} {unit}", one.error <= one.task.goal)
+
+
+def _files(setting: Setting, name: str) -> list[Path]:
+    return sorted(p for p in data_folder(setting.data, name).iterdir() if p.suffix in (".csv", ".mat", ".h5"))
+
+
+def _judged(task: Task) -> Judged:
+    begun = time.perf_counter()
+    fit = calibrate(task.plant, task.fitted, starts=STARTS)
+    return Judged(task=task, fit=fit, seconds=time.perf_counter() - begun)
+
+
+def _tanks(data: Path | None) -> tuple[Task, ...]:
+    case = cascaded_tanks.case(data_folder(data, "cascaded_tanks"))
+    about: dict[str, Any] = {
+        "fitted": case.fitted,
+        "held_out": case.held_out[0],
+        "unit": "V",
+        "scale": 1.0,
+        "goal": 0.19,
+    }
+    said = "0.191 V (grey box; Worden et al., Mech. Syst. Signal Process. 112 (2018) 194-232)"
+    return (Task(name="Cascaded tanks", plant=Plant(rig=BrimmedTanks()), published=said, **about),)
+
+
+def _emps(data: Path | None) -> tuple[Task, ...]:
+    folder = data_folder(data, "emps")
+    fitted, judged = (_carriage(folder / name) for name in FILES)
+    about: dict[str, Any] = {"unit": "mm", "scale": 1e-3, "goal": 5.4, "fitted": (fitted,)}
+    held_out = HeldOut(name="The validation record, with force pulses", experiment=judged)
+    said = "2.64 mm (dynoNet), 5.17 mm (pNARX), about 5.4 mm (physics of four parameters): arXiv 2405.10779"
+    return tuple(
+        Task(name=name, plant=Plant(rig=OpenCarriage(uneven=uneven)), held_out=held_out, published=said, **about)
+        for name, uneven in (("EMPS, four parameters", False), ("EMPS, uneven friction", True))
+    )
+
+
+def _carriage(file: Path) -> Experiment:
+    data = matlab_vectors(file, ("qm", "vir"))
+    n = data["qm"].size // AVERAGED * AVERAGED
+    return experiment_of(OpenCarriage(), data["vir"][:n].reshape(-1, AVERAGED).mean(axis=1), data["qm"][:n:AVERAGED])
+
+
+def _bouc_wen(data: Path | None) -> tuple[Task, ...]:
+    case = bouc_wen.case(data_folder(data, "boucwen_benchmark_h5"))
+    plant = Plant(rig=bouc_wen.LinearOscillator(), effects=(bouc_wen.BoucWen(),))
+    about: dict[str, Any] = {"plant": plant, "fitted": case.fitted, "unit": "µm", "scale": 1e-6, "goal": 15.0}
+    said = "18.7 µm (PNLSS), 45.2 µm (dynoNet): black boxes; arXiv 2405.10779"
+    return tuple(
+        Task(name=f"Bouc-Wen, {name}", held_out=held, published=said, **about)
+        for name, held in zip(("multisine", "sweep"), case.held_out, strict=True)
+    )
+
+
+def _drawn(number: int, one: Judged) -> Drawing:
+    times, scale = one.task.held_out.timepts, one.task.scale
+    measured, model = one.task.held_out.measured / scale, one.readings / scale
+    with draw((7.4, 3.8)) as figure:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        upper.plot(times, measured, color=Hue.MEASURED, linewidth=2.0, label="measured")
+        upper.plot(times, model, color=Hue.AFTER, linewidth=0.9, label="free run of the calibrated plant")
+        lower.plot(times, measured - model, color=Hue.BEFORE, linewidth=0.8)
+        upper.set_ylabel(f"reading ({one.task.unit})")
+        lower.set(xlabel="time (s)", ylabel=f"residual ({one.task.unit})")
+        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        caption = "The test part, on which nothing was fitted."
+        return Drawing.of(figure, f"test_{number}", one.task.name, caption, drawn_table(figure))
+
+
+def _table(found: list[Judged]) -> Table:
+    return Table.of(
+        "Root mean square errors of free runs",
+        found,
+        {
+            "task": lambda j: j.task.name,
+            "parameters": lambda j: len(j.fit.names),
+            "training": lambda j: f"{j.trained:.3g} {j.task.unit}",
+            "test": lambda j: f"{j.error:.3g} {j.task.unit}",
+            "published": lambda j: j.task.published,
+        },
+    )
+
+
+def _parameters(one: Judged) -> Table:
+    rows = []
+    for name in one.fit.names:
+        (low, high), p = one.fit.interval(name), one.fit.plant.parameters[name]
+        known = f"{low:.3g} to {high:.3g}" if one.fit.is_determined(name) else "undetermined"
+        rows.append([name.replace("_", " "), f"{p.value:.4g} {'' if p.unit == '1' else p.unit}".rstrip(), known])
+    return Table(title=f"{one.task.name}: parameters", columns=["parameter", "value", "95 % interval"], rows=rows)

@@ -1,0 +1,165 @@
+"""Kernels of models with several inputs, against closed forms and against tones in simulation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.frequency import gfrf, nofrf_exact, output_orders, output_spectrum, remove_dc
+from deatwin.ident.narx import NarxModel
+from deatwin.plant import ModelError, Recording
+
+A, B, C, D, E, F = 0.5, 0.8, -0.3, 0.2, 0.1, 0.15
+TERMS = {
+    "y(k-1)": A,
+    "u1(k-1)": B,
+    "u2(k-2)": C,
+    "u1(k-1)u2(k-1)": D,
+    "y(k-1)u2(k-1)": E,
+    "u2(k-1)^2": F,
+}
+MODEL = NarxModel.from_terms(TERMS, sample_time=1.0, theta_cov=1e-4 * np.eye(len(TERMS)))
+W = np.random.default_rng(0).uniform(-3.0, 3.0, (20, 2))
+
+
+def z(omega: np.ndarray, lag: int = 1) -> np.ndarray:
+    return np.exp(-1j * omega * lag)
+
+
+def first(row: int, omega: np.ndarray) -> np.ndarray:
+    return (B * z(omega) if row == 0 else C * z(omega, 2)) / (1 - A * z(omega))
+
+
+def cross(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """H_2 of u1 at the first frequencies and u2 at the second: what both tones make together, by 2!."""
+    both = D * z(one + two) + E * first(0, one) * z(one) * z(two)
+    return both / 2 / (1 - A * z(one + two))
+
+
+def second_input(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """H_2 of u2 at both frequencies."""
+    mixed = first(1, one) * z(one) * z(two) + first(1, two) * z(two) * z(one)
+    return (F * z(one + two) + E * mixed / 2) / (1 - A * z(one + two))
+
+
+@pytest.mark.parametrize("form", ["symmetric", "recursive"])
+def test_kernels_of_first_order(form: str) -> None:
+    for row in (0, 1):
+        found = gfrf(MODEL, 1, W[:, 0], inputs=[f"u{row + 1}"], form=form)
+        np.testing.assert_allclose(found.values, first(row, W[:, 0]), rtol=1e-13)
+
+
+def test_kernels_of_second_order_are_the_closed_forms() -> None:
+    one, two = W.T
+    np.testing.assert_allclose(gfrf(MODEL, 2, W, inputs=["u1", "u2"]).values, cross(one, two), rtol=1e-12)
+    np.testing.assert_allclose(gfrf(MODEL, 2, W[:, ::-1], inputs=["u2", "u1"]).values, cross(one, two), rtol=1e-12)
+    np.testing.assert_allclose(gfrf(MODEL, 2, W, inputs=["u2", "u2"]).values, second_input(one, two), rtol=1e-12)
+    assert not gfrf(MODEL, 2, W, inputs=["u1", "u1"]).values.any()
+    both = [
+        gfrf(MODEL, 2, W[:, order], inputs=names, form="recursive").values
+        for order, names in (([0, 1], ["u1", "u2"]), ([1, 0], ["u2", "u1"]))
+    ]
+    np.testing.assert_allclose(np.mean(both, axis=0), cross(one, two), rtol=1e-12)
+
+
+def test_derivatives_and_values_at_other_parameters() -> None:
+    found = gfrf(MODEL, 2, W, inputs=["u1", "u2"])
+    step = 1e-6 * np.eye(MODEL.theta.size)
+    for m in range(MODEL.theta.size):
+        ends = [
+            gfrf(replace(MODEL, theta=MODEL.theta + s * step[m]), 2, W, inputs=["u1", "u2"]).values for s in (1, -1)
+        ]
+        np.testing.assert_allclose(found.gradient[:, m], (ends[0] - ends[1]) / 2e-6, atol=1e-7)
+    assert found.evaluate is not None
+    moved = found.evaluate(MODEL.theta[None] + 10 * step[:1])
+    np.testing.assert_allclose(
+        moved.values[0],
+        gfrf(replace(MODEL, theta=MODEL.theta + 10 * step[0]), 2, W, inputs=["u1", "u2"]).values,
+        rtol=1e-10,
+    )
+    assert found.band().high.shape == (20,) and found.label == r"$H_2^{\mathrm{u1,u2}}$"
+
+
+def steady(model: NarxModel, period: np.ndarray) -> np.ndarray:
+    """Spectrum of the output's last period after a hundred that forget the start."""
+    inputs = np.tile(period, 100)
+    drive = Recording.from_arrays(inputs, np.zeros(inputs.shape[1]), 1.0)
+    n = period.shape[1]
+    return np.fft.rfft(model.simulate(drive).outputs[0, -n:]) / n
+
+
+def test_tones_in_simulation_show_the_cross_kernel() -> None:
+    # Without y in products the model has two orders, so that the component is exact.
+    model = NarxModel.from_terms(
+        {key: value for key, value in TERMS.items() if key != "y(k-1)u2(k-1)"}, sample_time=1.0
+    )
+    n, (one, two) = 64, (5, 11)
+    k = np.arange(n)
+    period = np.array([0.7 * np.cos(2 * np.pi * one * k / n), 0.4 * np.cos(2 * np.pi * two * k / n)])
+    found = gfrf(model, 2, 2 * np.pi / n * np.array([[one, two], [one, -two]]), inputs=["u1", "u2"]).values
+    spectrum = steady(model, period)
+    assert spectrum[one + two] == pytest.approx(2 * found[0] * 0.35 * 0.2, rel=1e-12)
+    assert np.conj(spectrum[two - one]) == pytest.approx(2 * found[1] * 0.35 * 0.2, rel=1e-12)
+
+
+@pytest.mark.filterwarnings("ignore::deatwin.ident.frequency.NofrfWarning")
+def test_orders_of_the_output_add_up_to_the_simulation() -> None:
+    rng = np.random.default_rng(1)
+    period = rng.normal(size=(2, 32)) * 0.3
+    np.testing.assert_allclose(output_spectrum(MODEL, period, 30).values, steady(MODEL, period), atol=1e-12)
+    orders = output_orders(MODEL, period, 2)
+    parts = sum(
+        np.fft.rfft(np.prod([period[row] ** power for row, power in enumerate(powers.values())], axis=0))
+        / 32
+        * spread(nofrf_exact(MODEL, period, powers), 17)
+        for powers in ({"u1": 2, "u2": 0}, {"u1": 1, "u2": 1}, {"u1": 0, "u2": 2})
+    )
+    np.testing.assert_allclose(parts, orders[1].values, atol=1e-13)
+
+
+def spread(found: object, n_lines: int) -> np.ndarray:
+    values = np.zeros(n_lines, dtype=complex)
+    values[np.rint(found.omega * 32 / 2 / np.pi).astype(int)] = found.values
+    return values
+
+
+@pytest.mark.filterwarnings("ignore::deatwin.ident.frequency.NofrfWarning")
+def test_the_cross_nofrf_of_two_tones_is_twice_the_cross_kernel() -> None:
+    n, (one, two) = 64, (5, 11)
+    k = np.arange(n)
+    period = np.array([0.7 * np.cos(2 * np.pi * one * k / n), 0.4 * np.cos(2 * np.pi * two * k / n + 1.0)])
+    found = nofrf_exact(MODEL, period, {"u1": 1, "u2": 1})
+    lines = np.rint(found.omega * n / 2 / np.pi).astype(int).tolist()
+    assert lines == [two - one, one + two]
+    w = 2 * np.pi / n * np.array([[-one, two], [one, two]])
+    np.testing.assert_allclose(found.values, 2 * gfrf(MODEL, 2, w, inputs=["u1", "u2"]).values, rtol=1e-10)
+    assert found.label == r"$G_2^{\mathrm{u1,u2}}$"
+
+
+def test_inputs_are_named_as_in_the_model() -> None:
+    named = NarxModel.from_terms(
+        {"y(k-1)": 0.5, "volts(k-1)": 1.0, "heat(k-1)volts(k-1)": 0.1},
+        sample_time=1.0,
+        input_names=("volts", "heat"),
+        input_units=("V", "K"),
+        output_units=("m",),
+    )
+    found = gfrf(named, 2, W, inputs=["volts", "heat"])
+    assert found.unit == "m/(V K)" and found.inputs == ("volts", "heat")
+    with pytest.raises(ModelError, match=r"no input 'volt'; did you mean \"volts\"\?"):
+        gfrf(named, 1, [0.1], inputs=["volt"])
+    with pytest.raises(ModelError, match="needs the names of 2 input"):
+        gfrf(named, 2, W, inputs=["volts"])
+    with pytest.raises(ModelError, match="give the power of each by its name"):
+        nofrf_exact(named, np.ones((2, 8)), 2)
+    with pytest.raises(ModelError, match=r"of shape \(2, n_samples\)"):
+        output_spectrum(named, np.ones(8), 2)
+
+
+def test_about_an_operating_point() -> None:
+    # About u2 = 1, y = 0 with u1 = u2's effect: the product D u1 u2 adds D u1 to the linear part.
+    moved = remove_dc(MODEL, [0.0, 1.0])
+    about = gfrf(MODEL, 1, W[:, 0], inputs=["u1"], operating_input=[0.0, 1.0])
+    expected = (B + D) * z(W[:, 0]) / (1 - (A + E) * z(W[:, 0]))
+    np.testing.assert_allclose(about.values, expected, rtol=1e-12)
+    np.testing.assert_allclose(gfrf(moved, 1, W[:, 0], inputs=["u1"]).values, expected, rtol=1e-12)
