@@ -68,6 +68,8 @@ def for_name(name: str, unit: str) -> str:
     """
     if unit == "C":
         unit = _celsius_or_coulomb(name)
+    if unit == "F" and (_CERTAIN_TEMPERATURE.match(name) or _TEMPERATURE.match(name)):
+        return ""  # Fahrenheit, which is not known
     if unit == "°C" and _DIFFERENCE.match(name):
         return "Δ°C"
     return "gn" if unit == "g" and _ACCELERATION.match(name) else unit

@@ -70,6 +70,7 @@ UNITS = {
     **_scaled("V", "munk"),
     **_scaled("A", "munpk"),
     **_scaled("ohm", "mkM"),
+    **_scaled("F", "unp"),  # behind the name of a temperature it is none: there F are degrees Fahrenheit
     **_scaled("W", "muk"),
     **_scaled("J", "muk"),
     **_scaled("m", "cmunk"),
@@ -149,6 +150,7 @@ _WORDS = {
     "watt": "W",
     "joule": "J",
     "ohm": "ohm",
+    "farad": "F",
 }
 _SPELLED_OUT = {
     "micron": "um",

@@ -13,6 +13,7 @@ from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.readings import Reading, readings_from
 from deatwin.plant.rigs.stated import require_stated
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ class Rig(ABC):
         Lowest and highest command of the drive, in the command's unit; None if unknown.
     chain : MeasuringChain, or None
         Hardware of drive and sensor; None if readings have only white noise of size `noise`.
+    further : tuple of Reading
+        Readings taken beside the first one, at the same instants.
     """
 
     sample_time: float
@@ -78,6 +81,7 @@ class Rig(ABC):
     model_error: float = 0.0
     command_range: tuple[float, float] | None = None
     chain: MeasuringChain | None = None
+    further: tuple[Reading, ...] = ()
 
     kind: ClassVar[str]
     input_name: ClassVar[str]
@@ -92,6 +96,13 @@ class Rig(ABC):
     """True if an elastomer film moves, whose relaxation is that of its material."""
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Return all readings, the first one first."""
+        noise = max(self.noise, 1e-300)  # a simulated sensor may have none
+        first = Reading(name=self.output_name, unit=self.output_unit, noise=noise, model_error=self.model_error)
+        return (first, *self.further)
 
     @property
     @abstractmethod
@@ -124,7 +135,10 @@ class Rig(ABC):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `from_dict` makes the same rig."""
-        return {**asdict(self), "reading": self.reading.value}
+        described = {**asdict(self), "reading": self.reading.value}
+        if not self.further:
+            del described["further"]
+        return described
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -149,6 +163,7 @@ class Rig(ABC):
             "reading": ReadingTime(data["reading"]),
             "command_range": tuple(limits) if limits else None,
             "chain": MeasuringChain.from_dict(chain) if chain else None,
+            "further": readings_from(data.get("further", ())),
         }
         rig = cls(**{**data, **read})
         require_stated(rig)

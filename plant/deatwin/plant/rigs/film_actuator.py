@@ -51,7 +51,7 @@ class FilmActuator(Rig):
         Film volts per command volt.
     start_ramp, start_hold : float
         Start procedure from 0 V, s.
-    sample_time, noise, reading, model_error, command_range, chain
+    sample_time, noise, reading, model_error, command_range, chain, further
         As for every `Rig`.
     """
 
