@@ -373,7 +373,7 @@ class Builder:
             Factor of that rate.
         """
         parts = (level, stored, share)
-        self._measured[name] = tuple(number(part, f"the reading {name}") for part in parts)  # type: ignore[assignment]
+        self._measured[name] = tuple(number(part, f"the reading {name}") for part in parts)
 
     def share_sampling(self, rig: Rig) -> None:
         """Make a rig's ``sample_time``, ``follows_at_once`` and known ``series_resistance`` available to effects.

@@ -35,6 +35,9 @@ class Reading:
     series_resistance : float
         Known resistance between the drive and the film, ohm. Only the reading ``current`` of a plant with `Leakage`
         depends on it: the leakage current is the voltage drop divided by it.
+    column : str
+        Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the one with
+        the name of the reading, if the file has it.
 
     Raises
     ------
@@ -47,6 +50,7 @@ class Reading:
     unit: str = ""
     model_error: float = 0.0
     series_resistance: float = 1e9
+    column: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():

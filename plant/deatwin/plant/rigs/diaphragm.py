@@ -230,5 +230,6 @@ class Diaphragm(Rig):
             ball_is_known=film.ball is not None,
             sample_time=1 / sensor.sample_rate,
             command_range=None if None in limits else limits,  # type: ignore[arg-type]
+            further=described.readings,
             noise=float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         )

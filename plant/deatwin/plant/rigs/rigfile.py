@@ -17,6 +17,7 @@
 | sensor | noise_um | 0 to 10000, rms | required |
 | sensor | resolution_um | 0 to 10000 | 0 |
 | sensor | zero | "displacement at zero volts" | required |
+| readings.NAME | see `deatwin.plant.rigs.rigreadings`; NAME is current, capacitance or film_voltage | | none |
 """
 
 import tomllib
@@ -26,8 +27,10 @@ from pathlib import Path
 from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.rigkeys import RIG_KEYS
-from deatwin.plant.rigs.rigmistakes import format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigreadings import readings_of, sections_of
 from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 
@@ -82,6 +85,7 @@ class RigFile:
     drive: DriveSpec
     sensor: SensorSpec
     source: str = ""  # The file that it was read from
+    readings: tuple[Reading, ...] = ()  # Beside the displacement
 
     @staticmethod
     def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":
@@ -97,7 +101,7 @@ class RigFile:
                 if (value := getattr(getattr(self, section), key.field)) is not None
             }
             for section, keys in RIG_KEYS.items()
-        }
+        } | ({"readings": sections_of(self.readings)} if self.readings else {})
 
 
 _SPECS: Mapping[str, type] = {"film": FilmSpec, "load": LoadSpec, "drive": DriveSpec, "sensor": SensorSpec}
@@ -145,7 +149,8 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     """Return the rig of sections and keys; several mistakes are listed with their lines in the file's text."""
     if mistakes := mistakes_of(data):
         raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
-    return RigFile(**{section: _specified(section, data[section]) for section in RIG_KEYS}, source=source)
+    specified = {section: _specified(section, data[section]) for section in RIG_KEYS}
+    return RigFile(**specified, source=source, readings=readings_of(data.get(READINGS, {})))
 
 
 def _specified(section: str, values: Mapping[str, Any]) -> Any:

@@ -177,6 +177,8 @@ SCHEMA = "deatwin/rig/1"
 
 def rig_schema() -> dict[str, Any]:
     """Return the schema that ships as ``schemas/rig.schema.json``."""
+    from deatwin.plant.rigs.rigreadings import readings_schema  # whose keys are made of these
+
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": SCHEMA,
@@ -191,14 +193,16 @@ def rig_schema() -> dict[str, Any]:
                 "type": "object",
                 "additionalProperties": False,
                 "required": [name for name, key in keys.items() if key.required],
-                "properties": {name: _key(key) for name, key in keys.items()},
+                "properties": {name: key_schema(key) for name, key in keys.items()},
             }
             for section, keys in RIG_KEYS.items()
-        },
+        }
+        | {"readings": readings_schema()},
     }
 
 
-def _key(key: NumberKey | TextKey) -> dict[str, Any]:
+def key_schema(key: NumberKey | TextKey) -> dict[str, Any]:
+    """Return the schema of a key's value."""
     about = {"description": key.about} if key.about else {}
     if isinstance(key, NumberKey):
         return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}

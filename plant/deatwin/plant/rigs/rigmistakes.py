@@ -2,16 +2,20 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from deatwin.plant.errors import nearest
-from deatwin.plant.rigs.rigkeys import RIG_KEYS, kind_of
+from deatwin.plant.readings import ELECTRICAL_UNITS
+from deatwin.plant.rigs.rigkeys import RIG_KEYS, Keys, kind_of
+from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
 """A section, or a section and one of its keys; empty for the whole file."""
 
+READINGS = "readings"
+"""Section whose own sections describe further readings."""
 MOST = 20
 """Number of mistakes that are listed one by one."""
 _BELOW = (
@@ -45,7 +49,7 @@ class Mistake:
 
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
-    outside = [_outside(name) for name in data if name not in RIG_KEYS]
+    outside = [_outside(name) for name in data if name not in (*RIG_KEYS, READINGS)]
     called = {section: section for section in RIG_KEYS}
     for mistake in outside:  # a section with a misspelt name is read by the name that it should have
         name = mistake.line_of[0]
@@ -55,6 +59,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         *outside,
         *(mistake for section, name in called.items() for mistake in _inside(section, name, data.get(name))),
         *_order({section: data.get(name) for section, name in called.items()}, called),
+        *_of_readings(data.get(READINGS, {})),
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
     return [mistake for mistake in found if mistake.missing not in meant]
@@ -113,17 +118,38 @@ def _outside(name: str) -> Mistake:
                 line_of=(name,),
                 meant=(section, name),
             )
-    hint = nearest(name[:100], RIG_KEYS)
+    known = (*RIG_KEYS, READINGS)
+    hint = nearest(name[:100], known)
     return Mistake(
-        text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(RIG_KEYS)}'}",
+        text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(known)}'}",
         line_of=(name,),
         meant=_offered(hint, RIG_KEYS),
     )
 
 
-def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
+def _of_readings(sections: object) -> Iterator[Mistake]:
+    """Mistakes of the sections of further readings."""
+    if not isinstance(sections, Mapping):
+        yield Mistake(
+            text=f"{READINGS} is {kind_of(sections)}; write a section [{READINGS}.current]", line_of=(READINGS,)
+        )
+        return
+    for name, values in sections.items():
+        called = f"{READINGS}.{name}"
+        if name not in ELECTRICAL_UNITS:
+            hint = nearest(name[:100], ELECTRICAL_UNITS) or f"; known are {_listed(ELECTRICAL_UNITS)}"
+            yield Mistake(text=f'unknown reading "{clipped(name)}"{hint}', line_of=(READINGS, name))
+            continue
+        unit = values.get("unit") if isinstance(values, Mapping) else None
+        if fault := unit_fault(name, unit):
+            yield Mistake(text=fault, at=(called, "unit"), line_of=(READINGS, name, "unit"))
+        for mistake in _inside(called, called, values, READING_KEYS):
+            yield replace(mistake, line_of=(READINGS, name, *mistake.line_of[1:]))
+
+
+def _inside(section: str, called: str, values: object, keys: Keys | None = None) -> Iterator[Mistake]:
     """Mistakes of a section, which may have another name in the file."""
-    keys = RIG_KEYS[section]
+    keys = RIG_KEYS[section] if keys is None else keys
     if values is None:
         required = _listed(name for name, key in keys.items() if key.required)
         yield Mistake(text=f"the section [{section}] is missing; it must hold {required}", missing=(section,))
@@ -131,7 +157,7 @@ def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
     if not isinstance(values, Mapping):
         yield Mistake(text=f"{section} is {kind_of(values)}; it must be a section [{section}]", line_of=(section,))
         return
-    yield from (_unknown(name, section, called) for name in values if name not in keys)
+    yield from (_unknown(name, section, called, keys) for name in values if name not in keys)
     for name, key in keys.items():
         if name not in values and key.required:
             yield Mistake(
@@ -144,9 +170,8 @@ def _inside(section: str, called: str, values: object) -> Iterator[Mistake]:
             yield Mistake(text=fault, at=(called, name), line_of=(called, name))
 
 
-def _unknown(name: str, section: str, called: str) -> Mistake:
+def _unknown(name: str, section: str, called: str, keys: Keys) -> Mistake:
     """Mistake of an unknown key. It offers the key's own section, else the nearest name, else all names."""
-    keys = RIG_KEYS[section]
     owners = [other for other, others in RIG_KEYS.items() if name in others]
     hint = nearest(name[:100], keys)
     right = f"; it belongs into [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
