@@ -180,6 +180,23 @@ class Recording:
         """Time at which the last sample ends, s."""
         return self.start + self.duration
 
+    def reading(self, name: str) -> NDArray[np.float64]:
+        """Return the output or the extra channel of a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the reading.
+
+        Returns
+        -------
+        array, shape (n,)
+            SI; NaN where it was not measured.
+        """
+        if name in self.output_names:
+            return np.asarray(self.outputs[self.output_names.index(name)])
+        return self.extras.get(name, np.full(self.n_samples, np.nan))
+
     def section(self, first: int, last: int) -> Self:
         """Return the samples ``first`` to ``last - 1``; the clock is kept.
 
