@@ -153,6 +153,11 @@ Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording
 """Data on which a plant can be calibrated."""
 
 
+def first_only(parts: Sequence[Part]) -> tuple[Part, ...]:
+    """The parts of the first reading, which stand before all others."""
+    return tuple(part for part in parts if not part.reading)
+
+
 def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
     """Whatever counts, as parts: those of further readings behind all that are given."""
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)

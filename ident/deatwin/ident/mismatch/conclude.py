@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.greybox.parts import first_only
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.floor import differences, with_model_error
@@ -258,7 +259,7 @@ def _readings(findings: Findings, model: CalibratedPlant) -> Readings:
         experiments=experiments,
         base=readings(plant, experiments),
         amended=readings(model.plant, experiments) if model.plant.effects != plant.effects else None,
-        unseen=tuple(part.masks for part in findings.bench.unseen),
+        unseen=tuple(part.masks for part in first_only(findings.bench.unseen)),
     )
 
 

@@ -213,8 +213,12 @@ class Rig(ABC):
         -------
         Rig
         """
-        share = max(self.model_share, SOLVED)
-        return replace(self, model_error=max(self.model_error, share * motion))
+        return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
+
+    @property
+    def share_of_motion(self) -> float:
+        """Least rms error of the rig's equations in any of its readings, as a share of how that varies."""
+        return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:
         """Return other rigs that fit what the experimenter stated; this rig is not among them."""
