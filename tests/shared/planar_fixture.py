@@ -16,6 +16,8 @@ VACUUM = 8.8541878128e-12
 VOLUME = LENGTH**2 * THICKNESS
 SERIES_RESISTANCE = 1e5
 """Ohm; the fixtures that leak conduct over it."""
+CORNER = 150.0
+"""Rounding of the saturation, V: an output stage that runs out of current, which looks like a leak."""
 NOISE = {"displacement": 2e-5, "current": 2e-7, "capacitance": 2e-11}
 FAULTS = ("none", "permittivity_drift", "gain_drift", "leakage", "amplifier_saturation")
 
@@ -40,10 +42,14 @@ def _laws(fault: str, size: float) -> tuple[Law, Law, Law]:
 
     drifts, gains = fault == "permittivity_drift", fault == "gain_drift"
     conductivity = 3.23e-14 * size / SERIES_RESISTANCE if fault == "leakage" else 0.0
-    limit = size if fault == "amplifier_saturation" else np.inf
+
+    def yielding(voltage: float) -> float:
+        excess = CORNER * np.logaddexp(0.0, (voltage - size) / CORNER)
+        return voltage - excess if fault == "amplifier_saturation" else voltage
+
     return (
         lambda time, _: PERMITTIVITY * (drift(time) if drifts else 1.0),
-        lambda time, command: min(GAIN * command * (drift(time) if gains else 1.0), limit),
+        lambda time, command: yielding(GAIN * command * (drift(time) if gains else 1.0)),
         lambda field, _: conductivity * np.exp(field / 40e6) * field,
     )
 
