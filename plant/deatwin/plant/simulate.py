@@ -57,9 +57,9 @@ class Run:
     watched: np.ndarray | None
     failed_at: int | None  # Sample in which the simulation failed
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
+    further: np.ndarray  # shape (1 + m, k): Further readings at the same instants, SI
+    further_slopes: np.ndarray  # shape (1 + m, k, n_p): Their derivative, of no parameter in plain runs
     snaps: tuple[int, ...] = ()  # Samples in which the film snaps to another equilibrium (plain runs)
-    further: np.ndarray | None = None  # shape (1 + m, k): Further readings at the same instants, SI, if there are any
-    further_slopes: np.ndarray | None = None  # shape (1 + m, k, n_p): Their derivative
 
 
 class Simulator:
@@ -122,7 +122,7 @@ class Simulator:
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
         snaps = snap_throughs(self.equations, rest, path, inputs[:, :done], rest_command, values)
         run, rows = _run(status, [y[:, 0] for y in outputs], None, signals, fault), np.vstack(outputs)[:, 1:]
-        return replace(run, snaps=snaps, further=combined(rows, sample_time) if rows.size else None)
+        return replace(run, snaps=snaps, further=combined(rows, sample_time))
 
     def run_with_sensitivities(
         self,
@@ -164,8 +164,6 @@ class Simulator:
             fault = self._fault(status, rest, path, inputs[:, done], values)
         by_values, rows = np.concatenate(slopes), np.vstack(outputs)[:, 1:]
         run = _run(status, [y[:, 0] for y in outputs], by_values[:, :, 0], None, fault)
-        if not rows.size:
-            return run
         changes = combined_slopes(rows, by_values[:, :, 1:].swapaxes(1, 2), sample_time)
         return replace(run, further=combined(rows, sample_time), further_slopes=changes)
 
@@ -236,6 +234,8 @@ def _run(
         watched=watched,
         failed_at=None if status.ok else max(readings.size - 1, 0),
         advice=fault or status.value,
+        further=np.empty((readings.size, 0)),
+        further_slopes=np.empty((readings.size, 0, 0)),
     )
 
 

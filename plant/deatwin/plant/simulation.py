@@ -71,9 +71,8 @@ class Simulation:
         -------
         Simulation
         """
-        further = np.empty((run.outputs.size, 0)) if run.further is None else run.further
-        full = np.full((1 + further.shape[1], timeline.commands.size + 1), np.nan)
-        full[:, : run.outputs.size] = np.column_stack([run.outputs, further]).T
+        full = np.full((1 + run.further.shape[1], timeline.commands.size + 1), np.nan)
+        full[:, : run.outputs.size] = np.column_stack([run.outputs, run.further]).T
         signals = np.full((len(names), timeline.commands.size + 1), np.nan)
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen

@@ -41,5 +41,5 @@ class Bench:
     @property
     def of_first(self) -> Bench:
         """The same with the first reading only."""
-        parts = {name: first_only(getattr(self, name)) for name in ("fitted", "unseen", "everything")}
-        return replace(self, **parts)
+        fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
+        return replace(self, fitted=fitted, unseen=unseen, everything=everything)

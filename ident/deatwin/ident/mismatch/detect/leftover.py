@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -96,8 +96,9 @@ class Leftover:
         """What is left of the first reading alone."""
         if self.first is None or self.first == self.residual.size:
             return self
-        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{n: v[: self.first] for n, v in arrays.items() if isinstance(v, np.ndarray)})
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        own: dict[str, Any] = {n: v[: self.first] for n, v in values.items() if isinstance(v, np.ndarray)}
+        return replace(self, **own)
 
     def with_residual(self, residual: np.ndarray) -> Leftover:
         """The same recordings with another residual.
