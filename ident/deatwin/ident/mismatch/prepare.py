@@ -115,12 +115,14 @@ def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
         if known.size:
             error = max(reading.model_error, rig.share_of_motion * float(known.std()))
             floors = [(rig.noise, reading.noise), (rig.model_error, error)]
-            weights[reading.name] = min(first / own for first, own in floors if first > 0.0 and own > 0.0)
-    return weights
+            weights[reading.name] = min((first / own for first, own in floors if first > 0.0 < own), default=0.0)
+    return {name: weight for name, weight in weights.items() if weight}
 
 
 def _noisier(base: Base, bench: Bench) -> tuple[Reading, ...]:
     """The further readings with the noise that the base plant's residuals show, if one is clearly above its statement."""
+    if not bench.nominal.rig.further:
+        return ()
     fit = base.chosen.calibration
     pieces = np.split(fit.residuals, np.cumsum([part.size for part in bench.fitted])[:-1])
     found = []
