@@ -1,5 +1,6 @@
 """Diagnoses of recordings with several readings, made by other equations and another integrator."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from planar_fixture import NOISE, SERIES_RESISTANCE, excitation, recorded
 
-from deatwin.ident.mismatch import Verdict, diagnose
+from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.plant import (
@@ -65,11 +66,16 @@ def planar(*readings: Reading) -> Plant:
     return Plant(rig=Planar(noise=NOISE["displacement"], further=readings))
 
 
-def told(fault: str, size: float, seconds: float, seed: int, *readings: Reading) -> tuple[Verdict, tuple[str, ...]]:
-    """Verdict and causes of a fixture, by the displacement and some further readings."""
+def diagnosed(fault: str, size: float, seconds: float, seed: int, *readings: Reading) -> Diagnosis:
+    """Diagnosis of a fixture by the displacement and some further readings."""
     rng = np.random.default_rng(seed)
     effects: Sequence[Effect] = DRIFTS if fault.endswith("drift") else COMPRESSIONS
-    found = diagnose(planar(*readings), recorded(fault, size, excitation(seconds, rng), rng), effects=effects)
+    return diagnose(planar(*readings), recorded(fault, size, excitation(seconds, rng), rng), effects=effects)
+
+
+def told(*case: Any) -> tuple[Verdict, tuple[str, ...]]:
+    """Verdict and causes of a fixture, as `diagnosed` takes it."""
+    found = diagnosed(*case)
     return found.verdict, tuple(cause.effect for cause in found.causes)
 
 
@@ -86,7 +92,14 @@ def test_the_plant_follows_other_equations_in_every_reading() -> None:
 
 def test_a_capacitance_tells_a_drifting_gain_from_a_drifting_permittivity() -> None:
     # From the displacement alone they are ambiguous, as the study below shows at some length.
-    assert told("gain_drift", -0.04, 20.0, 1, CAPACITANCE) == (Verdict.NAMED, ("gain_drift",))
+    found = diagnosed("gain_drift", -0.04, 20.0, 1, CAPACITANCE)
+    assert (found.verdict, [cause.effect for cause in found.causes]) == (Verdict.NAMED, ["gain_drift"])
+    (line,) = (warning for warning in found.warnings if warning.startswith("the reading capacitance"))
+    with_it, without_it = (
+        {name: float(odds) for name, odds in re.findall(r"(\w+_drift) ([0-9.]+)", half)} for half in line.split(";")
+    )
+    assert with_it["gain_drift"] > 0.99
+    assert min(without_it.values()) > 0.05, line
 
 
 def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is() -> None:

@@ -51,7 +51,7 @@ def together_fast(monkeypatch: pytest.MonkeyPatch, differing_fast):
             rms = 9.0 if name == "base" else 2.2
             return differing_fast(candidate(name, rms, rms), fast.get(name, 0.0))
 
-        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", on_everything)
+        monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.fitted_to_all", on_everything)
 
     return leave
 
