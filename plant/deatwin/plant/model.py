@@ -249,7 +249,7 @@ class Plant:
         from deatwin.plant.model_error import discrepancy  # which is made of plants
 
         whole = Experiment(recordings=(recording,)) if isinstance(recording, Recording) else recording
-        return discrepancy(self, whole)
+        return discrepancy(self.with_rig(replace(self.rig, further=())), whole)
 
     def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
         """Simulate recordings with the rig's measuring chain, or with its sensor noise if it has no chain.
