@@ -183,7 +183,7 @@ def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(
 ):
     monkeypatch.setattr("deatwin.ident.mismatch.naming.tried.with_distances", lambda naming, *_: naming)
     monkeypatch.setattr("deatwin.ident.mismatch.naming.answers.with_distances", lambda naming, *_: naming)
-    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole._on_everything", lambda candidate, parts: candidate)
+    monkeypatch.setattr("deatwin.ident.mismatch.naming.whole.fitted_to_all", lambda candidate, parts: candidate)
     alone = [candidate(name, rms=7.0) for name in ("creep", "periodic_disturbance", "thermal_stiffness")]
     tone, swing = candidate("creep", "periodic_disturbance", rms=2.1), candidate("creep", "thermal_stiffness", rms=2.0)
     before = (candidate("creep", "thermal_stiffness", rms=5.0),) if known else ()
