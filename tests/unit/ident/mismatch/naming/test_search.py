@@ -309,7 +309,7 @@ def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(cand
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.footprints", lambda *_: ())
     search = search_over(candidate(rms=9.0), candidate("delay", rms=5.0))
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.reading_times", lambda plant, parts: np.zeros(1))
-    search.bench.fitted = FITTED
+    search.bench.fitted = ()
     asked = []
     search.event_leads = lambda *several: asked.append(several) or [(seen,)]
     for names in ((), ("delay",)):
