@@ -54,6 +54,7 @@ from deatwin.plant.material import MATERIALS, Branch, Material
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Discrepancy
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
+from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.resampling import resample
 from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
@@ -130,6 +131,7 @@ __all__ = [
     "Pressure",
     "PrestretchRelaxation",
     "QuadraticDamping",
+    "Reading",
     "ReadingTime",
     "Recording",
     "Relaxation",

@@ -49,6 +49,7 @@ class Builder:
         self._constants: list[tuple[Symbol, np.ndarray]] = []
         self._watched: dict[str, Symbol] = {}
         self._shared: dict[str, Any] = {}
+        self._measured: dict[str, tuple[Symbol, Symbol, Symbol]] = {}
         self._offered: set[tuple[Enum, str]] = set()
         self._past: list[Symbol] = []
         self._channels: dict[str, tuple[Symbol, float]] = {}
@@ -375,8 +376,25 @@ class Builder:
         self._shared[name] = value
         return value
 
+    def measure(self, name: str, level: Symbol, *, stored: Symbol = 0.0, share: Symbol = 1.0) -> None:
+        """Offer a signal to a further reading of the rig.
+
+        Parameters
+        ----------
+        name : str
+            Name of the reading. A watched signal is offered under its own name without this call.
+        level : symbol or float
+            Part of the reading that is read as it is, SI.
+        stored : symbol or float
+            Quantity whose mean rate over a sample is added, such as a charge, in SI.
+        share : symbol or float
+            Factor of that rate.
+        """
+        parts = (level, stored, share)
+        self._measured[name] = tuple(number(part, f"the reading {name}") for part in parts)
+
     def share_sampling(self, rig: Rig) -> None:
-        """Make a rig's ``sample_time`` and ``follows_at_once`` available to effects.
+        """Make a rig's ``sample_time``, ``follows_at_once`` and known ``series_resistance`` available to effects.
 
         Parameters
         ----------
@@ -385,6 +403,9 @@ class Builder:
         """
         self.share("sample_time", rig.sample_time)
         self.share("follows_at_once", rig.follows_at_once)
+        for reading in rig.further:
+            if reading.name == "current":
+                self.share("series_resistance", reading.series_resistance)
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
         """Return a watched or shared signal, for effects that need more than the one they rewrite.
@@ -413,13 +434,15 @@ class Builder:
                 return otherwise
             raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
-    def finish(self, output: Symbol) -> Equations:
+    def finish(self, output: Symbol, further: Sequence[str] = ()) -> Equations:
         """Check that the equations are complete, and return them.
 
         Parameters
         ----------
         output : symbol
             Reading of the rig, SI.
+        further : sequence of str
+            Names of its further readings.
 
         Returns
         -------
@@ -428,7 +451,8 @@ class Builder:
         Raises
         ------
         RigError
-            If an effect acts on a signal that the rig does not have, or equations are missing.
+            If an effect acts on a signal that the rig does not have, a further reading is of no signal of it, or
+            equations are missing.
         """
         self._check()
         output = number(output, "what write returns, the reading,")
@@ -443,6 +467,7 @@ class Builder:
         mass = _column(*(self._rates[n][1] for n in self._states))
         u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
         arguments = [x, z, d, u, self.time, p, c]
+        rows = self._rows(further)
         self._check_symbols(arguments, output)
         moving = f if self._parts is None else self._parts.speed * f
         unknowns = {**{n: s[0] for n, s in self._states.items()}, **{n: s[0] for n, s in self._coordinates.items()}}
@@ -458,12 +483,26 @@ class Builder:
             dynamics=ca.Function("dynamics", arguments, [self._on_the_clock(ca.vertcat(moving, g))]),
             mass=ca.Function("mass", [p, c], [mass]),
             output=ca.Function("output", arguments, [self._on_the_clock(output)]),
+            further=ca.Function("further", arguments, [ca.densify(self._on_the_clock(rows))]) if further else None,
             watched=ca.Function("watched", arguments, [self._on_the_clock(_column(*self._watched.values()))]),
             rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
             guess=ca.Function("guess", [p, c], [guess]),
             hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self._past),
             channels={name: default for name, (_, default) in self._channels.items()},
+        )
+
+    def _rows(self, further: Sequence[str]) -> Symbol:
+        """Rows of the further readings: all levels, then all stored quantities, then their shares."""
+        offered = {**{name: (value, 0.0, 1.0) for name, value in self._watched.items()}, **self._measured}
+        for name in further:
+            if name not in offered:
+                known = ", ".join(sorted(offered))
+                raise RigError(f'this rig has no reading "{name}"{nearest(name, offered)} (it offers {known})')
+            if list(further).count(name) > 1:
+                raise RigError(f'two readings of the rig are called "{name}": give each a name of its own')
+        return _column(
+            *(ca.SX(part) for parts in zip(*(offered[name] for name in further), strict=True) for part in parts)
         )
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:

@@ -37,12 +37,18 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 
 def check_units(recording: Recording, rig: Rig) -> None:
-    """Refuse a recording whose input or output is stated in another unit than the rig's."""
+    """Refuse a recording whose input, output or further reading is stated in another unit than the rig's."""
     rows = [("input", recording.input_names, recording.input_units, rig.input_unit)]
     rows += [("output", recording.output_names, recording.output_units, rig.output_unit)]
+    further = {reading.name: reading.unit for reading in rig.further}
+    for name, unit in {
+        **dict(zip(recording.output_names[1:], recording.output_units[1:], strict=True)),
+        **recording.extra_units,
+    }.items():
+        rows += [("reading", (name,), (unit,), further[name])] if name in further else []
     for kind, names, units, wanted in rows:
         for name, unit in list(zip(names, units, strict=True))[:1]:
-            stated = unit and wanted and (name, unit) != UNSTATED[kind]
+            stated = unit and wanted and (name, unit) != UNSTATED.get(kind)
             here, there = UNITS[find_unit(unit)], UNITS[find_unit(wanted)]
             if not stated or unit == wanted or (here.si and here == there):
                 continue

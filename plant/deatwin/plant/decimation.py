@@ -55,6 +55,11 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
         raise DataError(
             f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {odd.size} long"
         )
+    for name, values in recording.extras.items():
+        if np.isnan(values).any():
+            raise DataError(
+                f'the channel "{name}" has missing values, which no filter bridges: leave it out to resample'
+            )
     last = factor - 1 if reading is ReadingTime.END_OF_HOLD else 0
 
     def read(signal: Array) -> Array:

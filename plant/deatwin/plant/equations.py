@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -45,8 +46,14 @@ class Equations:
     rest: ca.Function  # ``(x, z, u, p, c) ->`` residual whose zero is the state of rest
     guess: ca.Function  # ``(p, c) -> (x; z)`` to start the search of the rest state
     hold: ca.Function  # ``(x, z, p, c) -> d`` at rest
+    further: ca.Function | None = None  # ``(x, z, d, u, t, p, c) ->`` rows of the further readings, if any
     history: int = 0  # Number of past samples of the command that follow it in *u*
     channels: Mapping[str, float] = field(default_factory=dict)
+
+    def outputs(self, *point: Any) -> Any:
+        """The reading, above the rows of the further readings."""
+        first = self.output(*point)
+        return first if self.further is None else ca.vertcat(first, self.further(*point))
 
     def held_inputs(self, command: float) -> np.ndarray:
         """Inputs under a command that has been constant for long. Shapes: returns (n_u,)."""

@@ -281,7 +281,7 @@ class Plant:
         from deatwin.plant.model_error import discrepancy  # which is made of plants
 
         whole = Experiment(recordings=(recording,)) if isinstance(recording, Recording) else recording
-        return discrepancy(self, whole)
+        return discrepancy(self.with_rig(replace(self.rig, further=())), whole)
 
     def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
         """Simulate recordings with the rig's measuring chain, or with its sensor noise if it has no chain.
@@ -309,12 +309,17 @@ class Plant:
             given = replace(experiment, recordings=tuple(applied))
         outputs = self.simulate(given).require().outputs
         if rig.chain is None:
-            noisy = [y + rig.noise * rng.standard_normal(y.shape) for y in outputs]
+            noisy = [y[:1] + rig.noise * rng.standard_normal((1, y.shape[1])) for y in outputs]
         else:
-            noisy = [rig.chain.record(y, rng, sample_time=rig.sample_time) for y in outputs]
+            noisy = [rig.chain.record(y[:1], rng, sample_time=rig.sample_time) for y in outputs]
+        if rig.further:
+            noises = np.array([[reading.noise] for reading in rig.further])
+            rest = [y[1:] + noises * rng.standard_normal(y[1:].shape) for y in outputs]
+            noisy = [np.vstack(pair) for pair in zip(noisy, rest, strict=True)]
+        names, units = (tuple(getattr(reading, part) for reading in rig.readings) for part in ("name", "unit"))
         return Experiment(
             recordings=tuple(
-                replace(r, outputs=y, output_names=(self.rig.output_name,), output_units=(self.rig.output_unit,))
+                replace(r, outputs=y, output_names=names, output_units=units)
                 for r, y in zip(experiment.recordings, noisy, strict=True)
             )
         )
@@ -379,6 +384,7 @@ class _Structure:
         self.plant = plant
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
+        rig |= {"further": [(reading.name, reading.series_resistance) for reading in plant.rig.further]}
         # The classes themselves: two that share a name may write different equations.
         # Functions too: an energy of somebody's own is only named in the plain data.
         energy = getattr(getattr(plant.rig, "material", None), "energy", None)
@@ -400,7 +406,7 @@ def _equations(structure: _Structure) -> Equations:
     build = Builder(plant.parameters, plant.effects)
     build.share_sampling(plant.rig)
     with users_code(f"the rig {plant.rig.kind}"):
-        return build.finish(plant.rig.write(build))
+        return build.finish(plant.rig.write(build), [reading.name for reading in plant.rig.further])
 
 
 @lru_cache(maxsize=64)

@@ -37,7 +37,7 @@ class Recording:
     input_units, output_units : tuple of str
         SI unit of each row; empty if unknown.
     extras : mapping of str to (n,) array
-        Further channels in SI units, for example ``temperature`` in K.
+        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is missing.
     extra_units : mapping of str to str
         SI unit of each further channel; by default that of its usual name, else empty.
     provenance : mapping of str to str
@@ -47,7 +47,7 @@ class Recording:
     ------
     DataError
         If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not
-        finite, or the sample time is not positive.
+        finite (in an extra channel: is infinite), or the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -85,7 +85,8 @@ class Recording:
         for name, values in extras.items():
             if values.shape != (n,):
                 raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
-            _require_finite(name, values)
+            if np.isinf(values).any():
+                raise DataError(f'extra channel "{name}" is infinite at sample {int(np.argmax(np.isinf(values)))}')
         units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         object.__setattr__(self, "extras", extras)
         object.__setattr__(self, "extra_units", units)
@@ -178,6 +179,23 @@ class Recording:
     def end(self) -> float:
         """Time at which the last sample ends, s."""
         return self.start + self.duration
+
+    def reading(self, name: str) -> NDArray[np.float64]:
+        """Return the output or the extra channel of a name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the reading.
+
+        Returns
+        -------
+        array, shape (n,)
+            SI; NaN where it was not measured.
+        """
+        if name in self.output_names:
+            return np.asarray(self.outputs[self.output_names.index(name)])
+        return self.extras.get(name, np.full(self.n_samples, np.nan))
 
     def section(self, first: int, last: int) -> Self:
         """Return the samples ``first`` to ``last - 1``; the clock is kept.

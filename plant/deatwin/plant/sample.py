@@ -42,11 +42,12 @@ class Sample:
             x, z, level, _, error = self.step(x, z, held, inputs, begin, width, self.values, self.constants)
             if not solved(error, level, 1):
                 return None
-        return x, z, float(level)
+        return x, z, float(level[0])
 
 
 def solved(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
-    """Number of samples at the beginning, of `count`, that were solved with finite readings; `error, reading` (n, ...)."""
-    errors, readings = (np.asarray(v).ravel()[:count] for v in (error, reading))
-    bad = ~((errors <= SETTLED) & np.isfinite(readings))
+    """Number of samples at the beginning, of `count`, that were solved with finite readings; `error` (n, ...), `reading` (n, rows)."""
+    errors = np.asarray(error).ravel()[:count]
+    readings = np.asarray(reading).reshape(np.size(error), -1)[:count]
+    bad = ~((errors <= SETTLED) & np.isfinite(readings).all(axis=1))
     return int(np.argmax(bad)) if bad.any() else count

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property, partial
 from typing import Any, Protocol
@@ -18,6 +18,7 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.integrator.collocation import StepFunctions, step_functions
 from deatwin.plant.integrator.compiled import compile_functions, key_of, recalled
 from deatwin.plant.integrator.march import CHUNK, March, marched, repeated
+from deatwin.plant.readings import combined, combined_slopes
 from deatwin.plant.rest import NO_REST, RestState, has_equilibrium, rest_state, undefined_ahead
 from deatwin.plant.sample import Sample
 
@@ -57,6 +58,10 @@ class Run:
     watched: np.ndarray | None
     failed_at: int | None  # Sample in which the simulation failed
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
+    further: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    """Further readings at the same instants, SI, shape (1 + m, k)."""
+    further_slopes: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0)))
+    """Their derivatives, of no parameter in plain runs, shape (1 + m, k, n_p)."""
     look_for_snaps: Callable[[], tuple[int, ...]] = tuple  # Those of a plain run; takes as long as the run
 
     @cached_property
@@ -99,7 +104,8 @@ class Simulator:
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
-        origin = (equations.dynamics, equations.mass, equations.output, equations.watched)
+        origin = [equations.dynamics, equations.mass, equations.output, equations.watched]
+        origin += [equations.further] if equations.further is not None else []
         key = key_of(origin, equations.scale)
         self._march = recalled(MARCHES, key) or self._marches(key)
 
@@ -135,18 +141,18 @@ class Simulator:
         if not rest.found:
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, rest.fault)
         status = RunStatus.DONE
-        first = float(self._reading(rest, rest_command, start, values))
-        if not np.isfinite(first):
+        first = np.asarray(self._reading(rest, rest_command, start, values)).T
+        if not np.isfinite(first).all():
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
-        outputs, watched, unknowns = [np.array([first])], [], [np.empty((len(self.equations.scale), 0))]
+        outputs, watched, unknowns = [first], [], [np.empty((len(self.equations.scale), 0))]
         march = March(self._march["plain_march"])
         x, z, d, *_, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants
         done = 0
         for after_x, after_z, y, w in marched(march, 2, inputs, start, sample_time):
-            outputs.append(y[:, 0])
+            outputs.append(y)
             unknowns.append(np.vstack([after_x.T, after_z.T]))
             watched.append(w.T)
             done += len(y)
@@ -157,8 +163,9 @@ class Simulator:
             status = self._why(rest, rest_command, commands[done], values)
             fault = self._fault(status, rest, path, inputs[:, done], values)
         signals = np.hstack(watched) if watched else np.empty((len(self.equations.signals), 0))
-        snaps = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], rest_command, values)
-        return replace(_run(status, outputs, None, signals, fault), look_for_snaps=snaps)
+        find = partial(snap_throughs, self.equations, rest, path, inputs[:, :done], rest_command, values)
+        run, rows = _run(status, [y[:, 0] for y in outputs], None, signals, fault), np.vstack(outputs)[:, 1:]
+        return replace(run, look_for_snaps=find, further=combined(rows, sample_time))
 
     def run_with_sensitivities(
         self,
@@ -180,10 +187,10 @@ class Simulator:
         point = (rest.x, rest.z, rest.d, at_rest, start, values, self.equations.constants)
         times = start + sample_time * np.arange(commands.size)
         inputs = self.equations.inputs(commands, rest_command, times, channels)
-        first = float(self.equations.output(*point))
-        if not np.isfinite(first):
+        first = np.asarray(self.equations.outputs(*point)).T
+        if not np.isfinite(first).all():
             return _run(RunStatus.NO_REST, [np.empty(0)], None, None, NO_READING)
-        outputs, slopes = [np.array([first])], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
+        outputs, slopes = [first], [self._rest_slope(point, rest.x_p, rest.z_p, rest.d_p)]
         march = March(self._march["sensitive_march"])
         x, z, dx, dd, d, *_, p, c = march.arguments
         x[:], z[:], dx[:], d[:], p[:], c[:] = rest.x, rest.z, rest.x_p.T, rest.d, values, self.equations.constants
@@ -191,19 +198,22 @@ class Simulator:
         done = 0
         path, fault = np.empty((len(self.equations.scale), 0)), ""
         for after_x, after_z, *_, y, dy in marched(march, 3, inputs, start, sample_time):
-            outputs.append(y[:, 0])
-            slopes.append(dy.reshape(len(y), n_p))
+            outputs.append(y)
+            slopes.append(dy.reshape(len(y), n_p, y.shape[1]))
             path = np.vstack([after_x.T, after_z.T]) if len(y) > 1 else path
             done += len(y)
         if done < commands.size:
             status = self._why(rest, rest_command, commands[done], values)
             fault = self._fault(status, rest, path, inputs[:, done], values)
-        return _run(status, outputs, np.vstack(slopes), None, fault)
+        by_values, rows = np.concatenate(slopes), np.vstack(outputs)[:, 1:]
+        run = _run(status, [y[:, 0] for y in outputs], by_values[:, :, 0], None, fault)
+        changes = combined_slopes(rows, by_values[:, :, 1:].swapaxes(1, 2), sample_time)
+        return replace(run, further=combined(rows, sample_time), further_slopes=changes)
 
     def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
         """A plant at rest that takes one command at a time, for a controller in the loop. Shapes: `values` (n_p,)."""
         rest = rest_state(self.equations, rest_command, values)
-        first = self._reading(rest, rest_command, start, values)
+        first = self._reading(rest, rest_command, start, values)[0]
         return Stepper(
             self.sample(values, sample_time),
             rest,
@@ -226,16 +236,18 @@ class Simulator:
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
         inputs = self.equations.held_inputs(command)
-        return self.equations.output(rest.x, rest.z, rest.d, inputs, time, values, self.equations.constants)
+        return self.equations.outputs(rest.x, rest.z, rest.d, inputs, time, values, self.equations.constants)
 
     def _rest_slope(self, point: tuple[Any, ...], x_p: np.ndarray, z_p: np.ndarray, d_p: np.ndarray) -> np.ndarray:
-        output = self.equations.output
-        names = output.name_in()
-        slopes = [
-            np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point))
-            for n in (names[0], names[1], names[2], names[5])
-        ]
-        return slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3]
+        pieces = []
+        for output in filter(None, (self.equations.output, self.equations.further)):
+            names = output.name_in()
+            slopes = [
+                np.asarray(output.factory("s", names, [f"jac:{output.name_out(0)}:{n}"])(*point))
+                for n in (names[0], names[1], names[2], names[5])
+            ]
+            pieces.append(slopes[0] @ x_p + slopes[1] @ z_p + slopes[2] @ d_p + slopes[3])
+        return np.vstack(pieces).T[None]
 
     def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
         """Reason why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
@@ -265,6 +277,8 @@ def _run(
         watched=watched,
         failed_at=None if status.ok else max(readings.size - 1, 0),
         advice=fault or status.value,
+        further=np.empty((readings.size, 0)),
+        further_slopes=np.empty((readings.size, 0, 0)),
     )
 
 

@@ -26,8 +26,8 @@ class Simulation:
     ----------
     status : RunStatus
         Way in which the simulation ended. If it reached its end, the first event, if there was one.
-    outputs : tuple of ndarray, each of shape (1, n)
-        Noise-free readings of each recording, SI; NaN after a failure.
+    outputs : tuple of ndarray, each of shape (readings, n)
+        Noise-free readings of each recording, SI, in the order of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)
         Watched signals of the plant along each recording, SI.
     failed_at : float or None
@@ -71,8 +71,8 @@ class Simulation:
         -------
         Simulation
         """
-        full = np.full(timeline.commands.size + 1, np.nan)
-        full[: run.outputs.size] = run.outputs
+        full = np.full((1 + run.further.shape[1], timeline.commands.size + 1), np.nan)
+        full[:, : run.outputs.size] = np.column_stack([run.outputs, run.further]).T
         signals = np.full((len(names), timeline.commands.size + 1), np.nan)
         seen = np.empty((len(names), 0)) if run.watched is None else run.watched
         signals[:, 1 : 1 + seen.shape[1]] = seen
@@ -83,7 +83,7 @@ class Simulation:
         return cls(
             status=status,
             advice=run.advice if status is run.status else status.value,
-            outputs=tuple(full[None, r + 1] for r in timeline.readings),
+            outputs=tuple(full[:, r + 1] for r in timeline.readings),
             watched=tuple({n: signals[k, r + 1] for k, n in enumerate(names)} for r in timeline.readings),
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
             failed_command=None if failed is None else float(timeline.commands[failed]),

@@ -74,7 +74,8 @@ def _pause(before: Recording, record: Recording) -> int:
 
 def _channels(experiment: Experiment, rows: list[np.ndarray], count: int) -> dict[str, np.ndarray]:
     """Extra channels on the experiment's clock; between measurements the last value is kept."""
-    names = dict.fromkeys(name for record in experiment.recordings for name in record.extras)
+    pairs = (pair for record in experiment.recordings for pair in record.extras.items())
+    names = dict.fromkeys(name for name, values in pairs if np.isfinite(values).any())
     return {name: _kept(experiment, rows, count, name) for name in names}
 
 

@@ -74,6 +74,7 @@ class GivenPlant:
             reading=rig.reading,
             input_unit=rig.input_unit,
             output_unit=rig.output_unit,
+            readings=rig.further,
         )
         for record in read.recordings:
             self._require_unit(record)  # before numbers in an unknown unit are found too large

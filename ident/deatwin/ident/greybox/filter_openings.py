@@ -112,8 +112,8 @@ class _Opened(Builder):
         name = self._left.pop((place, signal), None)
         return 0.0 if name is None else self.own(name)
 
-    def finish(self, output: Any) -> Equations:
-        """Close the system; command and reading are opened here where the rig itself does not offer them."""
+    def finish(self, output: Any, further: Sequence[str] = ()) -> Equations:
+        """Close the system; command and first reading are opened here where the rig itself does not offer them."""
         reading, command = (self._entering(*place) for place in (READING, COMMAND))
         equations = super().finish(output + reading)
         if isinstance(command, float):

@@ -55,7 +55,8 @@ class Calibration(Described):
     covariance : ndarray, shape (n, n)
         Covariance of the fitted coordinates, each in its parameter's `Scale`.
     residuals : ndarray, shape (m,)
-        Measured minus simulated readings at the samples used, SI.
+        Measured minus simulated readings at the samples used, SI. Those of further readings follow those of the first
+        one, in units in which their noise is as large.
     jacobian : ndarray, shape (m, n)
         Derivative of the simulated readings with respect to the fitted coordinates, SI.
     status : FitStatus
@@ -219,7 +220,8 @@ def calibrate(
     plant : Plant
         Plant with starting values.
     records : Part, Experiment or Recording, or a sequence of such
-        Data to fit; all samples of experiments and recordings are used. Each one starts from rest.
+        Data to fit; all samples of experiments and recordings are used, of all readings that the rig has and they
+        hold. Each one starts from rest.
     names : sequence of str, optional
         Names of the parameters to fit; all free ones by default.
     starts : int
@@ -276,7 +278,7 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
         if name not in plant.parameters.free:
             why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
             raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
-    parts = parts_of(records)
+    parts = parts_of(records, plant.rig)
     for recording in (recording for part in parts for recording in part.experiment.recordings):
         check_units(recording, plant.rig)
     return Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free), watch=watch)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.rigs.base import Rig
 from deatwin.plant.timeline import Timeline
 
 
@@ -23,10 +25,17 @@ class Part:
         Recordings on one clock.
     masks : tuple of ndarray of bool
         Mask of the selected samples for each recording.
+    reading : str
+        Name of the reading to fit; the first one if empty.
+    weight : float
+        Factor of the reading and of its residuals: in `measured`, further readings are in units in which their noise is
+        that of the first one.
     """
 
     experiment: Experiment
     masks: tuple[np.ndarray, ...]
+    reading: str = ""
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
         sizes = [r.n_samples for r in self.experiment.recordings]
@@ -51,7 +60,8 @@ class Part:
         end = int(np.flatnonzero(self.masks[last])[-1]) + 1
         records = self.experiment.recordings
         kept = (*records[:last], records[last].section(0, end))
-        return Part(experiment=Experiment(recordings=kept), masks=(*self.masks[:last], self.masks[last][:end]))
+        masks = (*self.masks[:last], self.masks[last][:end])
+        return replace(self, experiment=Experiment(recordings=kept), masks=masks)
 
     def opening(self, count: int) -> Part:
         """Select the first of the selected samples, with the experiment cut after the last of them.
@@ -65,7 +75,7 @@ class Part:
         masks = tuple(
             mask & (first + np.cumsum(mask) <= count) for mask, first in zip(self.masks, before[:-1], strict=True)
         )
-        return Part(experiment=self.experiment, masks=masks).until_last()
+        return replace(self, masks=masks).until_last()
 
     @property
     def size(self) -> int:
@@ -100,21 +110,62 @@ class Part:
 
     @property
     def measured(self) -> np.ndarray:
-        """Readings at the selected samples, concatenated over recordings, shape (n,), SI."""
+        """Readings at the selected samples times the weight, concatenated over recordings, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
-        return np.concatenate([r.outputs[0, m] for r, m in records])
+        if not self.reading:
+            return np.concatenate([r.outputs[0, m] for r, m in records])
+        return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
+
+    def row(self, rig: Rig) -> int:
+        """Number of the reading among those of a rig, from 0."""
+        return [reading.name for reading in rig.further].index(self.reading) + 1 if self.reading else 0
+
+    @cached_property
+    def history(self) -> tuple[object, ...]:
+        """All on which a simulation of the experiment depends, to tell parts that share one."""
+        return tuple(
+            (r.start, r.inputs.tobytes(), *((name, row.tobytes()) for name, row in r.extras.items()))
+            for r in self.experiment.recordings
+        )
+
+
+def whole_parts(experiments: Sequence[Experiment], rig: Rig) -> tuple[Part, ...]:
+    """All samples of experiments: of the first reading, then of each further one, weighted by its noise.
+
+    Raises
+    ------
+    DataError
+        If there are further readings, and the noise of the first one is not known.
+    """
+    found = [Part.whole(experiment) for experiment in experiments]
+    for reading in rig.further:
+        if not rig.noise > 0.0:
+            raise DataError(f"the rig states no noise of its {rig.output_name}: readings are weighted by their noise")
+        for experiment in experiments:
+            masks = tuple(np.isfinite(r.reading(reading.name)) for r in experiment.recordings)
+            if any(mask.any() for mask in masks):
+                weight = rig.noise / reading.noise
+                found.append(Part(experiment=experiment, masks=masks, reading=reading.name, weight=weight))
+    return tuple(found)
 
 
 Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording]
 """Data on which a plant can be calibrated."""
 
 
-def parts_of(records: Records) -> tuple[Part, ...]:
-    """Whatever counts, as parts."""
+def first_only(parts: Sequence[Part]) -> tuple[Part, ...]:
+    """The parts of the first reading, which stand before all others."""
+    return tuple(part for part in parts if not part.reading)
+
+
+def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
+    """Whatever counts, as parts: those of further readings behind all that are given."""
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
-    return tuple(_part(one) for one in listed)
+    given = [_part(one) for one in listed]
+    experiments = [one.experiment for one, original in zip(given, listed, strict=True) if one is not original]
+    return (*given, *whole_parts(experiments, rig)[len(experiments) :])
 
 
 def _part(given: object) -> Part:
@@ -139,20 +190,26 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
 
 def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     """Free-run readings of a plant at the samples that count. `parts` which samples; returns (n,)."""
-    pieces = []
+    pieces, known = [], {}
     for part in parts:
         timeline = plant.timeline(part.experiment)
-        run = plant.simulator.run(  # `plant.simulate` also looks for events, as long again
-            timeline.commands,
-            start=timeline.start,
-            sample_time=timeline.sample_time,
-            rest_command=plant.rig.start.rest_command,
-            values=plant.free_values,
-            channels=timeline.channels,
-        )
+        if part.history not in known:
+            known[part.history] = plant.runner.run(  # `plant.simulate` also looks for events, as long again
+                timeline.commands,
+                start=timeline.start,
+                sample_time=timeline.sample_time,
+                rest_command=plant.rig.start.rest_command,
+                values=plant.free_values,
+                channels=timeline.channels,
+            )
+        run = known[part.history]
         if not run.status.ok:
             return None
-        pieces.append(run.outputs[part.counted(timeline) + 1])
+        counted = part.counted(timeline) + 1
+        if part.reading:
+            pieces.append(part.weight * run.further[counted, part.row(plant.rig) - 1])
+        else:
+            pieces.append(run.outputs[counted])
     return np.concatenate(pieces)
 
 

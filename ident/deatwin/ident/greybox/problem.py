@@ -52,22 +52,29 @@ class Problem:
         free = plant.parameters.free
         columns = [free.index(n) for n in self.names]
         slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[n] for n in self.names)])
-        residuals, jacobians = [], []
+        residuals, jacobians, runs = [], [], {}
         for part in self.parts:
             timeline = plant.timeline(part.experiment)
             counted = part.counted(timeline)
-            run = plant.runner.run_with_sensitivities(
-                timeline.commands[: counted.max() + 1],
-                start=timeline.start,
-                sample_time=timeline.sample_time,
-                rest_command=plant.rig.start.rest_command,
-                values=plant.free_values,
-                channels=timeline.channels,
-            )
+            end = counted.max() + 1
+            key = (part.history, end)
+            if key not in runs:
+                runs[key] = plant.runner.run_with_sensitivities(
+                    timeline.commands[:end],
+                    start=timeline.start,
+                    sample_time=timeline.sample_time,
+                    rest_command=plant.rig.start.rest_command,
+                    values=plant.free_values,
+                    channels=timeline.channels,
+                )
+            run, row = runs[key], part.row(plant.rig) - 1
             if not run.status.ok or run.sensitivities is None:
                 return None
-            residuals.append(part.measured - run.outputs[counted + 1])
-            jacobians.append(run.sensitivities[counted + 1][:, columns] * slope)
+            readings, slopes = run.outputs, run.sensitivities
+            if part.reading:
+                readings, slopes = part.weight * run.further[:, row], part.weight * run.further_slopes[:, row]
+            residuals.append(part.measured - readings[counted + 1])
+            jacobians.append(slopes[counted + 1][:, columns] * slope)
             if not np.isfinite(jacobians[-1]).all():
                 return None
         return np.concatenate(residuals), np.vstack(jacobians)

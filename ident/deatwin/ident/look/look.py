@@ -275,7 +275,9 @@ def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:
         ("extra", tuple(first.extras), tuple(first.extra_units.values()), _extras(records)),
     ):
         for k, (name, unit) in enumerate(zip(names, units, strict=True)):
-            pieces = [row[k] for row in rows]
+            pieces = [piece for row in rows if (piece := row[k][np.isfinite(row[k])]).size]
+            if not pieces:
+                continue
             values = np.concatenate(pieces)
             found.append(
                 ChannelLook(
@@ -301,7 +303,10 @@ def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | Non
     """Return the noise of a channel as the diagnosis estimates that of a residual: the channel holds the motion, too."""
     if max(piece.size for piece in pieces) < _FEWEST:
         return None
-    level = noise_level(pieces, records[0].sample_time, 0.0, [record.inputs[0] for record in records]).level
+    commands = [record.inputs[0] for record in records]
+    if [piece.size for piece in pieces] != [command.size for command in commands]:
+        return None  # with missing values the differences of neighbours tell nothing
+    level = noise_level(pieces, records[0].sample_time, 0.0, commands).level
     return max(level, resolution(np.concatenate(pieces)) / np.sqrt(12.0))  # steps hide what is smaller
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, first_only
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
@@ -37,3 +37,9 @@ class Bench:
     jobs: int
     stated_error: float
     expected_error: float
+
+    @property
+    def of_first(self) -> Bench:
+        """The same with the first reading only."""
+        fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
+        return replace(self, fitted=fitted, unseen=unseen, everything=everything)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.greybox.parts import first_only
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.floor import differences, with_model_error
@@ -23,6 +24,7 @@ from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import forms_tried
+from deatwin.ident.mismatch.taught import taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
@@ -83,6 +85,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *(findings.verification.failures if findings.naming.best is not None else ()),
             *_left_over(findings),
             *_placed_unseen(findings),
+            *(taught(findings.bench, findings.naming) if findings.named else ()),
             *_form(findings),
             *_forms_of_rivals(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
@@ -258,7 +261,7 @@ def _readings(findings: Findings, model: CalibratedPlant) -> Readings:
         experiments=experiments,
         base=readings(plant, experiments),
         amended=readings(model.plant, experiments) if model.plant.effects != plant.effects else None,
-        unseen=tuple(part.masks for part in findings.bench.unseen),
+        unseen=tuple(part.masks for part in first_only(findings.bench.unseen)),
     )
 
 

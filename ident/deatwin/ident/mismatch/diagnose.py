@@ -138,7 +138,8 @@ def diagnose(
     rivals = (answer, *naming.rivals) if verdict is Verdict.AMBIGUOUS else ()
     advice = advise(bench, rivals, for_advice, distances=naming.distances)
     keep(found_step("advise", advice))
-    discovery = discover(bench, base.chosen, for_discovery) if verdict is Verdict.UNKNOWN else None
+    unknown = verdict is Verdict.UNKNOWN and bench.of_first.fitted == bench.fitted  # a free form is of one reading
+    discovery = discover(bench, base.chosen, for_discovery) if unknown else None
     keep(found_step("discover", discovery))
 
     tell(0.95, "fitting all recordings")

@@ -10,12 +10,15 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, split
+from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
+from deatwin.plant.readings import Reading
+from deatwin.plant.rigs.base import Rig
 
 
 def prepare(
@@ -53,6 +56,11 @@ def prepare(
     known = plant.rig.effects() if effects is None else _checked(effects)
     bench = _bench(plant, checked, known, jobs)
     base = calibrate_base(bench)
+    noisier = _noisier(base, bench)
+    if noisier:
+        plant = plant.with_rig(replace(plant.rig, further=noisier))
+        bench = _bench(plant, checked, known, jobs)
+        base = calibrate_base(bench)
     onset = _late_onset(base, checked)
     later = bench if onset is None else _bench(plant, checked, known, jobs, onset)
     if not _same_parts(later, bench):
@@ -75,8 +83,8 @@ def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
 
 
 def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None) -> Bench:
-    fitted, unseen, everything = split(checked, onset)
     rig = plant.rig.for_motion(_motion(checked))
+    fitted, unseen, everything = split(checked, onset, _weights(rig, checked))
     return Bench(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
@@ -93,6 +101,41 @@ def _same_parts(one: Bench, other: Bench) -> bool:
     """Whether the same samples are fitted."""
     masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
     return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
+
+
+def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
+    """Weight of each further reading that was recorded: neither its noise nor its model error exceeds the first one's.
+
+    One floor then holds for all residuals. It is exact where the two have the same ratio in each reading, and too high
+    for the smaller one elsewhere, which costs power and no false alarm.
+    """
+    weights = {}
+    for reading in rig.further:
+        rows = [r.reading(reading.name) for e in checked.experiments for r in e.recordings]
+        known = np.concatenate([row[np.isfinite(row)] for row in rows])
+        if known.size:
+            error = max(reading.model_error, rig.share_of_motion * float(known.std()))
+            floors = [(rig.noise, reading.noise), (rig.model_error, error)]
+            weights[reading.name] = min((first / own for first, own in floors if first > 0.0 < own), default=0.0)
+    return {name: weight for name, weight in weights.items() if weight}
+
+
+def _noisier(base: Base, bench: Bench) -> tuple[Reading, ...]:
+    """The further readings with the noise that the base plant's residuals show, if one is clearly above its statement."""
+    if not bench.nominal.rig.further:
+        return ()
+    fit = base.chosen.calibration
+    pieces = np.split(fit.residuals, np.cumsum([part.size for part in bench.fitted])[:-1])
+    found = []
+    for reading in bench.nominal.rig.further:
+        own = [(part, piece) for part, piece in zip(bench.fitted, pieces, strict=True) if part.reading == reading.name]
+        level = 0.0
+        if own:
+            weight, commands = own[0][0].weight, [part.commands for part, _ in own]
+            whole = [piece / weight for _, piece in own]
+            level = noise_level(whole, bench.nominal.rig.sample_time, reading.noise, commands).level
+        found.append(replace(reading, noise=max(level, reading.noise)))
+    return tuple(found) if tuple(found) != bench.nominal.rig.further else ()
 
 
 def _motion(checked: Gate) -> float:

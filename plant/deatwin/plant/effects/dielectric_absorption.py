@@ -21,7 +21,8 @@ class DielectricAbsorption(Effect):
     One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; (1 - a) of
     it acts instantly. One p represents the whole film, and the dipoles stretch with the film; a polarisation per volume
     that stays constant when the film is stretched would be another choice. Typical for VHB: a = 0.01 to 0.05, 1 to
-    1000 s. Only the stress is affected; the electrodes' charge follows the relaxed permittivity. Signature: memory of
+    1000 s. Stress and the reading of the current follow D, the reading of the capacitance what acts instantly; the
+    charge that `electrode_rc` delays is that of the relaxed permittivity. Signature: memory of
     the voltage and not of the motion, so it appears in a blocked film and scales with V times its own past. The motion
     grows after a step as with `creep`, but nothing remains at 0 V (E D vanishes at once), and after a reversal of
     polarity the force starts at :math:`(1 - 2a)` of the ideal one and recovers. Off at a = 0.
@@ -61,4 +62,7 @@ class DielectricAbsorption(Effect):
         adapted = build.state("adapted_voltage", scale=1e3)
         build.rate(adapted, voltage - adapted, mass=self.own("time", build))
         build.displace(self.name, adapted, lambda excess: adapted - excess)
-        return signal - self.own("share", build) * voltage * (voltage - adapted)
+        share = self.own("share", build)
+        build.share("polarising_voltage", voltage - share * (voltage - adapted))
+        build.share("instant_share", 1 - share)
+        return signal - share * voltage * (voltage - adapted)

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
 
+SERIES_RESISTANCE = 1e9
+"""Resistance over which the drop is taken to occur if no reading states one, ohm: that of `Leakage` by default."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Leakage(Effect):
     r"""A current through the film causes a voltage drop over the series resistance.
@@ -26,7 +30,9 @@ class Leakage(Effect):
     state. The current is quasi-static and follows `electrode_rc`: with both, the drop is that at the voltage to which
     the film has charged. Typical: below 0.1 % unless :math:`R > 10^9` Ω; the field's exponential then makes it appear
     above 2.5 kV. Signature: static and even in the voltage, it compresses the top of the curve as an
-    `amplifier_saturation` with a wide corner does; it depends on the field, and so on the film's stretch. Off at R = 0.
+    `amplifier_saturation` with a wide corner does; it depends on the field, and so on the film's stretch. A reading of
+    the current shows it: with a known series resistance :math:`R_s` the film conducts :math:`R/R_s` times as much as the
+    published law says, and the current is the drop over :math:`R_s`. Off at R = 0.
 
     Parameters
     ----------
@@ -70,4 +76,7 @@ class Leakage(Effect):
             density = conduction_density(voltage / thickness * area_stretch, field_scale=scale)
             current += density * point.coverage * point.volume / thickness * area_stretch
         build.balance(signal - voltage - self.own("resistance", build) * current)
+        build.share(
+            "leakage_current", (signal - voltage) / build.signal("series_resistance", otherwise=SERIES_RESISTANCE)
+        )
         return voltage

@@ -6,6 +6,8 @@ commands, the clock, and the shorter steps that are taken where a sample is not 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
@@ -174,8 +176,8 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
 
 
 def _sample_function(plant: Plant, name: str) -> ca.Function:
-    """Step function under its name in C."""
-    plain = step_functions(plant.equations).plain
+    """Step function under its name in C, with the first reading only."""
+    plain = step_functions(replace(plant.equations, further=None)).plain
     arguments = plain.mx_in()
     return ca.Function(f"{name}_sample", arguments, plain.call(arguments))
 

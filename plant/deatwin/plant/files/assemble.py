@@ -13,7 +13,7 @@ from deatwin.plant.checks import check_command_range, check_motion
 from deatwin.plant.decimation import decimate
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import Piece, even_pieces
-from deatwin.plant.files.columns import extra_columns
+from deatwin.plant.files.columns import extra_columns, with_readings
 from deatwin.plant.files.dates import ORDERS, moment
 from deatwin.plant.files.formats.description import all_provenance
 from deatwin.plant.files.formats.table import Signal, Table, Timing
@@ -29,6 +29,7 @@ from deatwin.plant.files.timecolumns import (
 from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import USUAL_TIMES
+from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
@@ -51,6 +52,7 @@ def recordings_of(
     reading: ReadingTime,
     rig: RigFile | None,
     named_times: str | None = None,
+    readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table."""
     taken = [column for columns in chosen.values() for column in columns]
@@ -63,11 +65,20 @@ def recordings_of(
     if times is not None:
         table = with_times(table, times, unit)
         _tell_times(table, times, unit, named_times)
-    roles = {**chosen, "extra": tuple(extra_columns(table, {*taken, *([] if times is None else [times])}))}
+    others = {*taken, *([] if times is None else [times])}
+    further: Mapping[int, Reading] = {}
+    if readings:
+        table, further = with_readings(table, readings, others)
+    roles = {**chosen, "extra": (*further, *extra_columns(table, others | further.keys()))}
     used = [column for columns in roles.values() for column in columns]
     stated = _stated(table, used, dt)
     wanted = list(dict.fromkeys([*used, *([] if times is None else [times])]))  # one column may have two roles
-    numbers = dict(zip(wanted, table.si(wanted), strict=True))
+    spotty = {
+        *further,
+        *(k for k, name in enumerate(table.names) if table.declared.signals or name in ELECTRICAL_UNITS),
+    }
+    missing = [column for column in roles["extra"] if column in spotty]
+    numbers = dict(zip(wanted, table.si(wanted, missing=missing), strict=True))
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]

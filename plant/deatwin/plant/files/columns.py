@@ -1,6 +1,7 @@
 """Columns of a table that hold the input, the output and the further channels."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from deatwin.plant.errors import DataError, nearest
@@ -8,13 +9,14 @@ from deatwin.plant.files.csvtext import header_line
 from deatwin.plant.files.formats.table import Table, is_place
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.timecolumns import holds_times, likely_times, time_column, times_options
-from deatwin.plant.files.units import UNITS
+from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS
-from deatwin.plant.files.wanted import in_units, require_known_units
+from deatwin.plant.files.wanted import in_units, require_known_units, split_stated
+from deatwin.plant.readings import Reading
 from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
-_EXTRAS = ("film_voltage", "current", "temperature", "force")
+_EXTRAS = ("film_voltage", "current", "capacitance", "temperature", "force")
 # A column that would be passed over is refused as a misspelling from this likeness on.
 _MISSPELT = 0.85
 
@@ -152,6 +154,36 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
             if hint := nearest(header, absent, likeness=_MISSPELT):
                 raise DataError(f'{table.path}: unknown column "{clipped(header)}"{hint}')
     return list(found.values())
+
+
+def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) -> tuple[Table, dict[int, Reading]]:
+    """Return the table with the columns of further readings under their names and in their units, and these columns.
+
+    A reading whose column is not named may be absent.
+    """
+    found: dict[int, Reading] = {}
+    names, units = list(table.names), list(table.units)
+    for reading in readings:
+        name, unit = split_stated(table, reading.column)
+        column = table.column(name) if name else _own_column(table, reading.name, taken)
+        if column is None or column in taken:
+            continue
+        found[column], names[column] = reading, reading.name
+        units[column] = find_unit(unit) if unit else units[column]
+        if reading.unit and not (unit or table.own_unit(column)):
+            raise DataError(
+                f'{table.path}: the column "{table.shown(column)}" of the reading "{reading.name}" gives no unit; state '
+                f'it behind the name of the column in the rig: "{table.unmistakable(column)}={reading.unit}"'
+            )
+    table = replace(table, names=tuple(names), units=tuple(units))
+    return in_units(table, {column: reading.unit for column, reading in found.items() if reading.unit}), found
+
+
+def _own_column(table: Table, name: str, taken: set[int]) -> int | None:
+    """Return the column of a reading under its own name, or None."""
+    if name in COLUMNS:
+        return _usual_column(table, name, taken)
+    return next((k for k in range(len(table.names)) if name in (table.headers[k], table.names[k])), None)
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:

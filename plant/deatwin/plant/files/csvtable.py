@@ -6,7 +6,7 @@ import hashlib
 import io
 import re
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from pathlib import Path
@@ -56,7 +56,7 @@ class CsvTable(Table):
             row = split_cells(line, self.delimiter)
             yield row[column] if column < len(row) else ""
 
-    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
 
         Decimal arithmetic makes each value the nearest one to the text: 0.1 mm is read as 0.1e-3.
@@ -66,6 +66,10 @@ class CsvTable(Table):
             texts = [[row[column] for row in rows] for column in columns]
         except IndexError:
             raise self._bad_cell(columns) from None
+        absent = np.zeros((len(columns), len(rows)), dtype=bool)
+        for k in (k for k, column in enumerate(columns) if column in missing):
+            absent[k] = [cell.strip().lower() in ("", "nan") for cell in texts[k]]
+            texts[k] = ["0" if gone else cell for cell, gone in zip(texts[k], absent[k], strict=True)]
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
         numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
         for k, cells in zip(plain, numbers, strict=True):
@@ -75,7 +79,8 @@ class CsvTable(Table):
         except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
             raise self._bad_cell(columns) from None
         if not np.isfinite(values).all():
-            raise self._bad_cell(columns)
+            raise self._bad_cell([column for column in columns if column not in missing] or columns)
+        values[absent] = np.nan
         return values
 
     def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:

@@ -67,12 +67,12 @@ def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
     """Return SI values as texts in the unit of the header, which are read back as the same values."""
     unit = UNITS[split_unit(header)[1]]
     with np.errstate(over="ignore"):  # near the largest number the unit's own value is infinite
-        texts = list(map(repr, unit.from_si(values).tolist()))
+        texts = ["" if text == "nan" else text for text in map(repr, unit.from_si(values).tolist())]
     if power_of_ten(unit) == 0:
         return texts
     read = reader(unit)
     return [
-        text if text not in ("inf", "-inf") and read(text) == value else _exact(value, unit)
+        text if not text or (text not in ("inf", "-inf") and read(text) == value) else _exact(value, unit)
         for text, value in zip(texts, values.tolist(), strict=True)
     ]
 

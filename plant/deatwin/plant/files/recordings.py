@@ -1,6 +1,6 @@
 """Reading and writing of recordings: one file or several, in any format."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -20,6 +20,7 @@ from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.files.formats.xlsx import read_xlsx, split_sheet
 from deatwin.plant.files.replacing import replacing
 from deatwin.plant.files.wanted import in_units, require_known_units, with_stated_units
+from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigfile import RigFile
@@ -61,6 +62,7 @@ def read_recordings(
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
+    readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
     """Read the recordings of a file; the file name extension gives the format.
 
@@ -91,7 +93,9 @@ def read_recordings(
         Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
         column with another known unit of the same kind is converted; "1" means numbers without a unit.
     rig : RigFile, optional
-        Rig file; commands far outside its rig's range raise an error.
+        Rig file; commands far outside its rig's range raise an error, and its further readings are read.
+    readings : sequence of Reading, optional
+        Further readings, whose columns become extra channels under their names. A missing value is NaN.
 
     Returns
     -------
@@ -108,7 +112,15 @@ def read_recordings(
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
     return recordings_of_table(
-        table_of_file(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+        table_of_file(path),
+        asked,
+        units,
+        allow_gaps=allow_gaps,
+        dt=dt,
+        resample=resample,
+        reading=reading,
+        rig=rig,
+        readings=readings or _readings(rig),
     )
 
 
@@ -125,12 +137,13 @@ def read_csv(
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
+    readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
     """Read the recordings of a CSV file with any file name extension.
 
     Parameters
     ----------
-    path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
+    path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig, readings
         Same as in `read_recordings`.
 
     Returns
@@ -145,7 +158,15 @@ def read_csv(
     asked = {"input": input_column, "output": output_column, "time": time_column}
     units = {"input": input_unit, "output": output_unit}
     return recordings_of_table(
-        read_table(path), asked, units, allow_gaps=allow_gaps, dt=dt, resample=resample, reading=reading, rig=rig
+        read_table(path),
+        asked,
+        units,
+        allow_gaps=allow_gaps,
+        dt=dt,
+        resample=resample,
+        reading=reading,
+        rig=rig,
+        readings=readings or _readings(rig),
     )
 
 
@@ -195,12 +216,13 @@ def read_recording(
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
+    readings: Sequence[Reading] = (),
 ) -> Recording:
     """Read one recording without gaps.
 
     Parameters
     ----------
-    path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig
+    path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig, readings
         Same as in `read_recordings`.
 
     Returns
@@ -223,6 +245,7 @@ def read_recording(
         input_unit=input_unit,
         output_unit=output_unit,
         rig=rig,
+        readings=readings,
     )[0]
 
 
@@ -239,6 +262,7 @@ def read_experiment(
     input_unit: str | None = None,
     output_unit: str | None = None,
     rig: RigFile | None = None,
+    readings: Sequence[Reading] = (),
 ) -> Experiment:
     """Read the recordings of one experiment, which share one clock.
 
@@ -247,7 +271,7 @@ def read_experiment(
     paths : iterable of (str or Path)
         Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
         placed on the clock of the earliest.
-    input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig
+    input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig, readings
         Same as in `read_recordings`, and the same for all files.
 
     Returns
@@ -274,6 +298,7 @@ def read_experiment(
             input_unit=input_unit,
             output_unit=output_unit,
             rig=rig,
+            readings=readings,
         )
     ]
     return Experiment(recordings=on_one_clock(recordings))
@@ -366,6 +391,10 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     return ways[ending]
 
 
+def _readings(rig: RigFile | None) -> tuple[Reading, ...]:
+    return () if rig is None else rig.readings
+
+
 def table_of_file(path: str | Path) -> Table:
     """Return the table of a file in the format that its name says."""
     return _by_ending(path, _READERS, "read")(path)
@@ -381,6 +410,7 @@ def recordings_of_table(
     resample: float | None,
     reading: ReadingTime,
     rig: RigFile | None,
+    readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
     """Return the recordings of a table, whose columns the user may have named."""
     table, asked = with_stated_units(table, asked)
@@ -397,4 +427,5 @@ def recordings_of_table(
         reading=reading,
         rig=rig,
         named_times=asked["time"],
+        readings=readings,
     )

@@ -11,6 +11,7 @@ COLUMNS = {
     "displacement": "displacement_mm",
     "film_voltage": "film_voltage_V",
     "current": "current_uA",
+    "capacitance": "capacitance_pF",
     "temperature": "temperature_C",
     "force": "force_N",
 }

@@ -71,7 +71,7 @@ def step_functions(equations: Equations) -> StepFunctions:
     x_end, z_end = end[: stages.n_x, :], end[stages.n_x :, :]
     d, u, t, h, p, c = known
     after = [x_end, z_end, d, u, t + h, p, c]
-    reading = equations.output(*after)
+    reading = equations.outputs(*after)
     plain = ca.Function("plain", step, [x_end, z_end, reading, ca.densify(equations.watched(*after)), error])
 
     dx, dd = ca.MX.sym("dx", stages.n_x, stages.n_p), ca.MX.sym("dd", stages.n_d, stages.n_p)

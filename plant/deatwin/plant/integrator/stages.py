@@ -52,7 +52,7 @@ class Stages:
         split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
         # Common parts of different forces are found before differentiation.
         f = ca.cse(equations.dynamics(*split))
-        y = equations.output(*split)
+        y = equations.outputs(*split)
         mass = equations.mass(p, c)
         f_w = ca.jacobian(f, w, REVERSE)
         return cls(

@@ -13,6 +13,7 @@ from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter, ParameterSet
+from deatwin.plant.readings import Reading, readings_from
 from deatwin.plant.rigs.stated import require_stated
 from deatwin.plant.substance import Material
 
@@ -72,6 +73,8 @@ class Rig(ABC):
         Lowest and highest command of the drive, in the command's unit; None if unknown.
     chain : MeasuringChain, or None
         Hardware of drive and sensor; None if readings have only white noise of size `noise`.
+    further : tuple of Reading
+        Readings taken beside the first one, at the same instants.
     """
 
     sample_time: float
@@ -80,6 +83,7 @@ class Rig(ABC):
     model_error: float = 0.0
     command_range: tuple[float, float] | None = None
     chain: MeasuringChain | None = None
+    further: tuple[Reading, ...] = ()
 
     kind: ClassVar[str]
     input_name: ClassVar[str]
@@ -96,6 +100,13 @@ class Rig(ABC):
     """True if an elastomer film moves, whose relaxation is that of its material."""
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """Return all readings, the first one first."""
+        noise = max(self.noise, 1e-300)  # a simulated sensor may have none
+        first = Reading(name=self.output_name, unit=self.output_unit, noise=noise, model_error=self.model_error)
+        return (first, *self.further)
 
     @property
     @abstractmethod
@@ -161,7 +172,10 @@ class Rig(ABC):
         """Return plain data from which `from_dict` makes the same rig."""
         film = getattr(self, "material", None)
         written = {"material": film.to_dict()} if isinstance(film, Material) else {}
-        return {**asdict(self), "reading": self.reading.value, **written}
+        described = {**asdict(self), "reading": self.reading.value, **written}
+        if not self.further:
+            del described["further"]
+        return described
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
@@ -186,6 +200,7 @@ class Rig(ABC):
             "reading": ReadingTime(data["reading"]),
             "command_range": tuple(limits) if limits else None,
             "chain": MeasuringChain.from_dict(chain) if chain else None,
+            "further": readings_from(data.get("further", ())),
         }
         if isinstance(data.get("material"), Mapping):
             read["material"] = Material.from_dict(data["material"])
@@ -237,8 +252,12 @@ class Rig(ABC):
         -------
         Rig
         """
-        share = max(self.model_share, SOLVED)
-        return replace(self, model_error=max(self.model_error, share * motion))
+        return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
+
+    @property
+    def share_of_motion(self) -> float:
+        """Least rms error of the rig's equations in any of its readings, as a share of how that varies."""
+        return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:
         """Return other rigs that fit what the experimenter stated; this rig is not among them."""

@@ -40,7 +40,7 @@ class Coupon(Rig):
         Material, or its key in `deatwin.plant.MATERIALS`.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
-    sample_time, noise, reading, model_error, command_range, chain
+    sample_time, noise, reading, model_error, command_range, chain, further
         Drive and sensor; see `Rig`.
     """
 

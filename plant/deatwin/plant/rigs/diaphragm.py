@@ -74,7 +74,7 @@ class Diaphragm(Rig):
         Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point.
     elements : int
         Number of elements of the fine film under the electrode; the annulus has half as many.
-    sample_time, noise, reading, model_error, command_range, chain
+    sample_time, noise, reading, model_error, command_range, chain, further
         Drive and sensor; see `Rig`.
     """
 

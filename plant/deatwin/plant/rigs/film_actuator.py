@@ -58,7 +58,7 @@ class FilmActuator(Rig):
         then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
-    sample_time, noise, reading, model_error, command_range, chain
+    sample_time, noise, reading, model_error, command_range, chain, further
         As for every `Rig`.
     """
 

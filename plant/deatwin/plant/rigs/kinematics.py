@@ -75,4 +75,22 @@ def squared_voltage(film: AnyFilm, build: Builder) -> Any:
     amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)
     voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
     effective = build.share("field_voltage", build.place(Place.DRIVE, "field_voltage", voltage))
-    return build.place(Place.DRIVE, "squared_voltage", effective**2)
+    squared = build.place(Place.DRIVE, "squared_voltage", effective**2)
+    offer_electrical(film, effective, build)
+    return squared
+
+
+def offer_electrical(film: AnyFilm, effective: Symbol, build: Builder) -> None:
+    r"""Offer the readings of a film's current and of its capacitance.
+
+    .. math:: I = \frac{d}{dt}\bigl[C\,((1-a)V + a p)\bigr] + I_l, \qquad
+              \frac{\partial Q}{\partial V} = (1-a)\,C
+
+    Slow dipoles (share a, adapted to p) follow no bridge. A part of the electrode that loses contact keeps its charge,
+    which does not flow through the lead. `effective` is the voltage of the field, less that of space charge.
+    """
+    left, instant = build.signal("electrode_share", otherwise=1.0), build.signal("instant_share", otherwise=1.0)
+    polarising = build.signal("polarising_voltage", otherwise=effective)
+    build.measure("capacitance", instant * film.capacitance)
+    charge = film.capacitance / left * polarising
+    build.measure("current", build.signal("leakage_current", otherwise=0.0), stored=charge, share=left)

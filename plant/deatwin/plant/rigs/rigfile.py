@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
-from deatwin.plant.rigs.rigmistakes import format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigreadings import readings_of
 from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 from deatwin.plant.substance import Material
@@ -61,6 +63,7 @@ class RigFile:
     sensor: SensorSpec
     stated: Mapping[str, Any]  # Sections, keys and values as the file has them
     source: str = ""  # The file that it was read from
+    readings: tuple[Reading, ...] = ()  # Beside the displacement
 
     @staticmethod
     def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":
@@ -84,6 +87,7 @@ class RigFile:
             "zero_is_known": sensor.zero_is_known,
             "command_range": drive.command_range,
             "sample_time": 1 / sensor.sample_rate,
+            "further": self.readings,
             "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         }
 
@@ -156,4 +160,5 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
         ),
         stated=deepcopy(dict(data)),
         source=source,
+        readings=readings_of(data.get(READINGS, {})),
     )

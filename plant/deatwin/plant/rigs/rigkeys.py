@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from deatwin.plant.safe_read import clipped
 
@@ -164,3 +165,11 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return text.lower()
     return f'"{clipped(text)}"' if isinstance(value, str) else clipped(text)
+
+
+def key_schema(key: NumberKey | TextKey) -> dict[str, Any]:
+    """Return the schema of a key's value."""
+    about = {"description": key.about} if key.about else {}
+    if isinstance(key, NumberKey):
+        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
+    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

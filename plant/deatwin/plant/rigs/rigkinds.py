@@ -16,10 +16,12 @@ from deatwin.plant.rigs.rigkeys import (
     Keys,
     NumberKey,
     TextKey,
+    key_schema,
     length,
     mass,
 )
 from deatwin.plant.rigs.rigmaterial import MATERIAL_SCHEMA
+from deatwin.plant.rigs.rigreadings import readings_schema
 
 Pair = tuple[tuple[str, str], tuple[str, str]]
 
@@ -235,7 +237,7 @@ def rig_schema() -> dict[str, Any]:
         "description": "What the experimenter knows of a rig, as TOML. A part is smaller than the one that holds it, "
         "command_min_V than command_max_V.",
         "oneOf": [_schema_of(name, kind) for name, kind in KINDS.items()],
-        "$defs": {"material": MATERIAL_SCHEMA},
+        "$defs": {"material": MATERIAL_SCHEMA, "readings": readings_schema()},
     }
 
 
@@ -248,7 +250,8 @@ def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
         "description": kind.about,
         "additionalProperties": False,
         "required": required if name == "diaphragm" else ["kind", *required],
-        "properties": {"kind": {"const": name}, **sections, "material": {"$ref": "#/$defs/material"}},
+        "properties": {"kind": {"const": name}, **sections}
+        | {name: {"$ref": f"#/$defs/{name}"} for name in ("material", "readings")},
         "oneOf": [named, {"required": ["material"]}],
     }
 
@@ -259,17 +262,10 @@ def _section(keys: Keys) -> dict[str, Any]:
         "type": "object",
         "additionalProperties": False,
         "required": [name for name, key in keys.items() if key.required and not key.instead],
-        "properties": {name: _key(key) for name, key in keys.items()},
+        "properties": {name: key_schema(key) for name, key in keys.items()},
         **({"allOf": replaced} if replaced else {}),
     }
 
 
 def _either(name: str, key: NumberKey | TextKey) -> list[dict[str, Any]]:
     return [{"required": [name]}, {"required": [key.instead]}]
-
-
-def _key(key: NumberKey | TextKey) -> dict[str, Any]:
-    about = {"description": key.about} if key.about else {}
-    if isinstance(key, NumberKey):
-        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
-    return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

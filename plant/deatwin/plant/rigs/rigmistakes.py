@@ -2,18 +2,22 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from deatwin.plant.errors import nearest
+from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
 from deatwin.plant.rigs.rigmaterial import read_material
+from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
 
 Place = tuple[str, ...]
 """A section, or a section and one of its keys; empty for the whole file."""
 
+READINGS = "readings"
+"""Section whose own sections describe further readings."""
 MOST = 20
 """Number of mistakes that are listed one by one."""
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
@@ -42,7 +46,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
     kind, wrong = _kind(data.get("kind", "diaphragm"))
     table = KINDS[kind].sections
-    outside = [_outside(name, table) for name in data if name not in (*table, "kind", "material")]
+    outside = [_outside(name, table) for name in data if name not in (*table, "kind", "material", READINGS)]
     called = {section: section for section in table}
     for mistake in outside:  # a section with a misspelt name is read by the name that it should have
         name = mistake.line_of[0]
@@ -55,6 +59,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         *_material(data, read.get("film")),
         *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
         *_order((*KINDS[kind].below, COMMANDS), read, called, table),
+        *_of_readings(data.get(READINGS, {})),
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
     return [mistake for mistake in found if mistake.missing not in meant]
@@ -138,13 +143,33 @@ def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
                 line_of=(name,),
                 meant=(section, name),
             )
-    known = (*table, "material")
+    known = (*table, "material", READINGS)
     hint = nearest(name[:100], known)
     return Mistake(
         text=f"unknown section [{clipped(name)}]{hint or f'; known are {_listed(known)}'}",
         line_of=(name,),
         meant=_offered(hint, known),
     )
+
+
+def _of_readings(sections: object) -> Iterator[Mistake]:
+    """Mistakes of the sections of further readings."""
+    if not isinstance(sections, Mapping):
+        yield Mistake(
+            text=f"{READINGS} is {kind_of(sections)}; write a section [{READINGS}.current]", line_of=(READINGS,)
+        )
+        return
+    for name, values in sections.items():
+        called = f"{READINGS}.{name}"
+        if name not in ELECTRICAL_UNITS:
+            hint = nearest(name[:100], ELECTRICAL_UNITS) or f"; known are {_listed(ELECTRICAL_UNITS)}"
+            yield Mistake(text=f'unknown reading "{clipped(name)}"{hint}', line_of=(READINGS, name))
+            continue
+        unit = values.get("unit") if isinstance(values, Mapping) else None
+        if fault := unit_fault(name, unit):
+            yield Mistake(text=fault, at=(called, "unit"), line_of=(READINGS, name, "unit"))
+        for mistake in _inside(called, called, values, {called: READING_KEYS}, {}):
+            yield replace(mistake, line_of=(READINGS, name, *mistake.line_of[1:]))
 
 
 def _inside(

@@ -163,3 +163,13 @@ def test_a_look_draws_itself() -> None:
 def test_without_an_output_there_is_nothing_to_look_at() -> None:
     with pytest.raises(DataError, match="an input and an output"):
         look_at(Recording.from_arrays(np.ones(5), np.zeros((0, 5)), STEP))
+
+
+def test_a_look_names_further_readings_of_which_values_are_missing() -> None:
+    rng = np.random.default_rng(3)
+    command, motion, current = rng.standard_normal((3, 400))
+    current[10:30] = np.nan
+    one = Recording.from_arrays(command, motion, 0.02, extras={"current": current})
+    channel = look_at([one]).channels[2]
+    assert (channel.name, channel.role, channel.unit) == ("current", "extra", "A")
+    assert channel.high == np.nanmax(current)

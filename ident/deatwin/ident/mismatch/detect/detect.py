@@ -88,8 +88,9 @@ def detect_in(
     scores = law.battery(left.residual[None])
     groups = law.groups(scores)[0]
     practical = practical_size(left.noise, left.model_error)
-    pieces = [left.residual[r] for r in left.records]
-    commands = [left.commands[r] for r in left.records]
+    first = left.of_first
+    pieces = [first.residual[r] for r in first.records]
+    commands = [first.commands[r] for r in first.records]
     repeats = find_repeats(commands, left.sample_time)
     smallest, visible = _seen(law, left, known, practical)
     p_value, size = law.p_value(float(groups.max())), _size(left)
@@ -104,8 +105,8 @@ def detect_in(
         model_error=left.model_error,
         certain=certain,
         sensor=noise_level(pieces, left.sample_time, left.sheet, commands, repeats),
-        repeatability=None if repeats is None else repeatability(left.residual, repeats, left.noise),
-        evidence=origin_of(left, repeats, practical)
+        repeatability=None if repeats is None else repeatability(first.residual, repeats, left.noise),
+        evidence=origin_of(first, repeats, practical)
         if counts(p_value, size, practical, certain)
         else OriginEvidence.none(size),
         moved=float(np.sqrt(np.mean(left.moved**2))),

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, first_only, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -52,6 +52,8 @@ class Leftover:
         The sensor's noise as the data sheet has it, SI; 0 where it is silent.
     output_unit : str
         SI unit of the readings.
+    first : int, optional
+        Number of samples of the first reading, which stand before those of the others; all by default.
     """
 
     residual: np.ndarray
@@ -68,6 +70,7 @@ class Leftover:
     model_error: float
     sheet: float = 0.0
     output_unit: str = "m"
+    first: int | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -87,6 +90,15 @@ class Leftover:
         """Where each recording's samples lie."""
         edges = [0, *(np.flatnonzero(np.diff(self.record)) + 1).tolist(), self.record.size]
         return tuple(slice(a, b) for a, b in pairwise(edges))
+
+    @property
+    def of_first(self) -> Leftover:
+        """What is left of the first reading alone."""
+        if self.first is None or self.first == self.residual.size:
+            return self
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        own: dict[str, Any] = {n: v[: self.first] for n, v in values.items() if isinstance(v, np.ndarray)}
+        return replace(self, **own)
 
     def with_residual(self, residual: np.ndarray) -> Leftover:
         """The same recordings with another residual.
@@ -126,8 +138,8 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
     else:
         (residual, jacobian), parts = found, bench.everything
     free = [k for k, name in enumerate(fit.names) if name not in fit.at_bound]
-    readings = np.concatenate([part.measured for part in parts]) - residual
     held = _held(fit.plant, parts)
+    readings = np.concatenate([part.measured for part in parts]) - residual
     of_record = [mask.sum() for part in parts for mask in part.masks]
     of_experiment = [part.size for part in parts]
     return Leftover(
@@ -135,7 +147,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
         fitted=_fitted(bench, parts),
         jacobian=jacobian[:, free],
         commands=np.concatenate([r.inputs[0, m] for p in parts for r, m in _records(p)]),
-        readings=readings,
+        readings=_alike(readings, parts),
         moved=readings - (np.mean(readings) if held is None else held),
         timepts=np.concatenate([part.timepts for part in parts]),
         record=np.repeat(np.arange(len(of_record)), of_record),
@@ -145,6 +157,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
         model_error=fit.plant.rig.model_error,
         sheet=fit.plant.rig.noise,
         output_unit=fit.plant.rig.output_unit,
+        first=sum(of_experiment[: len(first_only(parts))]),
     )
 
 
@@ -166,8 +179,18 @@ def _held(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
         records = part.experiment.recordings
         first = records[0].inputs[:, :1]
         still = tuple(replace(r, inputs=np.repeat(first, r.n_samples, axis=1)) for r in records)
-        run = plant.simulate(Experiment(recordings=still))
-        if not run.status.ok:
-            return None
-        pieces += [y[0, m] for y, m in zip(run.outputs, part.masks, strict=True)]
-    return np.concatenate(pieces)
+        pieces.append(replace(part, experiment=Experiment(recordings=still)))
+    return simulated(plant, pieces)
+
+
+def _alike(values: np.ndarray, parts: Sequence[Part]) -> np.ndarray:
+    """Values of each further reading brought onto the range of the first one, as what is a function of both takes it."""
+    edges = np.cumsum([0, *(part.size for part in parts)])
+    names = np.repeat([part.reading for part in parts], np.diff(edges))
+    low, high = float(values[names == ""].min()), float(values[names == ""].max())
+    found = values.copy()
+    for name in dict.fromkeys(part.reading for part in parts if part.reading):
+        own = values[names == name]
+        span = max(float(np.ptp(own)), np.finfo(float).tiny)
+        found[names == name] = low + (own - own.min()) * ((high - low) / span)
+    return found

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -254,7 +255,9 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
-def split(checked: Gate, onset: float | None = None) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
+def split(
+    checked: Gate, onset: float | None = None, weights: Mapping[str, float] = MappingProxyType({})
+) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
     """The fitted part, the unseen part, and both together.
 
     The last 30 % of the sound samples of each record are unseen. Where the mismatch begins inside such a part, the
@@ -266,13 +269,16 @@ def split(checked: Gate, onset: float | None = None) -> tuple[tuple[Part, ...], 
         What `gate` returned.
     onset : float, optional
         Clock time at which a mismatch begins, s.
+    weights : mapping of str to float, optional
+        Weight of each further reading, by its name.
 
     Returns
     -------
     fitted, unseen, everything : tuple of Part
-        One part for each experiment that has sound samples to be fitted.
+        One part for each experiment that has sound samples to be fitted; behind these one for each further reading of
+        an experiment that has some on both sides of the cut.
     """
-    fitted, unseen, everything = [], [], []
+    fitted, unseen, everything, further = [], [], [], []
     for experiment, sound in zip(checked.experiments, checked.usable, strict=True):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]
         early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
@@ -281,6 +287,17 @@ def split(checked: Gate, onset: float | None = None) -> tuple[tuple[Part, ...], 
         fitted.append(Part(experiment=experiment, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
         unseen.append(Part(experiment=experiment, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
         everything.append(Part(experiment=experiment, masks=sound))
+        for name, weight in weights.items():
+            known = tuple(np.isfinite(record.reading(name)) for record in experiment.recordings)
+            masks = [tuple(k & e for k, e in zip(known, early, strict=True))]
+            masks.append(tuple(k & ~e for k, e in zip(known, early, strict=True)))
+            if all(any(mask.any() for mask in some) for some in masks):
+                further.append(
+                    [Part(experiment=experiment, masks=m, reading=name, weight=weight) for m in (*masks, known)]
+                )
+    for three in further:
+        for parts, part in zip((fitted, unseen, everything), three, strict=True):
+            parts.append(part)
     return tuple(fitted), tuple(unseen), tuple(everything)
 
 

@@ -156,7 +156,7 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
         frequency=locate_frequency(found, base.noise),
         lines=locate_lines(found, base.noise),
         region=replace(locate_region(found, unit[1]), unit=written_amplitude(plant.rig.output_unit)[0]),
-        place=locate_place(base, bench, rng),
+        place=locate_place(base, bench.of_first, rng),
         response=locate_response(_sound(checked, simulated), simulated, model_error),
         unit=unit,
     )

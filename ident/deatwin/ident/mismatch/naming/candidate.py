@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, free_run_residuals
+from deatwin.ident.greybox.parts import Part, first_only, free_run_residuals
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
@@ -169,11 +169,12 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
     Returns
     -------
     float
-        Standard deviation, SI; never below the data sheet's, nor below that of the steps of the readings.
+        Standard deviation of that of the first reading, SI; never below the data sheet's, nor below that of the steps of the readings.
     """
+    parts = first_only(parts)
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
     residuals, commands = (
-        np.split(whole, np.cumsum(sizes)[:-1])
+        np.split(whole[: sum(sizes)], np.cumsum(sizes)[:-1])
         for whole in (fit.residuals, np.concatenate([part.commands for part in parts]))
     )
     level = noise_level(residuals, fit.plant.rig.sample_time, fit.plant.rig.noise, commands).level

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, reading_times, simulated
+from deatwin.ident.greybox.parts import Part, first_only, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
@@ -264,7 +264,8 @@ def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Ca
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)
     simulate = partial(footprint, base.plant, parts, without, missing=fit.rms)
-    shapes = effect.starts(times, fit.residuals) or shapes_of(effect, base.plant, parts)
+    first = sum(part.size for part in first_only(parts))
+    shapes = effect.starts(times[:first], fit.residuals[:first]) or shapes_of(effect, base.plant, parts)
     found = [f for f in map(simulate, shapes) if f is not None]
     return [_at_its_time(found, fit, times, simulate)] if effect.event and found else found
 
@@ -306,7 +307,7 @@ def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effec
 def _levels(effect: Effect, plant: Plant, parts: Sequence[Part]) -> np.ndarray:
     """What a threshold of an effect is compared with, along the fitted part, SI."""
     if effect.place is not Place.DRIVE:
-        return np.abs(np.concatenate([part.measured for part in parts]))
+        return np.abs(np.concatenate([part.measured for part in first_only(parts)]))
     parameters = plant.parameters
     gain = parameters["gain"].value if "gain" in parameters else 1.0
     return gain * np.abs(np.concatenate([part.commands for part in parts]))

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import reading_times
+from deatwin.ident.greybox.parts import first_only, reading_times
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -227,8 +227,8 @@ class Search(Tried):
         if not names:
             return leads(self.known(), fit)
         free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
-        times = reading_times(base.plant, self.bench.fitted)
-        looking = [effect for effect in free if effect.starts(times, fit.residuals)]
+        times = reading_times(base.plant, first_only(self.bench.fitted))
+        looking = [effect for effect in free if effect.starts(times, fit.residuals[: times.size])]
         again = footprints(self.bench, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)

@@ -67,7 +67,7 @@ def settled_on_everything(
     others = [c for c in stage if c.effects not in known and len(c.effects) == 1 and not held_back_by(c)]
     strayed = {c.effects: c for c in others if is_near_floor(c.fitted_test)}
     competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
-    base, *found = run_jobs(refit or _on_everything, competing, workers=bench.jobs)
+    base, *found = run_jobs(refit or fitted_to_all, competing, workers=bench.jobs)
     if base is None:
         return decide(tried, (), noise, hopeful, possible)
     fitted = [whole for whole in found if whole is not None]
@@ -131,7 +131,7 @@ def judged_on_everything(
     if not doubtful:
         return naming
     competing = {c.effects: c for c in (best, *doubtful)}
-    fits = run_jobs(refit or _on_everything, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
+    fits = run_jobs(refit or fitted_to_all, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
     whole = {c.effects: c for c in fits if c is not None}
     leading = [whole[best.effects]] if best.effects in whole else []
     back = [whole[c.effects] for c in doubtful if c.effects in whole]
@@ -170,7 +170,7 @@ def _of_the_fitted_part(candidate: Candidate) -> Candidate:
     return replace(candidate, unseen=np.zeros(0), sizes=sizes, measured=candidate.measured[:size])
 
 
-def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
+def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
     """A candidate fitted to all parts, of which nothing is unseen; None where there is no fit."""
     fit = descend(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:

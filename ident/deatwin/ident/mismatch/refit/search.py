@@ -349,4 +349,4 @@ def opening(part: Part, samples: int) -> Part:
         left -= mask.size
     if not any(mask.any() for mask in masks):
         return part
-    return Part(experiment=part.experiment, masks=tuple(masks))
+    return replace(part, masks=tuple(masks))

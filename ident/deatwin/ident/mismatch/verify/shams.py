@@ -224,9 +224,8 @@ def sham_effects(
     tuple of Sham
         One of each kind; skipped where the effect gains nothing or cannot be simulated in the plant without it.
     """
-    experiments = [part.experiment for part in everything]
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
-    evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, experiments)
+    evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
         return _none_judged(effect.name, "the plant that was fitted without it cannot be simulated, or not with it")
     if gain <= 0:
@@ -238,7 +237,7 @@ def sham_effects(
         court=court, name=effect.name, gain=gain, residual=residual, named=court.left(_counted(change, everything))
     )
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
-    turned = _change(without.plant, effect, [backwards(e) for e in experiments])
+    turned = _change(without.plant, effect, [_backwards(part) for part in everything])
     return (
         case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated on the commands backwards")
         if turned is None
@@ -299,16 +298,26 @@ def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray
     return np.fft.irfft(np.abs(spectrum) * np.exp(1j * phases) * np.sign(spectrum[0].real or 1.0), signal.size)
 
 
-def _change(plant: Plant, effect: Effect, experiments: Sequence[Experiment]) -> list[list[np.ndarray]] | None:
-    """What the effect does to the readings of each record of each experiment, SI."""
-    changes = []
+def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np.ndarray]] | None:
+    """What the effect does to the reading of each record of each part, SI, times the part's weight."""
+    changes, known = [], {}
     amended = plant.with_effects(effect)
-    for experiment in experiments:
-        with_it, without = amended.simulate(experiment), plant.simulate(experiment)
+    for part in parts:
+        if part.history not in known:
+            known[part.history] = amended.simulate(part.experiment), plant.simulate(part.experiment)
+        with_it, without = known[part.history]
         if not (with_it.status.ok and without.status.ok):
             return None
-        changes.append([y[0] - x[0] for y, x in zip(with_it.outputs, without.outputs, strict=True)])
+        row = part.row(plant.rig)
+        pairs = zip(with_it.outputs, without.outputs, strict=True)
+        changes.append([part.weight * (y[row] - x[row]) for y, x in pairs])
     return changes
+
+
+def _backwards(part: Part) -> Part:
+    return replace(
+        part, experiment=backwards(part.experiment), masks=tuple(mask[::-1] for mask in reversed(part.masks))
+    )
 
 
 def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> np.ndarray:

@@ -95,12 +95,16 @@ Losses = tuple[str, np.ndarray, np.ndarray]
 
 
 def _records(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
-    records = [record for part in bench.unseen for record in part.experiment.recordings]
+    names = [
+        f"{label(record)}, {part.reading}" if part.reading else label(record)
+        for part in bench.unseen
+        for record in part.experiment.recordings
+    ]
     cuts = np.cumsum([mask.sum() for part in bench.unseen for mask in part.masks])[:-1]
-    pieces = zip(records, np.split(base.unseen, cuts), np.split(amended.unseen, cuts), strict=True)
+    pieces = zip(names, np.split(base.unseen, cuts), np.split(amended.unseen, cuts), strict=True)
     found = [
-        (label(record), block_losses(before), block_losses(after))
-        for record, before, after in pieces
+        (name, block_losses(before), block_losses(after))
+        for name, before, after in pieces
         if before.size >= FEWEST_BLOCKS * BLOCK_SAMPLES
     ]
     return found if len(found) > 1 else []

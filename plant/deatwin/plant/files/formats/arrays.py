@@ -1,6 +1,6 @@
 """Tables of the binary formats: columns are arrays, and units may stand in attributes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +43,7 @@ class ArrayTable(Table):
                 )
         return first or super().timing(columns)
 
-    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
+    def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns as numbers in SI units, (len(columns), n)."""
         length = len(self.columns[columns[0]])
         for column in columns:
@@ -57,7 +57,8 @@ class ArrayTable(Table):
                     f'{place}: {len(values)} samples, but "{self.shown(columns[0])}" has {length}; '
                     "the columns of a recording need the same number"
                 )
-            if not (finite := np.isfinite(values.astype(np.float64))).all():
+            numbers = values.astype(np.float64)
+            if not (finite := np.isfinite(numbers) | (np.isnan(numbers) & (column in missing))).all():
                 sample = int(np.argmin(finite))
                 raise DataError(
                     f'{self.where(sample)}, column "{self.shown(column)}": {values[sample]} is not a finite number'

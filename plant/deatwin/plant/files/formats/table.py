@@ -2,7 +2,7 @@
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -84,8 +84,8 @@ class Table(ABC):
         """Return where a sample stands in the file."""
 
     @abstractmethod
-    def si(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`."""
+    def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
+        """Return columns as numbers in SI units, or in those of `wanted`; NaN where one of `missing` has no value."""
 
     def unit(self, column: int) -> Unit:
         """Return the unit of a column, which leads to the one in which it is wanted."""

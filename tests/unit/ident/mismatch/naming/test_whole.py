@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, decide
 from deatwin.ident.mismatch.naming.whole import (
     _holds,
     _of_the_fitted_part,
-    _on_everything,
+    fitted_to_all,
     judged_on_everything,
     settled_on_everything,
 )
@@ -344,7 +344,7 @@ def test_a_fit_to_everything_leaves_nothing_unseen(oscillator, experiment):
     first, second = (Part.whole(plant.record(experiment(rng.standard_normal(n)), rng)) for n in (300, 200))
     fit = calibrate(plant, [first], starts=1)
     one = Candidate(effects=("creep",), calibration=fit, unseen=np.ones(200), noise=1e-4)
-    whole = _on_everything(one, (first, second))
+    whole = fitted_to_all(one, (first, second))
     assert whole.sizes == ((300, 0), (200, 0)) and whole.unseen.size == 0
     np.testing.assert_array_equal(whole.measured, np.concatenate([first.measured, second.measured]))
     np.testing.assert_allclose(whole.calibration.rms, 1e-4, rtol=0.15)  # three of 500 degrees of freedom; 5 sigma
@@ -353,4 +353,4 @@ def test_a_fit_to_everything_leaves_nothing_unseen(oscillator, experiment):
 def test_a_plant_that_pulls_in_has_no_fit_to_everything(experiment):
     soft = Plant(rig=Diaphragm()).with_values({"shear_modulus": 6e3, "stretch_limit": 1e4})
     part = Part.whole(experiment(np.repeat([3.5, 3.7], 100)))
-    assert _on_everything(SimpleNamespace(calibration=SimpleNamespace(plant=soft)), (part,)) is None
+    assert fitted_to_all(SimpleNamespace(calibration=SimpleNamespace(plant=soft)), (part,)) is None

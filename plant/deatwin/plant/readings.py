@@ -1,0 +1,97 @@
+"""Further readings of a rig beside its first one, such as the current into a film."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import RigError
+from deatwin.plant.safe_read import clipped
+
+ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
+"""Readings that each rig with a film offers, with their SI units."""
+ROWS = 3
+"""Rows of the equations for each further reading: level, stored quantity, and the share of it that flows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """One reading of a rig: its name, its unit, and how far it is to be trusted.
+
+    Parameters
+    ----------
+    name : str
+        Name of the signal that is read. Rigs with a film offer ``current``, ``capacitance`` and ``film_voltage``; any
+        rig offers the signals that it watches.
+    unit : str
+        SI unit; by default that of a film's electrical readings, otherwise unknown.
+    noise : float
+        Standard deviation of the sensor noise, in `unit`, above 0.
+    model_error : float
+        Rms error of the rig's equations in this reading, in `unit`.
+    series_resistance : float
+        Known resistance between the drive and the film, ohm. Only the reading ``current`` of a plant with `Leakage`
+        depends on it: the leakage current is the voltage drop divided by it.
+    column : str
+        Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the one with
+        the name of the reading, if the file has it.
+
+    Raises
+    ------
+    RigError
+        If a number is out of range, or the name is no text.
+    """
+
+    name: str
+    noise: float
+    unit: str = ""
+    model_error: float = 0.0
+    series_resistance: float = 1e9
+    column: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise RigError(f"a reading has the name {clipped(repr(self.name))}; it must be the name of a signal")
+        for name, least in (("noise", 0.0), ("model_error", -1.0), ("series_resistance", 0.0)):
+            value = getattr(self, name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not (number and least < value < np.inf) or (name == "model_error" and value < 0.0):
+                need = "a number of at least 0" if name == "model_error" else "a number above 0"
+                raise RigError(f'{name} of the reading "{self.name}" is {clipped(repr(value))}; it must be {need}')
+        if not self.unit:
+            object.__setattr__(self, "unit", ELECTRICAL_UNITS.get(self.name, ""))
+
+
+def readings_from(described: Any) -> tuple[Reading, ...]:
+    """The further readings that a rig's plain data describe."""
+    try:
+        return tuple(Reading(**one) for one in described)
+    except TypeError as error:
+        raise RigError(f"malformed readings of a rig: {error}; each needs a name and its noise") from None
+
+
+def combined(rows: np.ndarray, sample_time: float) -> np.ndarray:
+    r"""Further readings at the ends of samples: the level, plus what of the stored quantity flowed in the sample.
+
+    .. math:: y_k = l_k + s_k\,(q_k - q_{k-1}) / h
+
+    A rate is thus the mean over a sample, as an integrating converter reads it, and its sum telescopes. `rows`
+    (m, 3 k) of l, q and s; returns (m, k), where nothing flows before the first.
+    """
+    level, stored, share = np.split(rows, ROWS, axis=1)
+    return level + share * _risen(stored) / sample_time
+
+
+def combined_slopes(rows: np.ndarray, slopes: np.ndarray, sample_time: float) -> np.ndarray:
+    """Derivative of `combined`. Shapes: `rows` (m, 3 k); `slopes` (m, 3 k, n); returns (m, k, n)."""
+    _, stored, share = np.split(rows, ROWS, axis=1)
+    d_level, d_stored, d_share = np.split(slopes, ROWS, axis=1)
+    flowing = d_share * _risen(stored)[:, :, None] + share[:, :, None] * _risen(d_stored)
+    return d_level + flowing / sample_time
+
+
+def _risen(stored: np.ndarray) -> np.ndarray:
+    return np.diff(stored, axis=0, prepend=stored[:1])

@@ -1,0 +1,109 @@
+"""Calibration on several readings against weighted least squares of a closed form."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from deatwin.ident.greybox import calibrate
+from deatwin.plant import Builder, DataError, Experiment, Parameter, Plant, Reading, Recording, Rig
+
+STEP, COUNT = 0.1, 300
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tank(Rig):
+    """A leaking tank: the level is read first, the outflow beside it."""
+
+    sample_time: float = STEP
+    noise: float = 0.05
+    further: tuple[Reading, ...] = (Reading(name="outflow", unit="m/s", noise=0.01),)
+    kind: ClassVar[str] = "several_readings_tank"
+    input_name: ClassVar[str] = "pump"
+    input_unit: ClassVar[str] = "V"
+    output_name: ClassVar[str] = "level"
+    output_unit: ClassVar[str] = "m"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="drain", value=0.8, unit="1/s", lower=0.1, upper=2.0),
+            Parameter(name="area", value=1.5, unit="m2", lower=0.2, upper=5.0),
+        )
+
+    def write(self, build: Builder) -> Any:
+        level = build.state("level", scale=1.0)
+        outflow = build.watch("outflow", build.parameter("drain") * level)
+        build.rate(level, build.command / build.parameter("area") - outflow)
+        return level
+
+
+def levels(drain: float, area: float, commands: np.ndarray) -> np.ndarray:
+    """Exact under held commands."""
+    decay, found = np.exp(-drain * STEP), [0.0]
+    for command in commands:
+        found.append(decay * found[-1] + (1 - decay) * command / (area * drain))
+    return np.array(found[1:])
+
+
+@pytest.fixture
+def recording() -> Recording:
+    rng = np.random.default_rng(5)
+    commands = rng.uniform(0.0, 2.0, COUNT // 20).repeat(20)
+    level = levels(0.5, 1.0, commands)
+    flow = 0.5 * level + 0.01 * rng.standard_normal(COUNT)
+    flow[40:90] = np.nan
+    return Recording.from_arrays(
+        commands,
+        level + 0.05 * rng.standard_normal(COUNT),
+        STEP,
+        input_names=["pump"],
+        input_units=["V"],
+        output_names=["level"],
+        output_units=["m"],
+        extras={"outflow": flow},
+        extra_units={"outflow": "m/s"},
+    )
+
+
+def test_each_reading_counts_by_its_noise_and_where_it_was_measured(recording: Recording) -> None:
+    measured, flow = recording.outputs[0], recording.extras["outflow"]
+    seen = np.isfinite(flow)
+
+    def residuals(values: np.ndarray) -> np.ndarray:
+        level = levels(*values, recording.inputs[0])
+        return np.concatenate([(measured - level) / 0.05, (flow - values[0] * level)[seen] / 0.01])
+
+    expected = least_squares(residuals, [0.8, 1.5], xtol=1e-12, ftol=1e-12)
+    fit = calibrate(Plant(rig=Tank()), recording, tolerance=1e-10)
+    found = [fit.plant.parameters[name].value for name in ("drain", "area")]
+    assert found == pytest.approx(expected.x, rel=1e-5)
+    assert fit.residuals == pytest.approx(0.05 * expected.fun, abs=1e-6)
+    assert fit.rms == pytest.approx(0.05, rel=0.1)  # each reading is in units of the first one's noise; 0.03 deviates
+
+
+def test_a_recording_without_the_reading_is_fitted_by_the_first_one(recording: Recording) -> None:
+    bare = Recording.from_arrays(
+        recording.inputs, recording.outputs, STEP, input_names=["pump"], output_names=["level"]
+    )
+    both, one = (calibrate(Plant(rig=rig), bare, starts=1) for rig in (Tank(), Tank(further=())))
+    assert both.residuals == pytest.approx(one.residuals)
+
+
+def test_a_reading_in_another_unit_is_refused(recording: Recording) -> None:
+    wrong = Recording.from_arrays(
+        recording.inputs, recording.outputs, STEP, extras=recording.extras, extra_units={"outflow": "V"}
+    )
+    with pytest.raises(DataError, match='the reading "outflow" is in V, but the plant takes it in m/s'):
+        calibrate(Plant(rig=Tank()), wrong)
+
+
+def test_simulated_recordings_of_all_readings_give_the_plant_back(recording: Recording) -> None:
+    truth = Plant(rig=Tank(), values={"drain": 0.5, "area": 1.0})
+    made = truth.record(Experiment(recordings=(recording,)), np.random.default_rng(2))
+    fit = calibrate(Plant(rig=Tank()), made)
+    assert fit.residuals.size == 2 * COUNT
+    low, high = fit.interval("drain", 4.0)
+    assert low < 0.5 < high
