@@ -183,7 +183,8 @@ def _free(coefficients: Array, track: Track, start: float) -> Array | None:
 # --- a Gaussian process over lagged signals --------------------------------------------------------------------------
 
 LAGS_SECONDS = (0.0, 0.02, 0.06, 0.2, 0.6)
-FILTERS_SECONDS = (2.0, 20.0)
+FILTERS_SECONDS, TENTH = (2.0, 20.0), 0.2
+"""A plant that is sampled slowly has lags that differ by a sample, and low passes over ten samples and a hundred."""
 POINTS = 250
 
 
@@ -206,8 +207,8 @@ def gaussian_process(track: Track) -> Correction:
 def _regressors(track: Track) -> Array:
     columns = [track.rate]
     for signal in (track.drive, track.reading):
-        columns += [_lagged(signal, round(lag / track.sample_time)) for lag in LAGS_SECONDS]
-        columns += [_low_passed(signal, track.sample_time / constant) for constant in FILTERS_SECONDS]
+        columns += [_lagged(signal, max(k, round(lag / track.sample_time))) for k, lag in enumerate(LAGS_SECONDS)]
+        columns += [_low_passed(signal, min(track.sample_time, TENTH) / constant) for constant in FILTERS_SECONDS]
     return np.column_stack(columns)
 
 

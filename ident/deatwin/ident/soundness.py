@@ -9,8 +9,16 @@ Array = NDArray[np.float64]
 FEWEST_LEVELS = 50
 """A signal of fewer values is one of steps: its holds are meant."""
 SHORTEST_ROW = 3
+RISE_SAMPLES = 10
+"""A slow plant is sampled slowly, at most so often in its rise (Åström & Wittenmark, Computer-Controlled Systems, 3rd
+ed., section 2.9)."""
 PILED_UP = 3
 """A limit holds this many times the readings of any of its five neighbours."""
+
+
+def samples_in(seconds: float, sample_time: float) -> int:
+    """Samples of a stretch of so many seconds, and of a plant that is sampled slowly those of its rise."""
+    return max(RISE_SAMPLES, round(seconds / sample_time))
 
 
 def neighbours_deviation(signal: Array) -> Array:

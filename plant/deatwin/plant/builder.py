@@ -15,7 +15,7 @@ from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
-from deatwin.plant.rigfaults import number, size, unknown_symbols
+from deatwin.plant.rigfaults import known, not_a_number, number, size, unknown_symbols
 from deatwin.plant.safe_read import clipped
 
 if TYPE_CHECKING:
@@ -114,9 +114,7 @@ class Builder:
         -------
         casadi.SX, shape (n, 1)
         """
-        numbers = np.atleast_1d(np.asarray(value, dtype=float))
-        if np.isnan(numbers).any():
-            raise RigError(f"the constant {name} is not a number (NaN)")
+        numbers = known(value, f"the constant {name}")
         symbol = ca.SX.sym(name, numbers.size)
         self._constants.append((symbol, numbers))
         return symbol
@@ -170,7 +168,10 @@ class Builder:
             raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
         # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
         self._parts = Parts(
-            first=first, start=self.sample_start, middle=self.channel(STEP_MIDDLE, np.inf), width=self.sample_time
+            first=number(first, "the first part of a sample"),
+            start=self.sample_start,
+            middle=self.channel(STEP_MIDDLE, np.inf),
+            width=self.sample_time,
         )
         return self._parts
 
@@ -189,7 +190,7 @@ class Builder:
         casadi.SX
         """
         if name not in self._channels:
-            self._channels[name] = (ca.SX.sym(name), default)
+            self._channels[name] = (ca.SX.sym(name), float(known(default, f"the value without the channel {name}")[0]))
         return self._channels[name][0]
 
     def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
@@ -294,7 +295,7 @@ class Builder:
         casadi.SX
         """
         symbol = ca.SX.sym(name)
-        self._held[name] = (symbol, value)
+        self._held[name] = (symbol, number(value, f"the value of {name} at rest"))
         return symbol
 
     def place(self, place: Enum, name: str, signal: Any) -> Any:
@@ -450,7 +451,6 @@ class Builder:
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
         """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""
-        *_, p, c = arguments
         rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
         balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
         watched = {f"the watched signal {n}": value for n, value in self._watched.items()}
@@ -459,10 +459,21 @@ class Builder:
             **{f"the guess of {n}": value for n, value in self._guesses.items()},
         }
         moving = {**rates, **balances, **watched, "the reading": output}
+        x, z, d, u, _, p, c = arguments
+        held = {f"the value of {n} at rest": value for n, (_, value) in self._held.items()}
+        starts = {f"the start of state {n}": s for n, (_, _, s) in self._states.items() if s is not None}
         if fault := unknown_symbols(arguments, moving):
             raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
         if fault := unknown_symbols([p, c], fixed):
             raise RigError(f"{fault}parameters and constants are all it may depend on")
+        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, d, u, p, c])):
+            if fault := unknown_symbols(allowed, equations):
+                raise RigError(f"{fault}states, coordinates, parameters and constants are all it may depend on")
+        if what := not_a_number({**moving, **fixed, **held, **starts}):
+            raise RigError(
+                f"{what} contains a constant that is not a number (NaN), as NumPy or casadi.DM makes of an expression "
+                "that it cannot evaluate"
+            )
         coordinates = _column(*(symbol for symbol, _ in self._coordinates.values()))
         balanced = ca.which_depends(_column(*self._balances), coordinates, 1, False)
         if missing := [n for n, found in zip(self._coordinates, balanced, strict=True) if not found]:

@@ -37,5 +37,5 @@ def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     ''
     """
     lowered = {candidate.lower(): candidate for candidate in known}
-    found = difflib.get_close_matches(name.lower(), lowered, n=1, cutoff=likeness)
+    found = difflib.get_close_matches(str(name).lower(), lowered, n=1, cutoff=likeness)
     return f'; did you mean "{clipped(lowered[found[0]])}"?' if found else ""

@@ -15,11 +15,11 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.equations import Equations
-from deatwin.plant.errors import DeatwinError, RigError
+from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigfaults import in_users_code
+from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.catalogue import rig_kind
 from deatwin.plant.simulate import Progress, Simulator
@@ -356,13 +356,8 @@ def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
     build.share_sampling(plant.rig)
-    try:
-        output = plant.rig.write(build)
-    except DeatwinError:
-        raise
-    except Exception as error:  # whatever the code of a rig or an effect, or CasADi called by it, may raise
-        raise in_users_code(error, f"the rig {plant.rig.kind}") from error
-    return build.finish(output)
+    with users_code(f"the rig {plant.rig.kind}"):
+        return build.finish(plant.rig.write(build))
 
 
 @lru_cache(maxsize=64)

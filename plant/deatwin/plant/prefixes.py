@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 import re
 
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+from deatwin.plant.amplitudes import amount
+
+PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 LEAST_DIGITS, MOST_DIGITS = 3, 9
-PREFIXED = ("Pa", "s", "m", "N", "V", "A", "Hz", "J", "ohm")
+PREFIXED = ("Pa", "s", "m", "N", "V", "A", "F", "Hz", "J", "W", "ohm")
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
@@ -25,6 +27,19 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
         power = min(power, 0)  # nobody writes kiloseconds
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**power, PREFIXES[power] + unit
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A value to three digits, with a prefix to its SI unit; what is shown decides the prefix.
+
+    Examples
+    --------
+    >>> with_unit(1.2e-5, "m"), with_unit(0.9999e-3, "m"), with_unit(-2500.0, "V"), with_unit(0.5, "1")
+    ('12 µm', '1 mm', '-2.5 kV', '0.5')
+    """
+    shown = float(f"{value:.3g}")
+    size, prefixed_unit = prefixed(shown, unit)
+    return amount(f"{shown / size:.3g}", prefixed_unit)
 
 
 def resolving(low: float, high: float) -> int:

@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import re
 import traceback
-from collections.abc import Iterable, Mapping
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.safe_read import clipped
 
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
+LIBRARIES = {"casadi", "numpy", "scipy"}
+"""Folders whose lines a user did not write."""
+REMEDIES = {
+    "truth value": "if, and, or, min and max need a value: use casadi.if_else, fmin and fmax",
+    "array element with a sequence": "NumPy needs a number there: use functions of casadi",
+}
+_WRITING = RLock()
 WHERE_IN_CASADI = re.compile(r"^\S*\.(?:cpp|hpp|i):\d+:\s*")
 
 
@@ -28,9 +38,22 @@ def number(value: Any, what: str) -> Symbol:
     if expression.shape != (1, 1):
         rows, columns = expression.shape
         raise RigError(f"{what} has {rows} rows and {columns} columns; it must be one number")
-    if expression.is_constant() and np.isnan(float(expression)):
-        raise RigError(f"{what} is not a number (NaN)")
     return expression
+
+
+def known(value: Any, what: str) -> np.ndarray:
+    """Return known numbers, shape (n,), or raise RigError."""
+    if isinstance(value, ca.SX | ca.MX):
+        raise RigError(f"{what} is the expression {clipped(value)}; it must be a number, or a row of numbers")
+    try:
+        numbers = np.atleast_1d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        numbers = np.empty((0, 0))
+    if numbers.ndim != 1:
+        raise RigError(f"{what} is {clipped(value)}; it must be a number, or a row of numbers")
+    if np.isnan(numbers).any():
+        raise RigError(f"{what} is not a number (NaN)")
+    return numbers
 
 
 def size(value: Any, what: str) -> float:
@@ -55,10 +78,49 @@ def _free(arguments: list[Symbol], value: Symbol) -> list[Symbol]:
     return list(ca.Function("equation", arguments, [value], {"allow_free": True}).free_sx())
 
 
-def in_users_code(error: Exception, what: str) -> RigError:
-    """Error of a rig or effect whose own code raised an exception."""
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).parent.name != "casadi"]
+def not_a_number(equations: Mapping[str, Symbol]) -> str:
+    """Name the equation that contains a constant which is not a number."""
+    return next((what for what, value in equations.items() if _has_nan(value)), "")
+
+
+def _has_nan(value: Symbol) -> bool:
+    made = ca.Function("equation", [], [value], {"allow_free": True})
+    constants = (k for k in range(made.n_instructions()) if made.instruction_id(k) == ca.OP_CONST)
+    return any(np.isnan(made.instruction_constant(k)) for k in constants)
+
+
+@contextmanager
+def users_code(what: str) -> Iterator[None]:
+    """Make one line of whatever the code of a rig or an effect raises, or CasADi and NumPy that it calls."""
+    with _WRITING:
+        to_float = ca.SX.__float__
+
+        def strict(value: Symbol) -> float:
+            # CasADi says NaN, and a branch on that would be taken without a word.
+            if not value.is_constant():
+                raise TypeError("an expression has no value yet, so use functions of casadi for float() and math")
+            return float(to_float(value))
+
+        ca.SX.__float__ = strict  # type: ignore[method-assign]
+        try:
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message=r"\s*casadi: a numpy function", category=FutureWarning)
+                yield
+        except DeatwinError:
+            raise
+        except Exception as error:
+            raise _in_one_line(error, what) from error
+        finally:
+            ca.SX.__float__ = to_float  # type: ignore[method-assign]
+
+
+def _in_one_line(error: Exception, what: str) -> RigError:
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not LIBRARIES & set(Path(f.filename).parts)]
+    own = [f for f in frames if Path(f.filename).parent != Path(__file__).parent] or frames
     lines = [WHERE_IN_CASADI.sub("", line.strip()) for line in str(error).splitlines() if line.strip()]
-    text = clipped(lines[0] if isinstance(error, NotImplementedError) else lines[-1], 200) if lines else ""
-    place = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno}: {frames[-1].line})" if frames else ""
-    return RigError(f"{what} raised {type(error).__name__}: {text or 'without a word'}{place}")
+    # Of arguments that do not fit CasADi lists what would, between the fault and what was given.
+    told = dict.fromkeys([lines[0], lines[-1]]) if isinstance(error, NotImplementedError) else lines[-1:]
+    text = clipped(" ".join(told), 200).rstrip(".") if lines else "without a word"
+    hint = next((f"; {remedy}" for sign, remedy in REMEDIES.items() if sign in text), "")
+    place = f" ({Path(own[-1].filename).name}, line {own[-1].lineno}: {own[-1].line})" if own else ""
+    return RigError(f"{what} raised {type(error).__name__}: {text}{hint}{place}")

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 FIRST, LAST = 0, 2
 """The first and last input lag without a dead time."""
+_WITHIN = (
+    "in a loop lag 0 would hold what the controller answers within the sample; where each reading ends its row and the "
+    "controller answers in the next, give --first-input-lag 0"
+)
 OUTPUT_LAGS = 2
 """Lags of the output, unless others are asked for."""
 
@@ -53,9 +57,12 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     late = [one for one in told if one.interval is not None and one.interval[0] > 1]
     if first is None and last is None:
         if not late:
-            # A lag at which no input acts yet could only enter the model by chance.
+            # A lag at which no input acts yet could only enter the model by chance, or as the controller's answer.
+            loop = any(one.status is DeadTimeStatus.LOOP for one in dead_times)
             none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
-            lags = tuple(lag for lag in usual if lag or not none_at_once)
+            lags = tuple(lag for lag in usual if lag or not (none_at_once or loop))
+            if loop:
+                said.append(f"{_WITHIN}; the input lags that compete are {_written(lags)}")
             return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
         shifted = set(lags_after(late, len(usual))) | (set(usual) if len(late) < len(dead_times) else set())
         lags = tuple(sorted(shifted))

@@ -1,4 +1,4 @@
-"""Bias of a one-step fit of `deatwin identify`, by measurement noise above all, found by fitting the free run."""
+"""What biases a fit of `deatwin identify`: noise on the readings, found by fitting the free run, and lone wrong readings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,23 @@ _SECTIONS = 10
 _LEVEL = 0.05
 """Chance that a free-run fit without any gain seems to be better."""
 _WORTH_SAYING = 0.01
-"""Gain in the output's standard deviations: as with an excess of the one-step error, 1 % changes no decision."""
+"""Gain in the output's standard deviations, and share of its squares that one reading holds: as with an excess of the
+one-step error, 1 % changes no decision."""
+
+
+def outlying(training: Sequence[Recording]) -> list[str]:
+    """Return a sentence for each output with lone readings far off that weigh in a fit by least squares."""
+    from deatwin.ident.narx.preprocess.findings import FEWEST, FindingKind, inspect_recordings
+
+    said = []
+    for record in training:
+        if record.n_samples < FEWEST:
+            continue
+        squares = record.outputs[0].var() * record.n_samples
+        for found in inspect_recordings(record):
+            if found.kind is FindingKind.OUTLIERS and found.size**2 > _WORTH_SAYING * squares:
+                said.append(f"{found}: {found.kind.value}; the fit is bent towards them")
+    return said
 
 
 def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Sequence[Recording]) -> list[str]:

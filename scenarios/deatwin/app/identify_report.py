@@ -58,6 +58,7 @@ class Identified:
     complete: bool = True  # False if the search for terms was interrupted
     notes: Sequence[str] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
+    linear: Sequence[float] = ()  # Free-run error of a linear model on each unseen part, SI; empty without one
 
     @property
     def scale(self) -> float:
@@ -106,9 +107,9 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on what it has not seen its "
-        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}; "
-        f"{reached(rows)} measures reached."
+        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its "
+        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
+        f"{_beside(found)}. {reached(rows)} measures reached."
     )
     said = (
         found.tested.validation.status.value
@@ -118,7 +119,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     unstable = found.tested.pole
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
     paragraphs = [f"{text[:1].upper()}{text[1:]}." for text in (said, *more)]
-    notes = [Note(title="What the residual says", paragraphs=paragraphs)]
+    notes = [Note(title="Residual", paragraphs=paragraphs)]
     if found.clocks:
         notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
     if not found.complete:
@@ -131,13 +132,35 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     write_story(folder, page, record)
 
 
+def _beside(found: Identified) -> str:
+    """The largest error of the linear models, as the end of a sentence."""
+    return f", that of a linear model by {found.amount(max(found.linear))}" if found.linear else ""
+
+
+def linear_errors(
+    lags: Sequence[int], output_lags: int, training: Sequence[Recording], unseen: Sequence[Recording]
+) -> list[float]:
+    """Free-run error, SI, on each unseen part of an output-error model with these lags; none where there is no such model."""
+    from deatwin.ident.narx.linear import OutputError
+    from deatwin.plant.errors import ModelError
+
+    if len(training[0].outputs) > 1:
+        return []
+    try:
+        model = OutputError(nb=len(lags), nf=output_lags, nk=min(lags)).fit(training).model_
+        runs = [model.simulate(part) for part in unseen]
+    except ModelError:
+        return []
+    return [run.rms_error for run in runs] if all(run.status.ok for run in runs) else []
+
+
 def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, tuple[Recording, NarxResponse]]]:
     return list(enumerate(zip(found.unseen, runs, strict=True), start=1))[:MOST]
 
 
 def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse) -> Drawing:
-    """Measured and simulated output of an unseen part, what is left, and the input."""
-    name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the unseen part of {label(part)}"
+    """Measured and simulated output of a held-out part, the residual, and the input."""
+    name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the held-out part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
     command = part.inputs[0][-timepts.size :]
     with draw((7.4, 5.0)) as figure:
@@ -168,12 +191,12 @@ def _terms(found: Identified) -> Drawing:
         axes = figure.add_subplot()
         places = np.arange(order.size)
         axes.plot(certainty[order], places, "o", color=Hue.AFTER, markersize=5)
-        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="95 %: not told from zero below")
+        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="below: not significant (95 %)")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
-        caption = "How surely each term is there: its parameter beside what is not known of it."
+        caption = "Significance of each term: its parameter divided by its standard deviation."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))
 
 
@@ -181,8 +204,10 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = "Correlations of the residual one step ahead with itself and with the input; grey: what chance gives."
-        return Drawing.of(figure, "tests", "Is anything left?", caption, drawn_table(figure))
+        caption = (
+            "Correlations of the one-step residual with itself and with the input; grey: 95 % of what chance gives."
+        )
+        return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 
 def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
@@ -191,10 +216,19 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         moved = float(np.std(run.measured[0]))
         rows.append(
             Measure(
-                f"{found.judged} on the unseen part of {label(part)}",
+                f"{found.judged} on the held-out part of {label(part)}",
                 f"below {found.amount(moved)} rms, which the mean of the output leaves",
                 f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
                 run.status.ok and run.rms_error < moved,
+            )
+        )
+    for part, run, linear in zip(found.unseen, runs, found.linear, strict=bool(found.linear)):
+        rows.append(
+            Measure(
+                f"{found.judged} beside a linear model, {label(part)}",
+                f"below {found.amount(linear)} rms, which a linear output-error model of the same lags leaves",
+                f"{found.amount(run.rms_error)} rms",
+                run.status.ok and run.rms_error < linear,
             )
         )
     if found.tested.validation is not None and found.tested.validation.tests:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from deatwin.ident.mismatch import INPUT_FILE, ExperimentPlan, Foreseen
-from deatwin.ident.mismatch.plan.result import strength_in_words
 from deatwin.plant.amplitudes import amount, written_unit
+from deatwin.plant.prefixes import with_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
@@ -50,7 +50,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         {
             "effect": lambda one: _words(one.effect),
             "found from": _least,
-            "typical": lambda one: strength_in_words(one.typical, one.unit),
+            "typical": lambda one: with_unit(one.typical, one.unit),
             f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
             "not told from": lambda one: ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen"),
         },
@@ -95,4 +95,4 @@ def _words(name: str) -> str:
 
 
 def _least(one: Foreseen) -> str:
-    return "at no strength" if one.smallest is None else strength_in_words(one.smallest, one.unit)
+    return "at no strength" if one.smallest is None else with_unit(one.smallest, one.unit)

@@ -122,8 +122,28 @@ def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.Cap
     assert main(["identify", "loop.csv", *COLUMNS, *options]) == 0
     told = capsys.readouterr().out
     assert "a loop is suspected" in told and "closed loop" in told
+    assert "--first-input-lag 0" in told and "u(k) " not in told  # the controller's answer within the sample
+    low, high = map(float, re.search(r"95 % interval ([\d.]+) to ([\d.]+)\), \+", told).groups())
+    assert low <= 1.1 <= high < low + 0.02
     # z = 1.1 is +0.95 1/s and grows by e in ten samples; the estimate is within some per cent
     pole = float(re.search(r"the unstable pole: z = ([\d.]+), \+0\.\d+ 1/s", told).group(1))
     assert pole == pytest.approx(1.1, abs=0.02) and " steps ahead, in which it grows by e" in told
     page = (at / "found" / "report.html").read_text()
     assert re.search(r"prediction \d+ steps ahead", page)
+
+
+def test_a_lone_wrong_reading_is_named_and_rounding_is_no_structure(
+    at: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = late(4)
+    wrong = record.outputs[0].copy()
+    wrong[700] += 50.0
+    write_recording("wrong.csv", named(record.inputs[0], wrong))
+    assert main(["identify", "wrong.csv", *COLUMNS, "--out", "narx.json"]) == 0
+    told = capsys.readouterr().out
+    assert "1 outlying reading(s), at 70 s" in told and "the fit is bent towards them" in told
+    exact = np.round(lfilter([0.0, 0.1], [1, -0.9], record.inputs[0]), 9)
+    write_recording("exact.csv", named(record.inputs[0], exact))
+    assert main(["identify", "exact.csv", *COLUMNS, "--out", "narx.json"]) == 0
+    told = capsys.readouterr().out
+    assert "the residual is rounding error" in told and "outlying" not in told and "% above" not in told

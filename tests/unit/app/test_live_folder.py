@@ -1,18 +1,23 @@
 """What the live view makes of its folder: names, what is listed, uploads, and verdicts side by side."""
 
+import html
 import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from deatwin.app.cli import main
 from deatwin.app.live import desk
 from deatwin.app.live.comparison import compare
 from deatwin.app.live.desk import Desk, free_name, inside, safe_name
+from deatwin.app.live.glance import glance
 from deatwin.app.live.uploads import keep_upload
 from deatwin.app.live.verdicts import Verdict
+from deatwin.ident.look import look_at
 from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.files import read_recordings
 
 ROWS = [f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3\n" for k in range(40)]
 TABLE = "time_s,command_V,displacement_mm\n" + "".join(ROWS)
@@ -161,7 +166,7 @@ def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
     ("name", "content", "message"),
     [
         ("big.csv", TABLE * 20, r"big.csv: 0.0 MB; at most 0.01 MB are taken \(--upload-limit\)"),
-        ("page.html", TABLE, r'page.html: files ".html" are not taken; drop one of .csv, .txt, .tsv, .toml'),
+        ("page.html", TABLE, r'page.html: files ".html" are not taken; drop one of .csv, .txt, .tsv, .dat'),
         ("noise.csv", TABLE, "noise.csv: the folder has a file of this name; rename yours"),
         ("key.toml", "[film]\nprestrech = 3", r'^key.toml: .+ line 2, \[film\]: unknown key "prestrech"; did you mean'),
     ],
@@ -173,9 +178,7 @@ def test_what_is_not_taken_leaves_nothing_behind(name: str, content: str, messag
     assert (root / "noise.csv").read_text(encoding="utf-8") == TABLE
 
 
-@pytest.mark.parametrize(
-    "content", [TABLE.replace("command_V", "comand_V"), TABLE.replace("0.12,", "0.12,nan"), "", "time_s\n", "\x00\x01"]
-)
+@pytest.mark.parametrize("content", [TABLE.replace("0.12,", "0.12,nan"), "", "time_s\n", "\x00\x01"])
 def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
     content: str, root: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,8 +194,34 @@ def test_other_columns_are_read_as_they_are_named(root: Path) -> None:
     content = TABLE.replace("command_V", "U").encode()
     columns = {"input_column": "U", "output_column": "displacement_mm", "time_column": "#1"}
     assert keep_upload(root, "other.csv", content, most_bytes=10_000, **columns) == "other.csv"
-    with pytest.raises(DataError, match="command_V"):
-        keep_upload(root, "again.csv", content, most_bytes=10_000)
+
+
+def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(root: Path) -> None:
+    content = TABLE.replace("command_V", "Eingang").encode()
+    assert keep_upload(root, "other.csv", content, most_bytes=10_000) == "other.csv"
+    found = glance(root, "other.csv", {})
+    assert found.refused.startswith('other.csv: no column "command_V"')
+    assert found.further == {"input_column": "Eingang"}
+    assert [(column.header, column.role) for column in found.columns[:2]] == [("time_s", "time"), ("Eingang", "input")]
+
+
+def test_a_glance_shows_what_look_says(root: Path) -> None:
+    n = np.arange(400)
+    u, y = np.sin(0.3 * n) + np.sin(0.17 * n), np.sin(0.3 * n - 0.5) + np.sin(0.17 * n - 0.3)
+    np.savetxt(
+        root / "long.csv", np.c_[0.02 * n, u, y], delimiter=",", comments="", header="time_s,command_V,displacement_mm"
+    )
+    found = glance(root, "long.csv", {})
+    assert not found.refused and found.lines == look_at(read_recordings(root / "long.csv")).lines
+    page = html.unescape(found.html())
+    assert all(line in page for line in found.lines)
+    assert page.count("<svg ") == 1 and "var(--after)" in page
+
+
+def test_a_file_without_times_asks_for_its_sample_time(root: Path) -> None:
+    (root / "bare.csv").write_text("command_V,displacement_mm\n" + "1.0,0.1\n2.0,0.2\n" * 20, encoding="utf-8")
+    assert glance(root, "bare.csv", {}).needs_sample_time
+    assert not glance(root, "bare.csv", {"dt": 0.02}).needs_sample_time
 
 
 # Verdicts side by side

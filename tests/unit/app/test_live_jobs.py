@@ -17,7 +17,7 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.live import jobs, worker
 from deatwin.app.live.desk import Desk
-from deatwin.app.live.jobs import MOST_RUNNING, Board, Job, Order, State
+from deatwin.app.live.jobs import MOST_RUNNING, Board, Diagnosing, Job, Planning, State
 from deatwin.plant.errors import DataError
 
 SLOW = """
@@ -51,8 +51,8 @@ def board(root: Path, code: str) -> Board:
     return Board(root, [sys.executable, "-c", code])
 
 
-def order(**changed: Any) -> Order:
-    return replace(Order(rig="rig.toml", recordings=("noise.csv",), out="found"), **changed)
+def order(**changed: Any) -> Diagnosing:
+    return replace(Diagnosing(rig="rig.toml", recordings=("noise.csv",), out="found"), **changed)
 
 
 def until(true: Callable[[], bool]) -> None:
@@ -80,13 +80,28 @@ def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
 
 
 def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
-    asked = order(recordings=("-a.csv", "b.csv"), input_column="-U", allow_gaps=True, seed=3)
-    words = "diagnose rig.toml ./-a.csv b.csv --out found --seed 3 --input-column=-U --allow-gaps"
+    asked = order(
+        recordings=("-a.csv", "b.csv"), reading={"input_column": "-U", "dt": 0.02, "allow_gaps": True}, seed=3
+    )
+    words = "diagnose rig.toml ./-a.csv b.csv --out found --seed 3 --input-column=-U --dt=0.02 --allow-gaps"
     assert asked.arguments == words.split()
     parsed = worker._parse(asked.arguments)
     assert [str(path) for path in parsed["recordings"]] == ["-a.csv", "b.csv"]
     assert (parsed["input_column"], parsed["output_column"]) == ("-U", None)
-    assert (parsed["allow_gaps"], parsed["seed"]) == (True, 3)
+    assert (parsed["allow_gaps"], parsed["seed"], parsed["dt"]) == (True, 3, 0.02)
+
+
+@pytest.mark.parametrize(("commands", "files"), [("-a.csv", "rig.toml ./-a.csv"), ("", "rig.toml")])
+def test_a_plan_reads_commands_only(commands: str, files: str) -> None:
+    asked = Planning(rig="rig.toml", out="planned", commands=commands, reading={"output_column": "y", "dt": 0.02})
+    assert asked.arguments == f"plan {files} --out planned --seed 0 --dt=0.02".split()
+    parsed = worker._parse(asked.arguments)
+    assert str(parsed["commands"] or "") == commands
+
+
+def test_a_plan_needs_no_recording_but_a_rig(root: Path) -> None:
+    with pytest.raises(DataError, match=r"^choose a rig file$"):
+        board(root, QUICK).start(Planning(rig="", out="planned"))
 
 
 def test_a_failed_job_says_why_and_leaves_no_folder(root: Path) -> None:
@@ -119,7 +134,7 @@ def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root: Pat
     jobs = board(root, KEEPS)
     first = jobs.start(order())
     until(lambda: first.share == 0.25)
-    with pytest.raises(DataError, match="found: a diagnosis that runs writes into it"):
+    with pytest.raises(DataError, match="found: a job that runs writes into it"):
         jobs.start(order())
     first.cancel()
     first.wait(30)

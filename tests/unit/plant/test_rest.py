@@ -1,6 +1,7 @@
 """Where experiments start: at rest, and where nothing decides about that at the guess; and what is said of a rig
 whose equations cannot be used."""
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -255,7 +256,25 @@ def guessed_from_itself(build: Builder) -> Any:
         (lambda b: first_order(b, lambda x: ca.vertcat(x, x)), "the rate of state level has 2 rows and 1 columns"),
         (lambda b: first_order(b, lambda x: None), "the rate of state level is of the type NoneType"),
         (lambda b: first_order(b, lambda x: ca.MX.sym("q")), "the rate of state level is of the type casadi.MX"),
-        (lambda b: first_order(b, lambda x: np.nan), r"the rate of state level is not a number \(NaN\)"),
+        (lambda b: first_order(b, lambda x: np.nan), r"the rate of state level contains .* \(NaN\)"),
+        (lambda b: first_order(b, lambda x: -x * float(ca.DM(x))), r"the rate of state level contains .* \(NaN\)"),
+        (lambda b: first_order(b, lambda x: -math.sin(x)), "TypeError: an expression has no value yet.*test_rest.py"),
+        (lambda b: first_order(b, lambda x: -x if float(x) > 0 else x), "TypeError: an expression has no value yet"),
+        (lambda b: first_order(b, lambda x: -max(x, 0)), "truth value .*use casadi.if_else.*test_rest.py, line"),
+        (lambda b: first_order(b, lambda x: np.linalg.inv(np.array([[x]]))), "UFuncTypeError.*test_rest.py, line"),
+        (lambda b: first_order(b, lambda x: ca.sin(x, x)), r"NotImplementedError.*'sin'.*You have: '\(SX,SX\)'"),
+        (
+            lambda b: first_order(b, lambda x: b.at_rest("first", None)),
+            "the value of first at rest is of the type None",
+        ),
+        (
+            lambda b: first_order(b, lambda x: b.at_rest("first", b.command)),
+            "the value of first at rest depends on comm",
+        ),
+        (lambda b: b.state("level", scale=1.0, start=ca.SX.sym("q")), "no rate is given for state level"),
+        (lambda b: b.channel("temperature", b.command), "without the channel temperature is the expression command"),
+        (lambda b: b.constant("area", b.command), "the constant area is the expression command; it must be a number"),
+        (lambda b: b.divide(None), "the first part of a sample is of the type NoneType"),
         (lambda b: first_order(b, lambda x: -x * ca.SX.sym("q")), "the rate of state level depends on q"),
         (lambda b: first_order(b, lambda x: -x) * ca.SX.sym("q"), "the reading depends on q"),
         (lambda b: first_order(b, lambda x: -x) and None, "what write returns, the reading, is of the type NoneType"),

@@ -11,13 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from deatwin.ident.greybox.covariance import RANK, covariance
-from deatwin.ident.greybox.minimum import EVALUATIONS, minimise, settled_at
+from deatwin.ident.greybox.minimum import EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
+from deatwin.ident.greybox.watch import Progress, Watch, unwatched
+from deatwin.ident.greybox.wording import described
 from deatwin.plant.calibrated import TWO_SIDED_95
 from deatwin.plant.checks import check_units
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
@@ -34,17 +36,6 @@ SURVEYS = 3
 """Minima, each better than the one before, about which is looked."""
 INVOLVED = 1e-8
 """Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
-
-
-ALIKE = 0.95
-"""Correlation above which an interval is more than three times as long as it were if the other parameter was known."""
-
-
-def _range(parameter: Parameter, low: float, high: float) -> str:
-    """An interval in words; an end of the allowed range is none that the readings gave."""
-    if low <= parameter.lower:
-        return f"{high:.4g} or less"
-    return f"{low:.4g} to {high:.4g}" if high < parameter.upper else f"{low:.4g} or more"
 
 
 def _fitted(fit: Calibration) -> list[Parameter]:
@@ -122,29 +113,7 @@ class Calibration(Described):
     }
 
     def __str__(self) -> str:
-        if not self.status.ok:
-            return self.fault
-        agree = f"; {self.agreed} of {self.starts} starts agree" if self.starts > 1 else ""
-        unit = f" {self.plant.rig.output_unit}" if self.plant.rig.output_unit not in ("", "1") else ""
-        rows = [f"rms {self.rms:.4g}{unit} after {self.evaluations} simulations: {self.status.value}{agree}"]
-        for name in self.names:
-            parameter, (low, high) = self.plant.parameters[name], self.interval(name)
-            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-            known = _range(parameter, low, high) if self.is_determined(name) else "undetermined"
-            bound = ", on a bound of its range" if name in self.at_bound else ""
-            other = "".join(f", or {values[self.names.index(name)]:.6g}" for values in self.equals)
-            rows.append(f"  {name} = {parameter.value:.6g}{unit} ({known}{bound}){other}")
-        if together := self._together():
-            rows.append(f"  known together better than alone: {', '.join(together)}")
-        return "\n".join(rows)
-
-    def _together(self) -> list[str]:
-        """Pairs of parameters of which the one is known much better where the other is known."""
-        deviations = np.sqrt(np.diag(self.covariance))
-        sizes = np.outer(deviations, deviations)
-        alike = np.divide(self.covariance, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
-        pairs = [(j, k) for j, k in zip(*np.triu_indices(len(self.names), 1), strict=True) if abs(alike[j, k]) > ALIKE]
-        return [f"{self.names[j]} and {self.names[k]} (correlation {alike[j, k]:.4f})" for j, k in pairs]
+        return described(self)
 
     @property
     def rms(self) -> float:
@@ -228,6 +197,7 @@ def calibrate(
     evaluations: int = EVALUATIONS,
     tolerance: float | None = None,
     hopeless: float = np.inf,
+    progress: Progress | None = None,
 ) -> Calibration:
     """Fit a plant's free parameters to recordings by output error.
 
@@ -240,6 +210,9 @@ def calibrate(
     same values, then from a low-discrepancy sequence of points in the parameters' ranges, which is the same in every
     run. The search ends when two starts agree on the least error, at about three times the cost of one fit. Errors
     agree if a 95 % interval could hold both; if the parameters then do not agree, the result holds both.
+
+    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. Before the first simulation has
+    ended KeyboardInterrupt is raised.
 
     Parameters
     ----------
@@ -258,6 +231,8 @@ def calibrate(
         within a tenth of a standard error of its minimum, which in a long record takes smaller changes.
     hopeless : float
         Rms residual, SI; a fit is given up if its linearised minimum stays above it.
+    progress : callable, optional
+        Called after each simulation with the share done, between 0 and 1, and a description of the current step.
 
     Returns
     -------
@@ -276,6 +251,27 @@ def calibrate(
     """
     if starts < 1:
         raise DataError(f"starts = {starts}: a calibration needs at least one")
+    problem = _problem(plant, records, names, unwatched() if progress is None else Watch(progress))
+    try:
+        return _calibrated(problem, starts, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
+    except Interrupted as stop:
+        return _calibration(problem, Search(best=stop.best, tried=1, agreed=1))
+
+
+def descend(
+    plant: Plant,
+    records: Records,
+    *,
+    evaluations: int = EVALUATIONS,
+    tolerance: float | None = None,
+    hopeless: float = np.inf,
+) -> Calibration:
+    """Calibrate by one descent, as a step of longer work, which an interrupt ends."""
+    problem = _problem(plant, records, None, unwatched())
+    return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
+
+
+def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     for name in names or ():
         if name not in plant.parameters.free:
             why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
@@ -283,13 +279,22 @@ def calibrate(
     parts = parts_of(records)
     for recording in (recording for part in parts for recording in part.experiment.recordings):
         check_units(recording, plant.rig)
-    problem = Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free))
+    return Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free), watch=watch)
+
+
+def _calibrated(
+    problem: Problem, starts: int, *, evaluations: int, tolerance: float | None, hopeless: float
+) -> Calibration:
     search = least(problem, starts, evaluations, tolerance, hopeless)
     if search is None:
         return _impossible(problem)
     fit = _calibration(problem, search)
     if starts > 1 and fit.status is FitStatus.SETTLED and not _is_exact(fit, problem):
-        search, fit = _surveyed(problem, search, fit, {"evaluations": evaluations, "tolerance": tolerance})
+        problem.watch.begin("looking beyond the intervals")
+        try:
+            search, fit = _surveyed(problem, search, fit, {"evaluations": evaluations, "tolerance": tolerance})
+        except KeyboardInterrupt:
+            return replace(fit, status=FitStatus.INTERRUPTED)
     return replace(fit, status=_ended(fit, problem, search, tolerance))
 
 

@@ -33,6 +33,14 @@ class Minimum:
     evaluations: int  # Simulations made
 
 
+class Interrupted(KeyboardInterrupt):
+    """An interrupt that came when a fit had something to keep."""
+
+    def __init__(self, best: Minimum) -> None:
+        super().__init__()
+        self.best = best
+
+
 def minimise(
     problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float | None = None, hopeless: float = np.inf
 ) -> Minimum | None:
@@ -45,13 +53,7 @@ def minimise(
     if first is None:
         return None
     if not start.size:
-        return Minimum(
-            coordinates=problem.start(),
-            residuals=first[0],
-            jacobian=first[1],
-            status=FitStatus.SETTLED,
-            evaluations=cost.evaluations,
-        )
+        return cost.minimum(start, first, FitStatus.SETTLED)
     margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
     ftol = settled_at(tolerance, first[0].size)
     try:
@@ -70,23 +72,12 @@ def minimise(
     except _NowhereToGo:
         return None
     except _GivenUp as end:
-        return Minimum(
-            coordinates=cost.whole(end.x),
-            residuals=end.residuals,
-            jacobian=end.jacobian,
-            status=FitStatus.GIVEN_UP,
-            evaluations=cost.evaluations,
-        )
+        return cost.minimum(end.x, end.found, FitStatus.GIVEN_UP)
+    except KeyboardInterrupt:
+        raise Interrupted(cost.minimum(*(cost.lowest or (start, first)), FitStatus.INTERRUPTED)) from None
     found = cost(solution.x)
-    if found is None:
-        return None
-    return Minimum(
-        coordinates=cost.whole(solution.x),
-        residuals=found[0],
-        jacobian=found[1],
-        status=FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED,
-        evaluations=cost.evaluations,
-    )
+    ended = FitStatus.SETTLED if solution.status > 0 else FitStatus.STOPPED
+    return None if found is None else cost.minimum(solution.x, found, ended)
 
 
 def settled_at(tolerance: float | None, samples: int) -> float:
@@ -102,9 +93,9 @@ class _NowhereToGo(Exception):
 class _GivenUp(Exception):
     """The best point when it was clear that the fit would not be good enough."""
 
-    def __init__(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
+    def __init__(self, x: np.ndarray, found: tuple[np.ndarray, np.ndarray]) -> None:
         super().__init__()
-        self.x, self.residuals, self.jacobian = x, residuals, jacobian
+        self.x, self.found = x, found
 
 
 class _Memory:
@@ -116,7 +107,7 @@ class _Memory:
         self.evaluations = 0
         self._looks: list[np.ndarray] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
-        self._lowest: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
+        self.lowest: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self._before: np.ndarray | None = None
 
     def part(self, coordinates: np.ndarray) -> np.ndarray:
@@ -127,8 +118,17 @@ class _Memory:
         coordinates[self._smooth] = x
         return coordinates
 
+    def minimum(self, x: np.ndarray, found: tuple[np.ndarray, np.ndarray], status: FitStatus) -> Minimum:
+        return Minimum(
+            coordinates=self.whole(x),
+            residuals=found[0],
+            jacobian=found[1],
+            status=status,
+            evaluations=self.evaluations,
+        )
+
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        for known in filter(None, (self._last, self._lowest)):
+        for known in filter(None, (self._last, self.lowest)):
             if np.array_equal(known[0], x):
                 return known[1]
         self.evaluations += 1
@@ -136,8 +136,8 @@ class _Memory:
         self._last = x.copy(), found
         if found is not None:
             self._before = found[0]
-            if self._lowest is None or found[0] @ found[0] < self._lowest[1][0] @ self._lowest[1][0]:
-                self._lowest = x.copy(), found
+            if self.lowest is None or found[0] @ found[0] < self.lowest[1][0] @ self.lowest[1][0]:
+                self.lowest = x.copy(), found
                 self._look(x, *found)
         return found
 
@@ -152,7 +152,7 @@ class _Memory:
         if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
             self._looks.append(x.copy())
         if len(self._looks) == LOOKS:
-            raise _GivenUp(x.copy(), residuals, jacobian)
+            raise _GivenUp(x.copy(), (residuals, jacobian))
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

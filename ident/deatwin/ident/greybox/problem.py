@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.watch import Watch, unwatched
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
@@ -18,6 +19,7 @@ class Problem:
     plant: Plant  # Plant with starting values
     parts: tuple[Part, ...]  # Samples to fit
     names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
+    watch: Watch = field(default_factory=unwatched)  # Is told of each simulation
 
     def start(self) -> np.ndarray:
         """Coordinates of the plant's present values, shape (n,)."""
@@ -45,6 +47,7 @@ class Problem:
         """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
         Shapes: `coordinates` (n,).
         """
+        self.watch()
         plant = self.plant.with_values(self.values(coordinates))
         free = plant.parameters.free
         columns = [free.index(n) for n in self.names]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.greybox.covariance import covariance, white_variances
-from deatwin.ident.greybox.minimum import MOST, Minimum, minimise
+from deatwin.ident.greybox.minimum import MOST, Interrupted, Minimum, minimise
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.plant.calibrated import TWO_SIDED_95
@@ -47,14 +47,19 @@ class Search:
 def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
     """Fit from the given values, then through growing openings from there and from other points, as far as needed."""
     options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
+    problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:
         return None if first is None else Search(best=first, tried=1, agreed=1)
     # The two fits from the given values are one point: that they agree says nothing of other minima.
     best, agreed, found, spent, limit = first, [first], [first], first.evaluations, np.inf
     spread = float(np.std(np.concatenate([part.measured for part in problem.parts])))
-    for start in _starts(problem, starts) if starts > 1 else ():
-        one, cost = _through_openings(start, options)
+    for number, start in enumerate(_starts(problem, starts) if starts > 1 else ()):
+        problem.watch.begin(f"fit from start {number + 1} of at most {starts}")
+        try:
+            one, cost = _through_openings(start, options)
+        except KeyboardInterrupt:
+            raise Interrupted(replace(best, evaluations=spent, status=FitStatus.INTERRUPTED)) from None
         spent += cost
         if one is not None:
             found = [min(first, one, key=_rms)] if start is problem else [*found, one]

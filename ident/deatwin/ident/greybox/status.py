@@ -10,6 +10,7 @@ class FitStatus(Enum):
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"
+    INTERRUPTED = "the fit was interrupted: its parameters are the best that were found until then"
     UNSETTLED = "the fit stopped where its gradient is not small: start it elsewhere, or go on with a smaller tolerance"
     OTHER_MINIMA = (
         "the error has several minima, and only one of the starts came to the least that was found: "

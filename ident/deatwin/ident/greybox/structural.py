@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.plant.errors import SimulationError
@@ -33,7 +33,7 @@ class StructuralScale:
     @classmethod
     def of(cls, base: Plant, experiment: Experiment, clean: Sequence[np.ndarray], noise: float) -> Self:
         """Refit the base plant to a clean film."""
-        form = calibrate(base, [_part(experiment, clean)], starts=1, tolerance=TOLERANCE)
+        form = descend(base, [_part(experiment, clean)], tolerance=TOLERANCE)
         if not form.status.ok:
             raise SimulationError(f"no refit of the base plant: {form.status.value}")
         return cls(experiment=experiment, clean=np.concatenate(clean), form=form, noise=noise)
@@ -46,7 +46,7 @@ class StructuralScale:
         """Divide the rms that a full refit leaves, beyond that of the clean film, by the noise."""
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
-        refitted = calibrate(plant, [_part(self.experiment, readings)], starts=1, tolerance=TOLERANCE)
+        refitted = descend(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)
         if not refitted.status.ok:
             raise SimulationError(f"no refit of the base plant: {refitted.status.value}")
         return _rms(refitted.residuals - self.form.residuals) / self.noise

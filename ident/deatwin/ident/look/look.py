@@ -16,12 +16,12 @@ from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
-from deatwin.ident.narx.preprocess.findings import with_unit
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.drawing import envelope
 from deatwin.plant.errors import DataError
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
 
 if TYPE_CHECKING:

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.recording import Recording
-
-Array = NDArray[np.float64]
 
 _WORTH_SAYING = 0.01
 """Excess from which a note is due: a prior that is right costs a share of about n_terms / n_samples or less, and an
@@ -21,13 +18,11 @@ _RESOLVED = float(np.sqrt(np.finfo(float).eps))
 """Errors below this share of the output are zero to what works with squares of the signals."""
 
 
-def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
-    """Return the relative excess of the one-step error over that of least squares on the same terms, shape
-    (n_outputs,).
-    """
+def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a sentence for each output whose one-step error exceeds that of least squares by more than 1 %."""
     predicted = [model.predict(record) for record in recordings]
     own = np.sqrt(np.mean(np.concatenate([response.residuals for response in predicted], axis=1) ** 2, axis=1))
-    excess = np.zeros(model.n_outputs)
+    notes = []
     for row, error in enumerate(own.tolist()):
         terms = [
             term
@@ -42,16 +37,45 @@ def excess_errors(model: NarxModel, recordings: Sequence[Recording]) -> Array:
         rows /= np.where(sizes > 0, sizes, 1.0)[:, None]
         left = target - np.linalg.lstsq(rows.T, target)[0] @ rows
         least = data.output_scale * float(np.sqrt(np.mean(left**2)))
-        if error > _RESOLVED * data.output_scale:
-            excess[row] = error / max(least, _RESOLVED * data.output_scale) - 1.0
-    return excess
+        if error > max((1.0 + _WORTH_SAYING) * least, _RESOLVED * data.output_scale):
+            spread = float(np.concatenate([record.outputs[row] for record in recordings]).std())
+            notes.append(_note(model.output_names[row], error / spread, least / spread))
+    return tuple(notes)
 
 
-def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence for each output whose one-step error exceeds that of least squares by more than 1 %."""
-    return tuple(
-        f"one step ahead {name}'s error on the training data is {100 * share:.3g} % above that of least squares on the "
-        "same terms: the estimator holds the parameters back; compare with Fixed(terms=model), which is least squares"
-        for name, share in zip(model.output_names, excess_errors(model, recordings).tolist(), strict=True)
-        if share > _WORTH_SAYING
+def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a sentence on products of several noisy outputs, which stand for the noise as well as for the plant.
+
+    Each equation has the noise on the readings of all outputs in its regressors. At 0.1 % of noise no product is false,
+    at 5 % several are.
+    """
+    products = {v.index for term in model.terms if term.degree > 1 for v, _ in term.factors if v.kind == "y"}
+    if model.n_outputs == 1 or not products:
+        return ()
+    errors = np.concatenate([model.predict(record).residuals for record in recordings], axis=1).std(axis=1)
+    spreads = np.concatenate([record.outputs for record in recordings], axis=1).std(axis=1)
+    shares = np.divide(errors, spreads, out=np.zeros(model.n_outputs), where=spreads > 0)
+    if max(shares[row] for row in products) <= _WORTH_SAYING:
+        return ()
+    told = ", ".join(f"{100 * shares[row]:.2g} % of {model.output_names[row]}" for row in sorted(products))
+    return (
+        f"one step ahead {told} is left: if that is noise on the readings, it is in the regressors of all equations, and "
+        "products of outputs may stand for its bias instead of for the plant, however small their intervals; average, "
+        "filter or measure again before reading physics into them",
+    )
+
+
+def _note(name: str, error: float, least: float) -> str:
+    """Say how much larger an error is than that of least squares, both in standard deviations of the output."""
+    if least <= _RESOLVED:  # a ratio to rounding says nothing
+        excess = f"{error:.2g} of its standard deviation, where least squares on the same terms leaves only rounding"
+    elif error < 2.0 * least:
+        excess = f"{100 * (error / least - 1.0):.3g} % above that of least squares on the same terms"
+    else:
+        excess = (
+            f"{error / least:.3g} times that of least squares on the same terms, {error:.2g} of its standard deviation"
+        )
+    return (
+        f"one step ahead {name}'s error on the training data is {excess}: the estimator holds the parameters back; "
+        "compare with Fixed(terms=model), which is least squares"
     )

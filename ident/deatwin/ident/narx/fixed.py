@@ -60,6 +60,9 @@ class Fixed(NarxIdentifier):
         if not callable(self.estimator):
             raise ModelError(f"estimator = {self.estimator!r}; give one, as Ridge()")
 
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        return data  # the terms are given, and so is their origin
+
     def _regression(self, recordings: Recordings, output: int) -> Regression:
         chosen = flatten(recordings)
         record = chosen[0]

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
 from deatwin.ident.narx.refine import least_error
@@ -154,9 +156,12 @@ class Grow(NarxIdentifier):
             identifier=self,
         )
 
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        return data  # its linear start has a constant in any case
+
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """Return nothing: an error one step ahead above that of least squares is what its parameters are for."""
-        return ()
+        """Only late inputs: an error one step ahead above that of least squares is what its parameters are for."""
+        return noisy_products(self.model_, recordings) + late_inputs(self.model_, recordings)
 
     def _parts(self, data: Regression) -> list[Regression]:
         """Cut every recording into so many parts; the first of each make the first regression, and so on."""

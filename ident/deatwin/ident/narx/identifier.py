@@ -12,9 +12,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from deatwin.ident.narx.excess import excess_notes
+from deatwin.ident.narx.excess import excess_notes, noisy_products
+from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.origin import about_data
+from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
@@ -34,7 +35,7 @@ class FitStatus(Enum):
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
     )
     LOOP_SUSPECTED = (
-        "the input answers to the output, so a loop is suspected, and a model of the output error is biased by it: use "
+        "the past of the output foretells an input, so a loop is suspected, and a model of the output error is biased by it: use "
         "Armax or BoxJenkins, which model the noise"
     )
 
@@ -160,7 +161,8 @@ class NarxIdentifier(Identifier, ABC):
 
     Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
     estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
-    because powers of such signals are nearly identical. For recordings with several outputs, a clone of the estimator
+    because powers of such signals are nearly identical, and then (but for `Grow`), in a second run, count the outputs
+    from the rest of the model, where no constant term is needed. For recordings with several outputs, a clone of the estimator
     learns each equation, from the lags of all outputs and inputs.
 
     Attributes
@@ -170,8 +172,9 @@ class NarxIdentifier(Identifier, ABC):
     status_ : FitStatus
         Outcome of the search.
     notes_ : tuple of str
-        Remarks on the fit, one sentence each; usually empty. The main one: the one-step error on the training data is
-        more than 1 % above that of least squares on the same terms.
+        Remarks on the fit, one sentence each; usually empty: the one-step error on the training data is more than 1 %
+        above that of least squares on the same terms, an input acts only after its last lag in the model, or products of
+        several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
         then on these estimators.
@@ -222,6 +225,16 @@ class NarxIdentifier(Identifier, ABC):
         return self
 
     def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
+        """Return the model of all outputs, about their rest where signals lie far from zero."""
+        model = self._learn_each(data, progress)
+        resting = self._resting(data, model) if self.status_.ok else data
+        return model if resting is data else self._learn_each(resting, progress)
+
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        """Return the regressions about the rest of a model, where they are about origins that the data gave."""
+        return about_rest(data, model)
+
+    def _learn_each(self, data: list[Regression], progress: Progress) -> NarxModel:
         """Return the model of all outputs; with several, each equation is learned by a clone."""
         self.status_, self.equations_ = FitStatus.DONE, ()
         if len(data) == 1:
@@ -251,7 +264,8 @@ class NarxIdentifier(Identifier, ABC):
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return what is to be known about the fit to these recordings."""
-        return excess_notes(self.model_, recordings)
+        model = self.model_
+        return excess_notes(model, recordings) + noisy_products(model, recordings) + late_inputs(model, recordings)
 
     @abstractmethod
     def _check(self) -> None:

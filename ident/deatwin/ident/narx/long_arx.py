@@ -39,33 +39,34 @@ class LongArx:
     """ARX regression on the lags `shortest` to `longest` of each input."""
 
     signals: Signals
-    shortest: int  # Smallest and largest lag of the inputs
-    longest: int
+    shortest: tuple[int, ...]  # Smallest lag of each input
+    longest: int  # Largest lag of all
     n_output_lags: int  # Lags 1 to this of the output
     a: Array  # shape (n_output_lags + 1,): A, from q^0 on
-    b: Array  # shape (n_inputs, longest + 1): B of each input, from lag 0 on; zero before the shortest lag
+    b: Array  # shape (n_inputs, longest + 1): B of each input, from lag 0 on; zero before its shortest lag
     b_std: Array  # shape (n_inputs, longest + 1): Standard deviation of each coefficient
     variance: float
     n_samples: int  # Number of residuals
 
-    @property
-    def lags(self) -> range:
+    def lags(self, which: int) -> range:
         """Lags of an input, the largest first: what the shorter ones tell beyond the longer ones is tested."""
-        return range(self.longest, self.shortest - 1, -1)
+        return range(self.longest, self.shortest[which] - 1, -1)
 
     @property
     def n_unknowns(self) -> int:
         """Number of coefficients."""
-        return 1 + self.n_output_lags + self.b.shape[0] * len(self.lags)
+        return 1 + self.n_output_lags + sum(len(self.lags(i)) for i in range(self.b.shape[0]))
 
     @classmethod
-    def of(cls, signals: Signals, longest: int, *, shortest: int = 0) -> LongArx:
-        """Fit the regression by least squares, with the shortest solution for collinear regressors."""
-        n_inputs = signals[0][0].shape[0]
-        lags = range(longest, shortest - 1, -1)
-        inputs = [_inputs(signals, i, lags) for i in range(n_inputs)]
+    def of(cls, signals: Signals, longest: int, *, shortest: Sequence[int]) -> LongArx:
+        """Fit the regression by least squares, with the shortest solution for collinear regressors.
+
+        `shortest` smallest lag of each input.
+        """
+        inputs = [_inputs(signals, i, range(longest, first - 1, -1)) for i, first in enumerate(shortest)]
         past, target = _outputs(signals, longest)
-        order = _order(np.column_stack([np.ones(target.size), *inputs, past, target]), 1 + n_inputs * len(lags))
+        sizes = [columns.shape[1] for columns in inputs]
+        order = _order(np.column_stack([np.ones(target.size), *inputs, past, target]), 1 + sum(sizes))
         rows = np.column_stack([np.ones(target.size), past[:, :order], *inputs])
         scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
         left, singular, right = np.linalg.svd(rows / scale, full_matrices=False)
@@ -77,20 +78,20 @@ class LongArx:
         std = np.sqrt(variance * np.sum(inverse**2, axis=1)) / scale
 
         def by_lag(values: Array) -> Array:
-            tested = values[order + 1 :].reshape(n_inputs, len(lags))[:, ::-1]
-            return np.asarray(np.pad(tested, ((0, 0), (shortest, 0))))
+            tested = np.split(values[order + 1 :], np.cumsum(sizes)[:-1])
+            return np.array([np.pad(one[::-1], (first, 0)) for one, first in zip(tested, shortest, strict=True)])
 
         a = np.r_[1.0, -theta[1 : order + 1]]
-        return cls(signals, shortest, longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
+        return cls(signals, tuple(shortest), longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
 
     def hides(self, which: int) -> bool:
         """Return whether an input acts, but with lags so alike that none of them can be seen to act by itself."""
         from scipy.special import fdtrc
 
-        others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
+        others = self._others(which)
         past, target = _outputs(self.signals, self.longest)
         q, _ = np.linalg.qr(np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *others]))
-        own = _inputs(self.signals, which, self.lags)
+        own = _inputs(self.signals, which, self.lags(which))
         left, singular, right = np.linalg.svd(own - q @ (q.T @ own), full_matrices=False)
         kept = singular > 1e-10 * np.sqrt(target.size)
         inflation = np.sum((right.T / np.maximum(singular, 1e-10 * np.sqrt(target.size))) ** 2, axis=1) * target.size
@@ -102,14 +103,17 @@ class LongArx:
 
     def chances(self, which: int) -> Array:
         """Return p-values, (longest + 1,), of "input `which` does not act at this lag, nor at shorter ones"."""
-        others = [_inputs(self.signals, i, self.lags) for i in range(self.b.shape[0]) if i != which]
         past, target = _outputs(self.signals, self.longest)
-        own = _inputs(self.signals, which, self.lags)
-        rows = np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *others, own])
+        own = _inputs(self.signals, which, self.lags(which))
+        rows = np.column_stack([np.ones(target.size), past[:, : self.n_output_lags], *self._others(which), own])
         test = _Scores.of(rows, target, own.shape[1])
         found = np.ones(self.longest + 1)
-        found[list(self.lags)] = [test.p_value(slice(i, i + 1)) for i in range(own.shape[1])]
+        found[list(self.lags(which))] = [test.p_value(slice(i, i + 1)) for i in range(own.shape[1])]
         return found
+
+    def _others(self, which: int) -> list[Array]:
+        """The lagged other inputs."""
+        return [_inputs(self.signals, i, self.lags(i)) for i in range(self.b.shape[0]) if i != which]
 
 
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
@@ -117,7 +121,8 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
 
     Given the past of all inputs, the past of the output must not foretell an input that is independent of it
     (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37
-    (1969) 424-438, doi:10.2307/1912791).
+    (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is itself measured with noise, or
+    follows a cause that is not recorded, is foretold by an output that sees more of the same.
     """
     n_inputs = signals[0][0].shape[0]
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]

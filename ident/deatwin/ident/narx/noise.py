@@ -136,6 +136,9 @@ class Narmax(NarxIdentifier):
         if not self.tolerance > 0:
             raise ModelError(f"tolerance = {self.tolerance}; it must be positive")
 
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        return data  # the origin is that of the process
+
     def _regression(self, recordings: Recordings, output: int) -> Regression:
         return self.process._regression(recordings, output)
 

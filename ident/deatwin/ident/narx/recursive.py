@@ -77,6 +77,9 @@ class VaryingParameters(NarxIdentifier):
         """None: the model is that of one time, and least squares that of all."""
         return ()
 
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        return data  # the terms are given, and so is their origin
+
     def _regression(self, recordings: Recordings, output: int) -> Regression:
         return Fixed(terms=self.terms)._regression(recordings, output)
 

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.growth import grown, run_errors, white
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp_search import SempSearch, SempStep
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,6 +91,9 @@ class Semp(NarxIdentifier):
         Terms of the model.
     path_ : tuple of SempStep
         Steps of the search.
+    refined_ : bool
+        True if the parameters were refined to the smallest free-run error; with several outputs this and all that
+        follows are on each of ``equations_``.
     srr_ : ndarray, shape (n_steps,)
         Simulation error reduction ratio of each step before pruning, dimensionless.
     msse_ : ndarray, shape (n_steps,)
@@ -152,17 +157,22 @@ class Semp(NarxIdentifier):
         kept = data.only([data.table.terms.index(term) for term in final.terms])
         found = least_squares(*kept.matrix())
         model = kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
-        steps = list(search.path)
+        steps, self.refined_ = list(search.path), False
         if self.max_exchanges and self.status_.ok and len(data.recordings[0].outputs) == 1 and not white(model, data):
             for larger in self._grown(model, data, search.sections, progress):
                 steps.append(_grown_step(model, larger, data))
-                model = larger
+                model, self.refined_ = larger, True
         self.path_ = tuple(steps)
         self.srr_ = np.array([step.srr for step in steps])
         self.msse_ = np.array([step.msse for step in steps])
         self.terms_ = model.terms
         progress(1.0, f"{len(self.terms_)} terms")
         return model
+
+    def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
+        """Where the free run was fitted, only late inputs: the error one step ahead is larger on purpose."""
+        refined = any(one.refined_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]
+        return late_inputs(self.model_, recordings) if refined else super()._notes(recordings)
 
     def _grown(
         self, model: NarxModel, data: Regression, sections: NDArray[np.int64], progress: Progress

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
+from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.origin import about_rest
 from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.terms import Lags, Rule, Term
@@ -164,10 +164,15 @@ class SvbNarx(NarxIdentifier):
         if self.resolution <= 1 or self.max_iterations < 1 or min(self.a0, self.b0, self.c0, self.d0) <= 0:
             raise ModelError("resolution must be above 1, max_iterations at least 1 and a0, b0, c0, d0 positive")
 
-    def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
-        model = super()._learn_all(data, progress)
-        resting = about_rest(data, model) if self.status_.ok else data
-        return model if resting is data else super()._learn_all(resting, progress)
+    def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
+        resting = super()._resting(data, model)
+        if resting is data:
+            return data
+        # The prior holds the parameters back, by little, but so that exact data would keep a constant.
+        try:
+            return super()._resting(data, Fixed(terms=model).fit(data[0].recordings).model_)
+        except ModelError:  # least squares has too few samples
+            return resting
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         if data.n_samples < 3:

@@ -1,4 +1,4 @@
-"""A model whose pole lies outside of the unit circle: which pole it is, and how it predicts some steps ahead."""
+"""A pole outside of the unit circle, of a model or of recordings: which it is, how sure, and predictions ahead of it."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.fit import Fit
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.recorded_pole import RecordedPole, recorded_pole
 from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
 _STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
 _SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that side
+_WORTH_SAYING = 0.01  # share of the rate of growth by which poles differ
+_SURER = 3.1  # the same where nothing else speaks for it: one false word in a thousand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,12 +35,19 @@ class Unstable:
         Number of samples in which the unstable mode grows by the factor e, limited by the length of the recordings.
     ahead : Fit
         Fit of the predictions ``steps`` samples ahead.
+    recorded_pole : complex or None
+        Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if they are
+        too short for one.
+    interval : tuple of float, or None
+        95 % interval of its magnitude. It holds if the controller sees no disturbance before the output shows it.
     """
 
     pole: complex
     sample_time: float
     steps: int
     ahead: Fit
+    recorded_pole: complex | None = None
+    interval: tuple[float, float] | None = None
 
     @property
     def rate(self) -> complex:
@@ -52,9 +62,6 @@ class Unstable:
         units : sequence of str
             Units of the outputs.
         """
-        rate = self.rate
-        turning = f", {abs(rate.imag):.3g} rad/s" if self.pole.imag else ""
-        sign = f"z = {self.pole.real:.4g}" if not self.pole.imag else f"|z| = {abs(self.pole):.4g}"
         ahead = ", ".join(
             f"{rms:.4g} {'' if unit == '1' else unit}".rstrip() + f" rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
@@ -64,10 +71,62 @@ class Unstable:
             "(Armax, Narmax) finds it without bias"
         )
         return [
-            f"the unstable pole: {sign}, {rate.real:+.3g} 1/s{turning}",
+            f"the unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}",
             f"{self.steps} steps ahead, in which it grows by e, the prediction is off by {ahead}"
             f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
         ]
+
+    @property
+    def _recorded(self) -> str:
+        """What the recordings themselves say of it."""
+        if self.recorded_pole is None or self.interval is None:
+            return ""
+        low, high = self.interval
+        told = f"; a long ARX model of the recordings, which noise does not bias, has {_sized(self.recorded_pole, self.interval)}"
+        if high < 1.0:
+            return f"{told}: the plant is stable there, and the model is wrong"
+        told += f", {_rate(self.recorded_pole, self.sample_time)}"
+        if low <= 1.0:
+            return f"{told}: the recordings do not tell it from a stable one"
+        rates = np.log([abs(self.pole), abs(self.recorded_pole)])
+        apart = abs(rates[0] - rates[1]) > _WORTH_SAYING * rates[1] and not low <= abs(self.pole) <= high
+        return f"{told}: trust that one" if apart else told
+
+
+def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording]) -> str:
+    """Return a sentence if recordings surely have an unstable pole, which a model whose free run is bounded lacks."""
+    found = recorded_pole(recordings, _first_lag(model))
+    longest = max(record.n_samples for record in recordings)
+    if found is None or abs(found.pole) - max(_SURER * found.deviation, 1.0 / longest) <= 1.0:
+        return ""  # what does not grow by e in the longest recording makes no difference
+    return (
+        f"a long ARX model of the recordings has an unstable pole, {_sized(found.pole, found.interval)}, "
+        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, the recording "
+        "was made in a closed loop, and no fit of the free run can find it; fit one step ahead, best with a model of the noise (Armax, Narmax)"
+    )
+
+
+def _first_lag(model: NarxModel) -> int:
+    """0 if an input of the model acts within the sample, else 1."""
+    return min((v.lag for term in model.terms for v, _ in term.factors if v.kind == "u"), default=1) and 1
+
+
+def _written(pole: complex, sample_time: float) -> str:
+    """A pole in discrete and continuous time."""
+    sign = f"z = {pole.real:.4g}" if not pole.imag else f"|z| = {abs(pole):.4g}"
+    return f"{sign}, {_rate(pole, sample_time)}"
+
+
+def _rate(pole: complex, sample_time: float) -> str:
+    """A pole in continuous time."""
+    rate = complex(np.log(pole) / sample_time)
+    return f"{rate.real:+.3g} 1/s" + (f", {abs(rate.imag):.3g} rad/s" if pole.imag else "")
+
+
+def _sized(pole: complex, interval: tuple[float, float]) -> str:
+    """Magnitude of a pole with its interval, to a digit of the interval's width more than it has."""
+    digits = int(np.clip(1 - np.floor(np.log10(max(interval[1] - interval[0], 1e-12))), 2, 8))
+    return f"|z| = {abs(pole):.{digits}f} (95 % interval {interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
 
 
 def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
@@ -88,7 +147,15 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     ahead = Fit.of([model.predict(record, steps=steps) for record in recordings])
     if not np.all(np.isfinite(ahead.mean_square)):  # lost within one growth by e: no pole accounts for that
         return None
-    return Unstable(pole=complex(poles[0]), sample_time=model.sample_time, steps=steps, ahead=ahead)
+    found: RecordedPole | None = recorded_pole(recordings, _first_lag(model))
+    return Unstable(
+        pole=complex(poles[0]),
+        sample_time=model.sample_time,
+        steps=steps,
+        ahead=ahead,
+        recorded_pole=None if found is None else found.pole,
+        interval=None if found is None else found.interval,
+    )
 
 
 def poles_at(model: NarxModel, recordings: Sequence[Recording]) -> NDArray[np.complex128]:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.fit import Fit, gain_error
+from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
-from deatwin.ident.narx.unstable import Unstable, unstable_model
+from deatwin.ident.narx.unstable import Unstable, stable_model_of_unstable, unstable_model
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -39,7 +40,8 @@ SCHEMA = "deatwin/validation/1"
 
 _WITH_INPUT = ("ue", "(u2)'e", "(u2)'e2")
 _LEAST_SAMPLES = 4  # for each lag that is tested
-_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors
+_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors of the arithmetic
+_DIGITS = 1e-8  # and below this share of the output's deviation those of a file's nine digits: no sensor has 160 dB
 
 
 class ValidationStatus(Enum):
@@ -125,6 +127,9 @@ class Validation(
     gain_error, gain_error_half_width : float or None
         Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
         interval; None if the free run rests or runs away, or there are several outputs.
+    notes : tuple of str
+        What else the recordings say of the model, one sentence each; usually empty: an input acts only after its last
+        lag in the model, or the plant has an unstable pole that the model lacks.
     """
 
     one_step: Fit
@@ -141,6 +146,7 @@ class Validation(
     unstable: Unstable | None = None
     gain_error: float | None = None
     gain_error_half_width: float | None = None
+    notes: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "fits": several(_fits),
@@ -232,6 +238,7 @@ class Validation(
         lines = [f"{self.n_samples} samples: {self.status.value}"]
         if self.unstable is not None:
             lines += self.unstable.sentences(self.output_units)
+        lines += self.notes
         for record, time in self.diverged:
             lines.append(f"the free run of recording {record + 1} diverged at {time:g} s")
         lines.append(f"{'output':16s}{'MSPE':>11s}{'NRMSE':>9s}{'fit %':>8s}{'MSSE':>13s}{'NRMSE':>9s}{'fit %':>8s}")
@@ -263,12 +270,14 @@ class Validation(
         """Return the validation as plain data ("deatwin/validation/1"), with null for infinite values."""
         unstable = None
         if self.unstable is not None:
-            pole = self.unstable.pole
+            pole, recorded = self.unstable.pole, self.unstable.recorded_pole
             unstable = {
                 "pole": [pole.real, pole.imag],
                 "sample_time_s": self.unstable.sample_time,
                 "steps": self.unstable.steps,
                 "ahead": self.unstable.ahead.document,
+                "recorded_pole": None if recorded is None else [recorded.real, recorded.imag],
+                "interval": None if self.unstable.interval is None else list(self.unstable.interval),
             }
         return {
             "schema": SCHEMA,
@@ -286,6 +295,7 @@ class Validation(
             "unstable": unstable,
             "gain_error": self.gain_error,
             "gain_error_half_width": self.gain_error_half_width,
+            "notes": list(self.notes),
             "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
             "tests": [
                 {
@@ -354,13 +364,16 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
             f"{max_lag} lags need {needed}"
         )
     largest = np.max([np.abs(record.outputs).max(axis=1) for record in chosen], axis=0)
-    exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= _ROUNDING * largest))
+    spread = np.concatenate([record.outputs for record in chosen], axis=1).std(axis=1)
+    rounding = np.maximum(_ROUNDING * largest, _DIGITS * spread)
+    exact = bool(np.any(np.sqrt(Fit.of(predicted).mean_square) <= rounding))
     inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
     rows = range(model.n_outputs)
     diverged = tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None)
     unstable = unstable_model(model, chosen, diverged=any(not run.status.ok for run in simulated))
     bounded = not diverged and unstable is None
     gain = gain_error(simulated) if bounded and model.n_outputs == 1 else None
+    lacking = stable_model_of_unstable(model, chosen) if bounded and not exact else ""
     return Validation(
         one_step=Fit.of(predicted),
         free_run=Fit.of(simulated),
@@ -376,6 +389,7 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
         unstable=unstable,
         gain_error=None if gain is None else gain[0],
         gain_error_half_width=None if gain is None else gain[1],
+        notes=(*(() if exact else late_inputs(model, chosen)), *([lacking] if lacking else [])),
     )
 
 
@@ -387,11 +401,14 @@ def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
             sample_time=float(told["sample_time_s"]),
             steps=int(told["steps"]),
             ahead=Fit.read(told["ahead"]),
+            recorded_pole=None if told["recorded_pole"] is None else complex(*told["recorded_pole"]),
+            interval=None if told["interval"] is None else tuple(told["interval"]),
         )
     return {
         "unstable": unstable,
         "gain_error": document["gain_error"],
         "gain_error_half_width": document["gain_error_half_width"],
+        "notes": tuple(document["notes"]),
         "one_step": Fit.read(document["one_step"]),
         "free_run": Fit.read(document["free_run"]),
         "diverged": tuple((int(item["recording"]), float(item["time_s"])) for item in document["diverged"]),

@@ -141,7 +141,14 @@ class LowPass(Primitive):
 
     @property
     def shape_parameter(self) -> Parameter:
-        return Parameter(name="time", value=self.time, unit="s", lower=1e-3, upper=1e5, scale=Scale.LOGARITHMIC)
+        return Parameter(
+            name="time",
+            value=self.time,
+            unit="s",
+            lower=1e-3,
+            upper=max(1e5, 10.0 * self.time),
+            scale=Scale.LOGARITHMIC,
+        )
 
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
         return memory

@@ -6,11 +6,11 @@ from deatwin.plant.files.units import UNITS, find_unit
 
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
-_RATE = re.compile(r"(.+?)_((?:m?rad|deg|rev|[kcmu]?m)_(?:per_)?(?:s2?|min|h))")
+_QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
-_FORMS = (_IN_BRACKETS, _RATE, _LAST_PART, _IN_WORDS, _DIVIDED)
+_FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
 """Patterns of a header with a unit, which is their second group."""
 _TIMES = re.compile(
     r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
@@ -20,6 +20,8 @@ _TIMES = re.compile(
 """Header of times that ends in its unit, without a separator."""
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
 """Unit of time that is a whole header; s, min and h alone may be a distance, a minimum and a height."""
+_DOUBTFUL = ("F", "l")
+"""Units that are written in brackets only: a force and a length end names as well."""
 _NO_QUANTITIES = frozenset({"counts"})
 """Words that begin an unknown unit before a slash, as in ``counts/s``."""
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
@@ -38,14 +40,18 @@ def split_unit(header: str) -> tuple[str, str]:
     --------
     >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
     (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
-    >>> split_unit("speed [l/min]"), split_unit("x (1)")
-    (('speed', ''), ('x (1)', ''))
+    >>> split_unit("flow [l/min]"), split_unit("field_kV_per_mm"), split_unit("count [lines/min]"), split_unit("x (1)")
+    (('flow', 'l/min'), ('field', 'kV/mm'), ('count', ''), ('x (1)', ''))
     """
+    if (match := _QUOTIENT.fullmatch(header)) and (unit := find_unit(f"{match[2]}/{match[4]}")):
+        # N_m may be a stiffness or a torque.
+        either = not match[3] and find_unit(f"{match[2]} {match[4]}")
+        return (header, "") if either else (match[1], unit)
     for form in _FORMS:
         match = form.fullmatch(header)
-        if not match:
+        if not match or (form is not _IN_BRACKETS and match[2] in _DOUBTFUL):
             continue
-        unit = find_unit(re.sub("_(per_)?", "/", match[2]) if form is _RATE else match[2])
+        unit = find_unit(match[2])
         if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
             return match[1], for_name(match[1], unit)
     if match := _TIMES.fullmatch(header):
@@ -68,6 +74,8 @@ def for_name(name: str, unit: str) -> str:
     """
     if unit == "C":
         unit = _celsius_or_coulomb(name)
+    if unit == "F" and _celsius_or_coulomb(name) == "°C":
+        unit = "°F"
     if unit == "°C" and _DIFFERENCE.match(name):
         return "Δ°C"
     return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
@@ -93,8 +101,8 @@ def said_unit(header: str) -> str:
 
     Examples
     --------
-    >>> said_unit("speed [l/min]"), said_unit("command_MV"), said_unit("U_cmd"), said_unit("x (1)")
-    ('l/min', 'MV', '', '')
+    >>> said_unit("count [lines/min]"), said_unit("command_Mv"), said_unit("U_cmd"), said_unit("x (1)")
+    ('lines/min', 'Mv', '', '')
     """
     for form in _FORMS:
         if match := form.fullmatch(header):

@@ -4,6 +4,7 @@ import re
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,42 +21,15 @@ _OPTION = re.compile(r'--(input-column|output-column|time-column|resample|dt) ("
 _PLACEHOLDER = re.compile(r"[A-Z]{4,}")  # NAME, PLACE, SECONDS: for the user to fill in
 _REPAIRS = 8
 """There are seven options, so that more rounds than this add nothing."""
+_LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
-_WORDS = {
-    "input": (
-        *("u", "uin", "vin", "input", "in", "cmd", "command", "control", "excitation", "drive", "voltage", "volt"),
-        *(
-            "v",
-            "reference",
-            "ref",
-            "setpoint",
-            "target",
-            "pwm",
-            "eingang",
-            "soll",
-            "stell",
-            "spannung",
-            "strom",
-            "current",
-            "torque",
-        ),
-    ),
-    "output": (
-        *("y", "out", "output", "displacement", "disp", "position", "pos", "weg", "x", "measured", "response"),
-        *(
-            "encoder",
-            "angle",
-            "speed",
-            "velocity",
-            "level",
-            "ausgang",
-            "ist",
-            "auslenkung",
-            "deflection",
-            "temperature",
-        ),
-    ),
+_USUAL_WORDS = {
+    "input": "u uin vin input in cmd command control excitation drive voltage volt v reference ref setpoint target pwm "
+    "eingang soll stell spannung strom current torque",
+    "output": "y out output displacement disp position pos weg x measured response encoder angle speed velocity level "
+    "ausgang ist auslenkung deflection temperature",
 }
+_WORDS = {role: tuple(words.split()) for role, words in _USUAL_WORDS.items()}
 """Names that people give their inputs and outputs, the surest first; they only order a guess that is called one."""
 
 
@@ -206,8 +180,10 @@ def _guessed(table: Table, options: Mapping[str, Any]) -> dict[str, str]:
             if asked[role]:
                 return {}  # what the user names is not replaced
     times = _times(table, set(known.values()), asked["time"])
-    free = [k for k in range(len(table.headers)) if k not in times and k not in known.values() and works(table, k)]
-    free = [k for k in free if len(set(table.texts(k))) > 1] or free  # what never changes is no signal
+    left = [k for k in range(len(table.headers)) if k not in times and k not in known.values()]
+    # A column with a single bad cell is meant all the same: the next error names that cell.
+    free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
+    free = [k for k in free if not _counts(table, k)] or free
     found = {}
     for role in (role for role in ("input", "output") if role not in known and free):
         other = _WORDS["output" if role == "input" else "input"]
@@ -215,6 +191,19 @@ def _guessed(table: Table, options: Mapping[str, Any]) -> dict[str, str]:
         free.remove(best)
         found[f"{role}_column"] = table.unmistakable(best)
     return found
+
+
+def _mostly_numbers(table: Table, column: int) -> bool:
+    cells = list(table.texts(column))
+    return 2 * sum(map(bool, map(_LIKE_NUMBER.fullmatch, cells))) > len(cells)
+
+
+def _counts(table: Table, column: int) -> bool:
+    """Return whether a column never changes, or numbers the rows: that is no signal."""
+    cells = list(table.texts(column))
+    if len(set(cells)) == 1 or not all(map(str.isdecimal, cells)):
+        return len(set(cells)) == 1
+    return {int(after) - int(before) for before, after in pairwise(cells)} == {1}
 
 
 def _rank(table: Table, column: int, words: tuple[str, ...]) -> int:

@@ -4,13 +4,15 @@ Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, th
 A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
 ``dT``, ``temperature rise``, or by its unit, as ``delta_degC``. ``g`` is the gram, and behind the name of an
 acceleration standard gravity. ``C`` is the degree Celsius behind the name of a temperature and
-the coulomb behind that of a charge; behind others nobody knows.
+the coulomb behind that of a charge; behind others nobody knows. Products and quotients follow from their factors.
 """
 
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,21 +49,32 @@ class Unit:
         return Unit(name, numerator, denominator, self.shift - wanted.shift * (denominator / numerator))
 
 
-_POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9}
+_POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9, "T": 12}
 
 
-def _scaled(si: str, prefixes: str, symbol: str = "", size: float = 1.0) -> dict[str, Unit]:
-    """Return a unit, and it with prefixes; the prefix stands before the first symbol of a product or quotient."""
+def _scaled(
+    si: str, prefixes: str, symbol: str = "", numerator: float = 1.0, denominator: float = 1.0
+) -> dict[str, Unit]:
+    """Return a unit, and it with prefixes."""
     symbol = symbol or si
-    found = {symbol: Unit(si, size)}
+    found = {symbol: Unit(si, numerator, denominator)}
     for prefix in prefixes:
         power = 10.0 ** abs(_POWERS[prefix])
-        found[prefix + symbol] = Unit(si, size, power) if _POWERS[prefix] < 0 else Unit(si, size * power)
+        above, below = (numerator, denominator * power) if _POWERS[prefix] < 0 else (numerator * power, denominator)
+        found[prefix + symbol] = _reduced(si, above, below)
     return found
 
 
+def _reduced(si: str, numerator: float, denominator: float) -> Unit:
+    """Return a unit with the smallest whole numbers: each factor more would round once more."""
+    whole = float(numerator).is_integer() and float(denominator).is_integer()
+    common = math.gcd(int(numerator), int(denominator)) if whole else 1
+    return Unit(si, numerator / common, denominator / common)
+
+
 _POUND_FORCE = 4.4482216152605  # N, exactly 0.45359237 * 9.80665
-UNITS = {
+_GRAVITY = 9.80665
+_SYMBOLS = {
     "": Unit(""),  # not known: values are taken as they are
     **_scaled("s", "mun"),
     "min": Unit("s", 60),
@@ -69,56 +82,116 @@ UNITS = {
     "day": Unit("s", 86400),  # its symbol, d, ends too many names
     **_scaled("V", "munk"),
     **_scaled("A", "munpk"),
-    **_scaled("ohm", "mkM"),
-    **_scaled("W", "muk"),
-    **_scaled("J", "muk"),
+    **_scaled("ohm", "umkMGT"),
+    **_scaled("F", "munp"),
+    **_scaled("C", "munp"),  # without a prefix it is not known which
+    "coulomb": Unit("C"),
+    **_scaled("W", "munk"),
+    **_scaled("J", "munk"),
     **_scaled("m", "cmunk"),
-    **_scaled("m/s", "cmuk"),
-    "km/h": Unit("m/s", 1, 3.6),
-    "m/min": Unit("m/s", 1, 60),
-    "mm/min": Unit("m/s", 1, 6e4),
-    **_scaled("m/s2", "cmu"),
-    "gn": Unit("m/s2", 9.80665),
+    "inch": Unit("m", 254, 1e4),  # its symbol is a word
+    **_scaled("m3", "mu", "l", 1, 1e3),
     **_scaled("rad", "mu"),
     "deg": Unit("rad", math.pi, 180),
     "rev": Unit("rad", 2 * math.pi),
-    **_scaled("rad/s", "mu"),
-    "deg/s": Unit("rad/s", math.pi, 180),
-    "rpm": Unit("rad/s", math.pi, 30),
-    "rev/s": Unit("rad/s", 2 * math.pi),
-    "deg/min": Unit("rad/s", math.pi, 10800),
-    "deg/h": Unit("rad/s", math.pi, 648000),
-    "rad/s2": Unit("rad/s2"),
-    "deg/s2": Unit("rad/s2", math.pi, 180),
     **_scaled("Hz", "mkMG"),
-    "1/s": Unit("1/s"),
-    "1/min": Unit("1/s", 1, 60),
-    "kg": Unit("kg"),
-    "g": Unit("kg", 1, 1e3),
-    "mg": Unit("kg", 1, 1e6),
-    "ug": Unit("kg", 1, 1e9),
+    **_scaled("kg", "munk", "g", 1, 1e3),
     **_scaled("N", "munkM"),
+    **_scaled("N", "mk", "gf", _GRAVITY, 1e3),
     "lbf": Unit("N", _POUND_FORCE),
-    **_scaled("N m", "munkM"),
-    "N cm": Unit("N m", 1, 1e2),
-    "N mm": Unit("N m", 1, 1e3),
-    "mN mm": Unit("N m", 1, 1e6),
-    **_scaled("N/m", "muk"),
-    "N/mm": Unit("N/m", 1e3),
     **_scaled("Pa", "muhkMG"),
-    **_scaled("Pa", "mk", "bar", 1e5),
+    **_scaled("Pa", "muk", "bar", 1e5),
     "psi": Unit("Pa", _POUND_FORCE, 0.00064516),
-    **_scaled("V/m", "kM"),
-    "V/mm": Unit("V/m", 1e3),
-    "kV/mm": Unit("V/m", 1e6),
-    "V/um": Unit("V/m", 1e6),
-    **_scaled("K", "m"),
-    "C": Unit("C"),  # not known which
-    "coulomb": Unit("C"),
+    "atm": Unit("Pa", 101325),
+    "Torr": Unit("Pa", 101325, 760),
+    "mmHg": Unit("Pa", 133.322387415),  # conventional: 13.5951 g/cm3 under standard gravity
+    "inHg": Unit("Pa", 25.4 * 133.322387415),
+    "mmH2O": Unit("Pa", _GRAVITY),
+    "cmH2O": Unit("Pa", 10 * _GRAVITY),
+    "inH2O": Unit("Pa", 25.4 * _GRAVITY),
+    **_scaled("K", "mu"),
     "°C": Unit("K", shift=273.15),
     "Δ°C": Unit("K"),
+    "°F": Unit("K", 5, 9, shift=459.67),
+    "gn": Unit("m/s2", _GRAVITY),
+    "rpm": Unit("rad/s", math.pi, 30),
     "%": Unit("1", 1, 1e2),
+    "ppm": Unit("1", 1, 1e6),
 }
+_WITHIN = {"MV": _reduced("V", 1e6, 1)}
+"""Symbols within products and quotients only: alone they are more often a misspelt mV."""
+_FACTOR = re.compile(r"([^\d-]+?)(-?\d)")
+
+
+def _powers(text: str) -> Counter[str]:
+    """Return the factors of a product or quotient such as ``N m`` or ``m/s2``, with their powers."""
+    found: Counter[str] = Counter()
+    for place, part in enumerate(text.split("/")):
+        for factor in part.split():
+            match = None if factor in _SYMBOLS else _FACTOR.fullmatch(factor)
+            symbol, power = (match[1], int(match[2])) if match else (factor, 1)
+            found[symbol] += -power if place else power
+    del found["1"]
+    return found
+
+
+def _signature(powers: Mapping[str, int]) -> frozenset[tuple[str, int]]:
+    return frozenset((symbol, power) for symbol, power in powers.items() if power)
+
+
+_KINDS = {
+    _signature(_powers(product)): product
+    for product in (
+        *("1", "1/s", "1/m", "1/K", "m2", "m3", "m/s", "m/s2", "m/s3", "m3/s", "rad/s", "rad/s2", "rad/s3"),
+        *("N m", "N/m", "N/s", "N s/m", "N s", "Pa s", "Pa/s", "kg/s", "kg/m3", "kg m2", "K/s", "J/m3", "W/m2"),
+        *("V/m", "V/s", "A/s", "A/m", "A/m2", "C/m2", "F/m", "ohm m", "V/N", "m/V", "N/V", "N/A", "C/N"),
+    )
+} | {_signature(_powers(product)): si for product, si in (("N/m2", "Pa"), ("A s", "C"), ("W s", "J"), ("V A", "W"))}
+"""SI names of the products and quotients that are units, by the powers of their factors."""
+
+
+@lru_cache(maxsize=1024)
+def _derived(name: str) -> Unit | None:
+    """Return the unit that a product or quotient of known symbols is, with any prefixes; None if it is none."""
+    above, below, base = 1.0, 1.0, Counter[str]()
+    powers = _powers(name)
+    if not powers or name in _WITHIN:
+        return None
+    for symbol, power in powers.items():
+        unit = _SYMBOLS.get(symbol) or _WITHIN.get(symbol)
+        if unit is None or not symbol:
+            return None
+        up, down = (unit.numerator, unit.denominator) if power > 0 else (unit.denominator, unit.numerator)
+        above, below = above * up ** abs(power), below * down ** abs(power)
+        for factor, inner in _powers(unit.si).items():
+            base[factor] += inner * power
+    si = _KINDS.get(_signature(base))
+    return None if si is None else _reduced(si, above, below)
+
+
+class _Units(Mapping[str, Unit]):
+    """Units by name: symbols, and products and quotients of them; only the usual ones are listed."""
+
+    def __getitem__(self, name: str) -> Unit:
+        unit = _SYMBOLS.get(name) or _derived(name)
+        if unit is None:
+            raise KeyError(name)
+        return unit
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*_SYMBOLS, *_LISTED))
+
+    def __len__(self) -> int:
+        return len(_SYMBOLS) + len(_LISTED)
+
+
+_LISTED = (
+    *("m/s", "cm/s", "mm/s", "um/s", "km/s", "km/h", "m/min", "mm/min", "m/s2", "cm/s2", "mm/s2", "um/s2"),
+    *("rad/s", "mrad/s", "urad/s", "deg/s", "rev/s", "deg/min", "deg/h", "rad/s2", "deg/s2", "1/s", "1/min"),
+    *("N m", "mN m", "uN m", "nN m", "kN m", "MN m", "N cm", "N mm", "mN mm", "N/m", "mN/m", "uN/m", "kN/m", "N/mm"),
+    *("V/m", "kV/m", "MV/m", "V/mm", "kV/mm", "V/um", "m3", "m3/s", "l/min", "ml/min"),
+)
+UNITS: Mapping[str, Unit] = _Units()
 _SAME_KIND = {"Hz": "1/s"}
 _PREFIXES = {
     "": "",
@@ -131,6 +204,7 @@ _PREFIXES = {
     "kilo": "k",
     "mega": "M",
     "giga": "G",
+    "tera": "T",
 }
 _WORDS = {
     "second": "s",
@@ -142,6 +216,10 @@ _WORDS = {
     "newton": "N",
     "kelvin": "K",
     "pascal": "Pa",
+    "farad": "F",
+    "coulomb": "C",
+    "litre": "l",
+    "liter": "l",
     "radian": "rad",
     "hertz": "Hz",
     "gram": "g",
@@ -156,7 +234,7 @@ _SPELLED_OUT = {
     "hour": "h",
     "day": "day",
     "celsius": "°C",
-    "coulomb": "coulomb",
+    "fahrenheit": "°F",
     "degree": "deg",
     "revolution": "rev",
     "percent": "%",
@@ -174,12 +252,16 @@ _SPELLED_OUT = {
     "rpm": "rpm",
     "psi": "psi",
     "hz": "Hz",
+    "torr": "Torr",
+    "microstrain": "ppm",
+    "ustrain": "ppm",
 } | {
     prefix + word: short + unit
     for prefix, short in _PREFIXES.items()
     for word, unit in _WORDS.items()
-    if short + unit in UNITS
+    if short + unit in _SYMBOLS
 }
+_SPELLED_OUT["coulomb"] = "coulomb"  # which its symbol alone is not
 _OTHER_SPELLINGS = {
     "deg C": "°C",
     "deg °C": "°C",
@@ -203,10 +285,22 @@ _OTHER_SPELLINGS = {
     "cps": "Hz",
     "bar g": "bar",
     "pct": "%",
-} | {
-    product.replace(" ", ""): product
-    for product in UNITS
-    if " " in product  # Nm, mNm
+    "deg F": "°F",
+    "deg °F": "°F",
+    "degF": "°F",
+    "VDC": "V",
+    "Vdc": "V",
+    "L": "l",
+    "mL": "ml",
+    "uL": "ul",
+    "uε": "ppm",
+    "g force": "gf",
+    "kg force": "kgf",
+    **{f"{length} {fluid}": length + fluid for length in ("mm", "cm", "in") for fluid in ("Hg", "H2O")},
+    **{
+        f"{first}{second}": f"{first} {second}" for first in ("A", "mA", "uA", "W", "mW", "kW") for second in ("h", "s")
+    },
+    **{f"{prefix}N{length}": f"{prefix}N {length}" for prefix in ("", *"munkM") for length in ("m", "cm", "mm", "um")},
 }
 _SIGNS = str.maketrans(
     {
@@ -248,30 +342,30 @@ def find_unit(text: str) -> str:
     bare = text.strip()
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
-    if bare in UNITS:
+    if bare in _SYMBOLS:
         return bare
+    if bare == "L":
+        return ""  # more often left than litres
     plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
     above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip())
     symbols: Counter[str] = Counter()
     for sign, factors in ((1, above.split()), *((-1, part.split()) for part in below)):
         for factor in factors:
-            symbol, power = _factor(factor)
-            symbols[symbol] += sign * power
+            for symbol, power in _powers(_spelled(factor)).items():
+                symbols[_spelled(symbol)] += sign * power
     return _known(symbols)
 
 
-def _factor(text: str) -> tuple[str, int]:
-    """Return symbol and power of one factor of a unit."""
-    match = re.fullmatch(r"([^\d-]+)(-?\d)", text)
-    symbol, power = (match[1], int(match[2])) if match else (text, 1)
+def _spelled(symbol: str) -> str:
+    """Return a symbol as it is spelled here."""
+    symbol = re.sub("Ohms?$", "ohm", symbol)
     word = symbol.lower()
     found = _SPELLED_OUT.get(word) or _SPELLED_OUT.get(word.removesuffix("s"))
-    return found or _OTHER_SPELLINGS.get(symbol, symbol), power
+    return found or _OTHER_SPELLINGS.get(symbol, symbol)
 
 
 def _known(symbols: Counter[str]) -> str:
-    """Return the key of a unit that is given as the powers of its symbols; an empty text where it is none."""
-    del symbols["1"]
+    """Return the name of a unit that is given as the powers of its symbols; an empty text where it is none."""
 
     def product(sign: int) -> str:
         factors = [(symbol, sign * power) for symbol, power in symbols.items() if sign * power > 0]

@@ -96,7 +96,7 @@ def units_like(wanted: str) -> list[str]:
     Examples
     --------
     >>> units_like("rad/s")[:4], units_like("widgets/h")
-    (['rad/s', 'mrad/s', 'urad/s', 'deg/s'], ['widgets/h'])
+    (['rad/s', 'rpm', 'mrad/s', 'urad/s'], ['widgets/h'])
     """
     kind = UNITS[find_unit(wanted)].si
     return [wanted, *(name for name, unit in UNITS.items() if kind and name != wanted and same_kind(unit.si, kind))]

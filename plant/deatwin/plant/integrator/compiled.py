@@ -146,7 +146,10 @@ def compile_functions(
         if key is not None:
             with replacing(cache_folder() / f"{key}.txt") as note:
                 note.write_text(library.name, encoding="utf-8")
-    except (OSError, DataError, subprocess.SubprocessError) as error:
+    except (OSError, DataError) as error:
+        _say_once(f"the compiled plant cannot be kept ({error}): simulations run about twenty times slower")
+        return dict(functions)
+    except subprocess.SubprocessError as error:
         _say_once(f"{program} could not compile the plant ({error}): simulations run about twenty times slower")
         return dict(functions)
     try:

@@ -123,7 +123,8 @@ def identify(
 
     from deatwin.app.given import clock_notes
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
-    from deatwin.app.identify_noise import biased_by_noise
+    from deatwin.app.identify_noise import biased_by_noise, outlying
+    from deatwin.app.identify_report import linear_errors
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -169,16 +170,29 @@ def identify(
         alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
-        apart = disagreements(model, chosen.dead_times)
+        apart = [*outlying(training), *disagreements(model, chosen.dead_times)]
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
-        found = [*diverged, *lost(model, unseen, whole), *apart, *reliance.remarks, *identifier.notes_, *unexcited]
+        told = () if tested.validation is None else tested.validation.notes
+        found = [
+            *diverged,
+            *lost(model, unseen, whole),
+            *apart,
+            *reliance.remarks,
+            *identifier.notes_,
+            *told,
+            *unexcited,
+        ]
+        found = list(dict.fromkeys(found))
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
             voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
-            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes)
+            linear = (
+                linear_errors(chosen.lags, output_lags or OUTPUT_LAGS, training, unseen) if tested.pole is None else []
+            )
+            _write_report(folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear)
             voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
@@ -227,6 +241,7 @@ def _write_report(
     complete: bool,
     notes: Sequence[str],
     clocks: list[str],
+    linear: Sequence[float],
 ) -> None:
     from deatwin.app.identify_report import Identified, write_identified
 
@@ -238,6 +253,7 @@ def _write_report(
         complete=complete,
         notes=notes,
         clocks=clocks,
+        linear=linear,
     )
     write_identified(found, folder, record)
     folder.remove_former(r"figures/\w+\.csv")

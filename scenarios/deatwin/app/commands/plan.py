@@ -60,19 +60,11 @@ def plan(
         raise typer.BadParameter(
             "it is of an input that is advised, and one is given: leave one of them out", param_hint="--seconds"
         )
-    from deatwin.app.given import GivenPlant
-    from deatwin.app.plan_report import write_plan
-    from deatwin.ident.mismatch import plan_experiment
-    from deatwin.studies.provenance import RunRecord, hashes
+    from deatwin.app.planning import plan_into
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(rig, input_column=input_column, time_column=time_column, dt=dt, resample=resample)
-    record = None if commands is None else plant.commands(commands)
-    files = [Path(name) for name in (rig, commands) if name is not None and Path(name).is_file()]
-    run = RunRecord(command=context.obj or [], inputs=hashes(files), seed=seed, jobs=jobs)
     with results(out, voice, "planning") as (folder, progress):
-        found = plan_experiment(plant.model.plant, record, seconds=seconds, jobs=jobs, seed=seed, progress=progress)
-        write_plan(found, folder, run)
+        found = plan_into(folder, context.obj or [], context.params, progress)
     voice.say(found.sentence)
     for one in found.effects:
         voice.say(f"  {one.sentence}")

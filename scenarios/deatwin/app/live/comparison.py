@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from deatwin.app.live.drawing import DRAWING
 from deatwin.app.live.verdicts import Verdict
 
 SIZE = (2.7, 1.2)
 MOST = 6
 """Verdicts that are compared at once."""
-_DRAWING = threading.Lock()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +49,10 @@ def compare(verdicts: Sequence[Verdict]) -> Comparison:
 
 
 def _drawn(number: int, verdict: Verdict, limit: float) -> str:
-    """Errors before and after, on the fitted and on the unseen part, beside the noise."""
+    """Errors before and after, on the fitted and on the held-out part, beside the noise."""
     from deatwin.studies.report.svg import COLOURS, draw, inline
 
-    with _DRAWING, draw(SIZE) as figure:  # the style is matplotlib's own global one meanwhile
+    with DRAWING, draw(SIZE) as figure:
         axes = figure.subplots()
         for height, (before, after) in enumerate((verdict.unseen, verdict.fitted)):
             if before is not None and after is not None:
@@ -63,7 +62,7 @@ def _drawn(number: int, verdict: Verdict, limit: float) -> str:
                     axes.plot(value, height, marker, color=COLOURS[role][0], markersize=7, zorder=3)
         if verdict.noise is not None:
             axes.axvline(verdict.noise, color=COLOURS["measured"][0], linestyle="--", linewidth=1.2)
-        axes.set_yticks([0, 1], ["unseen", "fitted"])
+        axes.set_yticks([0, 1], ["held out", "fitted"])
         axes.set_ylim(-0.6, 1.6)
         axes.set_xlim(-0.03 * limit, 1.06 * limit)
         axes.grid(visible=False, axis="y")

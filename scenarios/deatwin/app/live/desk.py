@@ -12,7 +12,7 @@ from pathlib import Path
 
 from deatwin.plant.errors import DataError
 
-RECORDINGS = (".csv", ".txt", ".tsv", ".mat", ".tdms", ".nc")
+RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".xlsx", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
 WRITTEN = {"figures", "rivals", "next_input.csv"}

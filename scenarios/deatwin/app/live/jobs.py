@@ -1,4 +1,4 @@
-"""Diagnoses that run beside the page, each in a process of its own that can be stopped."""
+"""Diagnoses and plans that run beside the page, each in a process of its own that can be stopped."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import IO, Any
@@ -22,7 +22,7 @@ from deatwin.plant.errors import DataError
 from deatwin.studies.partial import holds_only_partial
 
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
-"""Command that runs a diagnosis; the arguments of ``deatwin`` follow."""
+"""Command that runs a job; the arguments of ``deatwin`` follow."""
 MOST_RUNNING = 2
 GRACE = 5.0
 """Seconds that a process has for stopping by itself."""
@@ -41,36 +41,84 @@ class State(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """A diagnosis that is asked for."""
+    """What a job is asked for."""
 
     rig: str  # Rig file or ``model.json`` in the folder
-    recordings: Sequence[str]  # Files in the folder: one experiment
     out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
-    input_column: str = ""
-    output_column: str = ""
-    time_column: str = ""
-    allow_gaps: bool = False  # Split records at gaps
+    reading: Mapping[str, Any] = field(default_factory=dict)  # Options of the readers that were asked for
     seed: int = 0
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Files in the folder that are read, the rig first."""
+        raise NotImplementedError
 
     @property
     def arguments(self) -> list[str]:
         """Arguments of ``deatwin``, run in the folder."""
-        files = [f"./{name}" if name.startswith("-") else name for name in (self.rig, *self.recordings)]
-        columns = {"input": self.input_column, "output": self.output_column, "time": self.time_column}
-        return [
-            "diagnose",
-            *files,
-            "--out",
-            self.out,
-            "--seed",
-            str(self.seed),
-            *(f"--{role}-column={name}" for role, name in columns.items() if name),
-            *(["--allow-gaps"] if self.allow_gaps else []),
-        ]
+        raise NotImplementedError
+
+    def require(self) -> None:
+        """Raise DataError where something has not been chosen."""
+
+    def _arguments(self, command: str) -> list[str]:
+        files = [f"./{name}" if name.startswith("-") else name for name in self.files]
+        return [command, *files, "--out", self.out, "--seed", str(self.seed), *_options(self.reading)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosing(Order):
+    """A diagnosis that is asked for."""
+
+    recordings: Sequence[str]  # Files in the folder: one experiment
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.rig, *self.recordings)
+
+    @property
+    def arguments(self) -> list[str]:
+        return self._arguments("diagnose")
+
+    def require(self) -> None:
+        if not self.recordings or not self.rig:
+            raise DataError("choose a rig file and at least one recording")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planning(Order):
+    """A plan that is asked for: which missing physics an input would show."""
+
+    commands: str = ""  # File in the folder with the input; empty to be advised one
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (self.rig, self.commands) if self.commands else (self.rig,)
+
+    @property
+    def arguments(self) -> list[str]:
+        known = {k: v for k, v in self.reading.items() if k not in ("output_column", "allow_gaps")}
+        return replace(self, reading=known)._arguments("plan")
+
+    def require(self) -> None:
+        if not self.rig:
+            raise DataError("choose a rig file")
+
+
+def _options(reading: Mapping[str, Any]) -> list[str]:
+    """Options of the command line, from arguments of the readers."""
+    said = []
+    for name, value in reading.items():
+        flag = f"--{name.replace('_', '-')}"
+        if value is True:
+            said.append(flag)
+        elif value not in (None, False, ""):
+            said.append(f"{flag}={value:.12g}" if isinstance(value, float) else f"{flag}={value}")
+    return said
 
 
 class Job:
-    """A diagnosis on its way."""
+    """A diagnosis or a plan on its way."""
 
     def __init__(self, root: Path, order: Order, program: Sequence[str] = WORKER) -> None:
         self.order = order
@@ -189,16 +237,15 @@ class Board:
         return [job for job in self.jobs if job.state is State.RUNNING]
 
     def start(self, order: Order) -> Job:
-        """Start a diagnosis."""
-        if not order.recordings or not order.rig:
-            raise DataError("choose a rig file and at least one recording")
-        for name in (order.rig, *order.recordings):
+        """Start a job."""
+        order.require()
+        for name in order.files:
             if not inside(self.root, name).is_file():
                 raise DataError(f"{name}: there is no such file in the folder")
         if safe_name(order.out) != order.out:
             raise DataError(f'{order.out}: no name for a folder here; take for example "{safe_name(order.out)}"')
         if len(self.running) >= MOST_RUNNING:
-            raise DataError(f"{MOST_RUNNING} diagnoses are running; wait for one, or cancel it")
+            raise DataError(f"{MOST_RUNNING} jobs are running; wait for one, or cancel it")
         self._make(order.out)
         job = Job(self.root, order, self.program)
         self.jobs.insert(0, job)
@@ -211,7 +258,7 @@ class Board:
             folder.mkdir()
         except FileExistsError:
             if any(_same(folder, self.root / job.order.out) for job in self.running):
-                raise DataError(f"{out}: a diagnosis that runs writes into it; take another name") from None
+                raise DataError(f"{out}: a job that runs writes into it; take another name") from None
             if not holds_only_partial(folder):
                 raise DataError(f"{out}: is there already; results are not replaced, take another name") from None
         except OSError as error:

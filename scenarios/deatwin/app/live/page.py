@@ -13,6 +13,7 @@ Here is only what is seen. What it does is in the modules beside.
 from __future__ import annotations
 
 from collections.abc import Callable
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ from nicegui import run, ui
 
 from deatwin.app.live.comparison import MOST, compare
 from deatwin.app.live.desk import Desk, free_name
-from deatwin.app.live.jobs import Board, Job, Order, State
+from deatwin.app.live.glance import Glance, glance
+from deatwin.app.live.jobs import Board, Diagnosing, Job, Order, Planning, State
 from deatwin.app.live.uploads import MEGABYTE, UPLOADS, keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
@@ -30,7 +32,7 @@ REFRESH = 0.5
 """Seconds between two looks at the jobs."""
 INVITATION = """
 <div class="invite">
-  <label class="relative-position">Drop recordings (CSV) or a rig file (TOML) here, up to %s MB
+  <label class="relative-position">Drop recordings or a rig file (TOML) here, up to %s MB
     <q-uploader-add-trigger /></label>
   <q-btn flat dense no-caps color="primary" label="Choose files" @click="props.pickFiles" />
 </div>
@@ -61,16 +63,20 @@ class View:
         self.board = board
         self.most_bytes = most_bytes
         self.cards: dict[Job, JobCard] = {}
+        self.glance: Glance | None = None
         with ui.element("header").classes("top"):
             ui.html("<h1>deatwin live view</h1>", sanitize=False)
             ui.label(str(board.root)).classes("quiet path")
         with ui.element("main").classes("page"):
             with ui.element("div").classes("two"):
-                with _section("New diagnosis"):
+                with _section("Recordings and rig"):
                     self._build_form()
-                with _section("Running and done"):
-                    self.idle = ui.label("Nothing runs.").classes("quiet")
-                    self.jobs = ui.element("div").classes("jobs").props('aria-live="polite"')
+                with ui.element("div").classes("stack"):
+                    with _section("Running and done"):
+                        self.idle = ui.label("Nothing runs.").classes("quiet")
+                        self.jobs = ui.element("div").classes("jobs").props('aria-live="polite"')
+                    with _section("What is in the recording"):
+                        self.seen = ui.html("Choose or drop a recording to see it.", sanitize=False).classes("full")
             with _section("Verdicts side by side"):
                 self._build_comparison()
         self.look()
@@ -95,18 +101,42 @@ class View:
         )
         self.upload.add_slot("header", INVITATION % f"{megabytes:g}")
         self.recordings = _choice("Recordings of one experiment", multiple=True)
+        self.recordings.on_value_change(self.show)
         self.rig = _choice("Rig file or calibrated model")
         self.out = _field(ui.input("Name for the results"))
-        with ui.expansion("Columns, gaps, seed").props("dense").classes("full"):
-            self.input_column = _field(ui.input("Input column, if not command_V"))
-            self.output_column = _field(ui.input("Output column, if not displacement_mm"))
-            self.time_column = _field(ui.input("Column of times, if not time_s"))
+        with ui.expansion("Columns, clock, units", value=False).props("dense").classes("full") as self.details:
+            fields = ui.element("div").classes("fields")
+        with fields:
+            self.columns = {
+                role: _field(ui.input(label, autocomplete=[]))
+                for role, label in (
+                    ("input_column", "Input column, if not command_V"),
+                    ("output_column", "Output column, if not displacement_mm"),
+                    ("time_column", "Column of times, if not time_s"),
+                )
+            }
+            self.units = {
+                role: _field(ui.input(label))
+                for role, label in (
+                    ("input_column", "Unit of the input, if its header has none"),
+                    ("output_column", "Unit of the output, if its header has none"),
+                )
+            }
+            self.clock = {
+                name: _field(ui.number(label, min=0))
+                for name, label in (
+                    ("dt", "Sample time (s), if the file holds no times"),
+                    ("resample", "Resample to (s), if its times are uneven"),
+                )
+            }
             self.allow_gaps = ui.checkbox("Split records at their gaps")
             self.seed = _field(ui.number("Seed", value=0, min=0, precision=0))
+            ui.button("Read again", on_click=self.show).props("flat dense no-caps")
         self.fault = ui.label().classes("fault").props('role="alert"')
         self.fault.set_visibility(False)
         with ui.row():
-            ui.button("Diagnose", on_click=self.start).props("unelevated no-caps")
+            ui.button("Diagnose", on_click=self.diagnose).props("unelevated no-caps")
+            ui.button("Plan an experiment", on_click=self.plan).props("outline no-caps")
             ui.button("Look into the folder again", on_click=self.look).props("flat no-caps")
 
     def _build_comparison(self) -> None:
@@ -137,14 +167,7 @@ class View:
         try:
             content = await event.file.read()
             name = await run.io_bound(
-                keep_upload,
-                self.board.root,
-                event.file.name,
-                content,
-                most_bytes=self.most_bytes,
-                input_column=self.input_column.value or None,
-                output_column=self.output_column.value or None,
-                time_column=self.time_column.value or None,
+                keep_upload, self.board.root, event.file.name, content, most_bytes=self.most_bytes, **self.asked()
             )
         except (DeatwinError, OSError) as error:
             self.complain(_told(error))
@@ -154,21 +177,68 @@ class View:
         if str(name).lower().endswith(".toml"):
             self.rig.set_value(name)
         else:
-            self.recordings.set_value([*self.recordings.value, name])
+            self.recordings.set_value([*self.recordings.value, name])  # and so it is shown
 
-    def start(self) -> None:
+    def asked(self) -> dict[str, Any]:
+        """Options of the readers that the fields ask for."""
+        named = {role: field.value or None for role, field in self.columns.items()}
+        for role, field in self.units.items():
+            column = named[role] or self._place(role)
+            if field.value and column:
+                named[role] = f"{column}={field.value}"
+        clock = {name: float(field.value) if field.value else None for name, field in self.clock.items()}
+        return {**named, **clock, "allow_gaps": bool(self.allow_gaps.value)}
+
+    def _place(self, role: str) -> str | None:
+        """The column that was last read in a role, by its place."""
+        columns = () if self.glance is None else self.glance.columns
+        return next((f"#{c.place}" for c in columns if f"{c.role}_column" == role), None)
+
+    async def show(self) -> None:
+        """Show what is in the recording that was chosen last, and ask for what it does not say."""
+        name = (self.recordings.value or [None])[-1]
+        if name is None:
+            return
+        try:
+            found = await run.io_bound(glance, self.board.root, name, self.asked())
+        except (DeatwinError, OSError) as error:
+            self.seen.set_content("")
+            self.complain(_told(error))
+            return
+        if found is None:  # the page is being closed
+            return
+        self.glance = found
+        headers = [column.header for column in found.columns]
+        for role, field in self.columns.items():
+            field.set_autocomplete(headers)
+            if found.further.get(role):
+                field.set_value(found.further[role])
+        for option, number in self.clock.items():
+            if found.further.get(option):
+                number.set_value(found.further[option])
+        self.allow_gaps.set_value(self.allow_gaps.value or bool(found.further.get("allow_gaps")))
+        if found.refused:
+            self.details.open()
+        self.seen.set_content(f"<p><strong>{escape(name)}</strong></p>{found.html()}")
+
+    def diagnose(self) -> None:
         """Start the diagnosis that is chosen."""
+        self.start(Diagnosing, recordings=tuple(self.recordings.value or ()))
+
+    def plan(self) -> None:
+        """Start a plan with the commands of the first recording that is chosen, or with an input to be advised."""
+        self.start(Planning, commands=(self.recordings.value or [""])[0])
+
+    def start(self, kind: type[Order], **chosen: Any) -> None:
+        """Start a job."""
         try:
             self.board.start(
-                Order(
+                kind(
                     rig=self.rig.value or "",
-                    recordings=tuple(self.recordings.value or ()),
                     out=self.out.value.strip(),
-                    input_column=self.input_column.value,
-                    output_column=self.output_column.value,
-                    time_column=self.time_column.value,
-                    allow_gaps=self.allow_gaps.value,
+                    reading=self.asked(),
                     seed=int(self.seed.value or 0),
+                    **chosen,
                 )
             )
         except (DeatwinError, OSError) as error:
@@ -209,7 +279,7 @@ class JobCard:
             with ui.row().classes("head"):
                 ui.label(job.order.out).classes("name")
                 self.state = ui.label().classes("verdict")
-            ui.label(f"{', '.join(job.order.recordings)} with {job.order.rig}").classes("quiet")
+            ui.label(", ".join(job.order.files)).classes("quiet")
             self.bar = ui.linear_progress(0.0, show_value=False).props(f'aria-label="progress of {job.order.out}"')
             self.text = ui.label()
             self.steps = ui.label().classes("quiet steps")

@@ -7,12 +7,13 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from deatwin.app.live.desk import safe_name
+from deatwin.app.live.desk import RECORDINGS, safe_name
 from deatwin.plant.errors import DataError, DeatwinError
 
 MEGABYTE = 1_000_000
-UPLOADS = (".csv", ".txt", ".tsv", ".toml")
+UPLOADS = (*RECORDINGS, ".toml")
 
 
 def keep_upload(
@@ -21,11 +22,9 @@ def keep_upload(
     content: bytes,
     *,
     most_bytes: int,
-    input_column: str | None = None,
-    output_column: str | None = None,
-    time_column: str | None = None,
+    **asked: Any,
 ) -> str:
-    """Keep a recording or a rig file in the folder, if it reads as the command line would read it."""
+    """Keep a rig file that reads, or a recording that reads as it was asked for or with options that can be found."""
     kept = safe_name(name)
     if len(content) > most_bytes:
         raise DataError(
@@ -38,13 +37,15 @@ def keep_upload(
         raise DataError(f"{kept}: the folder has a file of this name; rename yours")
 
     def read(path: Path) -> None:
-        from deatwin.plant.files import read_experiment
+        from deatwin.plant.files.understood import understand
         from deatwin.plant.rigs.rigfile import read_rig
 
         if suffix == ".toml":
             read_rig(path)
-        else:
-            read_experiment([path], input_column=input_column, output_column=output_column, time_column=time_column)
+            return
+        found = understand(path, **asked)
+        if not found.recordings and not found.placeholders:
+            raise DataError(found.refused)
 
     _keep(root, kept, content, read)
     return kept

@@ -1,4 +1,4 @@
-"""``deatwin diagnose`` in a process of its own, which says how far it is.
+"""``deatwin diagnose`` or ``deatwin plan`` in a process of its own, which says how far it is.
 
 ``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` takes what ``deatwin diagnose`` takes, reads
 and writes the same, and complains in the same line. On stdout it prints one JSON object a line: ``{"share": 0.3,
@@ -17,11 +17,12 @@ from deatwin.studies.interrupts import forward_signals
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Diagnose."""
+    """Diagnose or plan, by the first argument."""
+    run = {"diagnose": _diagnose, "plan": _plan}[arguments[0]]
 
     def work() -> None:
         with forward_signals():
-            _diagnose(arguments)
+            run(arguments)
 
     return exit_status(work)
 
@@ -47,6 +48,16 @@ def _diagnose(arguments: Sequence[str]) -> None:
     _tell(share=1.0, verdict=diagnosis.verdict.value, sentence=diagnosis.sentence)
 
 
+def _plan(arguments: Sequence[str]) -> None:
+    from deatwin.app.planning import plan_into
+    from deatwin.studies.folder import ResultFolder
+
+    asked = _parse(arguments)
+    with ResultFolder(asked["out"]) as folder:
+        found = plan_into(folder, ["deatwin", *arguments], asked, _progress)
+    _tell(share=1.0, verdict="plan", sentence=found.sentence)
+
+
 def _progress(share: float, step: str) -> None:
     from deatwin.plant.interrupts import obey
 
@@ -61,7 +72,7 @@ def _parse(arguments: Sequence[str]) -> dict[str, Any]:
     from deatwin.app.cli import app
 
     group: Any = get_command(app)
-    parameters: dict[str, Any] = group.commands["diagnose"].make_context("diagnose", list(arguments[1:])).params
+    parameters: dict[str, Any] = group.commands[arguments[0]].make_context(arguments[0], list(arguments[1:])).params
     return parameters
 
 

@@ -27,6 +27,11 @@ class Origin:
         return cls(inputs=record.inputs, seed=record.seed, command=record.command)
 
     @property
+    def files(self) -> str:
+        """Names of the inputs, without their folders."""
+        return ", ".join(PurePath(given["file"]).name for given in self.inputs)
+
+    @property
     def shown(self) -> str:
         """The command line as one may type it again, without what leaves the results as they are."""
         words = list(self.command)

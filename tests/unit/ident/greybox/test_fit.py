@@ -238,3 +238,39 @@ def test_a_name_that_cannot_be_fitted_is_refused(plant, name, said):
     experiment = recorded(plant, noise_command(0, 50))
     with pytest.raises(DataError, match=said):
         calibrate(plant, [Part.whole(experiment)], names=[name])
+
+
+def test_progress_grows_and_counts_simulations(plant):
+    told = []
+    found = calibrate(
+        plant, recorded(plant.with_values(TRUTH), noise_command(3), 3), progress=lambda *now: told.append(now)
+    )
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert 0.0 < shares[0] < 0.3 < shares[-1] < 1.0
+    assert len(told) >= found.evaluations / 2  # openings count by their lengths
+    assert told[0][1] == "fit from the given values, 1 simulations"
+
+
+@pytest.mark.parametrize("after", [2, 12, 40])
+def test_an_interrupt_keeps_the_best_so_far(plant, after):
+    experiment = recorded(plant.with_values(TRUTH), noise_command(4), 4)
+    count = 0
+
+    def interrupt(share, doing):
+        nonlocal count
+        count += 1
+        if count > after:
+            raise KeyboardInterrupt
+
+    found = calibrate(plant, experiment, progress=interrupt)
+    if count <= after:
+        pytest.skip("the search ended before")
+    assert found.status is FitStatus.INTERRUPTED
+    assert found.status.ok
+    assert "interrupted" in str(found)
+    problem = Problem(plant=plant, parts=(Part.whole(experiment),), names=plant.parameters.free)
+    start = problem.evaluate(problem.start())[0]
+    assert found.rms < np.sqrt(np.mean(start**2))
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(plant, experiment, progress=lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))

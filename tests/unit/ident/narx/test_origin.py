@@ -87,6 +87,27 @@ def test_every_choice_of_terms_stands_a_swing_that_is_a_small_share_of_the_offse
     assert error < 1.05 * 0.005
 
 
+@pytest.mark.parametrize("offsets", [(40.0, 0.0), (0.0, 300.0), (40.0, 300.0)])
+@pytest.mark.parametrize("identifier", [Frols(), Lasso(), Semp(), SvbNarx()])
+def test_offsets_add_no_term(identifier, offsets):
+    """Shifted signals obey the same equation about another rest: all of three draws have the very terms without shift."""
+    for seed in range(3):
+        u, y = signals(seed=seed)
+        terms = set(identifier.fit(moved(u, y)).terms_)
+        assert set(identifier.fit(moved(u, y, *offsets)).terms_) == terms
+
+
+def test_exact_data_about_an_offset_have_no_constant_and_no_wild_percentage():
+    """Without noise the plant is known to rounding; what the prior still holds back is told in deviations of the output."""
+    rng = np.random.default_rng(60)
+    u, y = rng.uniform(-1, 1, 60), np.zeros(60)
+    for k in range(2, 60):
+        y[k] = 0.6 * y[k - 1] + 0.5 * u[k - 1] + 0.3 * u[k - 2] + 0.1 * u[k - 1] * u[k - 2]
+    svb = SvbNarx().fit(moved(u, y, 0.0, Y0))
+    assert {str(term) for term in svb.terms_} == {"y(k-1)", "u(k-1)", "u(k-2)", "u(k-1)u(k-2)"}
+    assert all("%" not in note and "only rounding" in note for note in svb.notes_)
+
+
 def test_with_offsets_the_outputs_rest_together_without_a_constant():
     """Two coupled outputs, driven off their rest by the square of the input; the model at offset zero has no constant."""
     rng = np.random.default_rng(0)

@@ -110,3 +110,16 @@ def test_what_does_not_fit_together_is_refused():
         NarxModel.from_terms(COUPLED, sample_time=1.0).require_one_output("frequency analysis")
     with pytest.raises(ModelError, match="without noise terms"):
         NarxModel.from_terms(MOVING_AVERAGE, sample_time=1.0).require_one_output("frequency analysis")
+
+
+@pytest.mark.parametrize(("noise", "said"), [(0.05, True), (0.001, False)])
+def test_products_of_noisy_outputs_are_warned_of(noise, said):
+    """Two coupled oscillators with one true product: at 5 % of noise least squares makes up false ones, at 0.1 % none."""
+    rng = np.random.default_rng(3)
+    u, y = rng.uniform(-1, 1, 1500), np.zeros((2, 1500))
+    for k in range(2, 1500):
+        y[0, k] = 1.5 * y[0, k - 1] - 0.8 * y[0, k - 2] + 0.1 * y[1, k - 1] + u[k - 1]
+        y[1, k] = 1.2 * y[1, k - 1] - 0.6 * y[1, k - 2] + 0.1 * y[0, k - 1] + 0.05 * y[0, k - 1] * u[k - 1]
+    seen = y + noise * y.std(axis=1, keepdims=True) * rng.normal(size=y.shape)
+    notes = Frols().fit(Recording.from_arrays(u, seen, 0.1)).notes_
+    assert any("may stand for its bias" in note for note in notes) is said

@@ -168,3 +168,15 @@ def test_measured_positioning_system() -> None:
     recording = read_recording(EMPS / "DATA_EMPS.mat", input_column="vir", output_column="qm")
     assert recording.n_samples == 24841
     assert recording.sample_time == pytest.approx(1e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_the_signals_of_a_matrix_are_its_columns(tmp_path: Path, across: bool) -> None:
+    times, values = np.arange(50) * 0.02, np.random.default_rng(3).normal(size=(2, 50))
+    matrix = np.vstack([times, values])
+    savemat(tmp_path / "lab.mat", {"data": matrix if across else matrix.T, "image": np.ones((70, 90))})
+    header = "data({},:)" if across else "data(:,{})"
+    for named in (header.format, "#{}".format):
+        columns = {f"{role}_column": named(k) for role, k in (("time", 1), ("input", 2), ("output", 3))}
+        found = read_recording(tmp_path / "lab.mat", **columns)
+        np.testing.assert_array_equal([found.timepts, found.inputs[0], found.outputs[0]], matrix)

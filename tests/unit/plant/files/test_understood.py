@@ -110,3 +110,26 @@ def test_what_the_user_names_is_not_replaced(write: Write) -> None:
 
 def test_a_missing_file_is_told(tmp_path: Path) -> None:
     assert "no such file" in understand(tmp_path / "absent.csv").refused
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "fault"),
+    [
+        ("time_s,u,y", ["0,1,2", "0.1,2,NaN", "0.2,3,4", "0.3,1,2"], 'row 3, column "y"'),
+        ("time_s,u,y", ["0,1,2", "0.1,2,3", "0.2,OVER,4", "0.3,1,2"], 'row 4, column "u": "OVER"'),
+        ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.003,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.003,5"'),
+    ],
+)
+def test_a_bad_cell_does_not_hide_its_column(tmp_path: Path, header: str, rows: list[str], fault: str) -> None:
+    path = tmp_path / "lab.csv"
+    path.write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    found = understand(path)
+    assert fault in found.remaining
+    assert "--input-column u --output-column y" in found.remaining
+
+
+def test_the_number_of_a_row_is_no_signal(tmp_path: Path) -> None:
+    path = tmp_path / "lab.csv"
+    rows = [f"{k},{0.1 * k:.1f},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(1, 40)]
+    path.write_text("\n".join(["Scan,Time,101 (VDC),102 (VDC)", *rows, ""]), encoding="utf-8")
+    assert understand(path).options == ("--input-column", "101 (VDC)", "--output-column", "102 (VDC)")

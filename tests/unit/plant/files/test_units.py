@@ -19,6 +19,7 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("t_rel (ms)", "t_rel", "ms"),
         ("x_mm (V)", "x_mm", "V"),
         ("film_voltage", "film_voltage", ""),
+        ("command_MV", "command_MV", ""),
         ("x_left (left)", "x_left", ""),
         ("gain (V)_mm", "gain (V)", "mm"),
         ("mm", "mm", ""),
@@ -55,6 +56,14 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("run in air", "run in air", ""),
         ("m/s/s", "m/s/s", ""),
         ("1/m", "1/m", ""),
+        ("field_kV_mm", "field", "kV/mm"),
+        ("field_V_per_um", "field", "V/um"),
+        ("flow_ml_min", "flow", "ml/min"),
+        ("force_N_m", "force_N_m", ""),
+        ("load_F", "load_F", ""),
+        ("Position (L)", "Position", ""),
+        ("temperature (F)", "temperature", "°F"),
+        ("charge (µC)", "charge", "uC"),
     ],
 )
 def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str) -> None:
@@ -65,6 +74,8 @@ def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str)
 @pytest.mark.parametrize("name", ["U", "U_cmd", "Weg 2", "a_b_c", "电压_x"])
 @pytest.mark.parametrize("form", ["{}_{}", "{} ({})", "{}[{}]", "{} in {}"])
 def test_any_name_keeps_its_unit(name: str, unit: str, form: str) -> None:
+    if unit in ("F", "l") and form in ("{}_{}", "{} in {}"):
+        return  # a force and a length end names as well
     assert split_unit(form.format(name, unit)) == (name, unit)
 
 
@@ -91,6 +102,28 @@ def test_any_name_keeps_its_unit(name: str, unit: str, form: str) -> None:
         ("kV/mm", "V/m", constants.mega),
         ("1/min", "1/s", 1 / constants.minute),
         ("%", "1", 0.01),
+        ("uC", "C", constants.micro),
+        ("pC", "C", constants.pico),
+        ("mA h", "C", constants.milli * constants.hour),
+        ("nF", "F", constants.nano),
+        ("Gohm", "ohm", constants.giga),
+        ("mgf", "N", constants.milli * constants.gram * constants.g),
+        ("kgf", "N", constants.kgf),
+        ("Torr", "Pa", constants.torr),
+        ("atm", "Pa", constants.atm),
+        ("mmHg", "Pa", 13595.1 * constants.g * constants.milli),
+        ("inHg", "Pa", 13595.1 * constants.g * constants.inch),
+        ("cmH2O", "Pa", 1000 * constants.g * constants.centi),
+        ("kgf/cm2", "Pa", constants.kgf / constants.centi**2),
+        ("N/mm2", "Pa", constants.mega),
+        ("MV/m", "V/m", constants.mega),
+        ("V/um", "V/m", constants.mega),
+        ("kV/cm", "V/m", constants.kilo / constants.centi),
+        ("ml/min", "m3/s", constants.milli * constants.liter / constants.minute),
+        ("uC/cm2", "C/m2", constants.micro / constants.centi**2),
+        ("um/m", "1", constants.micro),
+        ("inch", "m", constants.inch),
+        ("mW h", "J", constants.milli * constants.hour),
     ],
 )
 def test_factors_are_those_of_scipy(unit: str, si: str, value: float) -> None:
@@ -103,6 +136,8 @@ def test_temperatures_are_shifted_and_their_differences_are_not() -> None:
     kelvin = constants.convert_temperature(celsius, "Celsius", "Kelvin")
     for header in ("T (°C)", "T_degC", "T [℃]", "air in C", "T (Celsius)"):
         np.testing.assert_allclose(UNITS[split_unit(header)[1]].to_si(celsius), kelvin, rtol=1e-14)
+    fahrenheit = constants.convert_temperature(celsius, "Celsius", "Fahrenheit")
+    np.testing.assert_allclose(UNITS[split_unit("T (degF)")[1]].to_si(fahrenheit), kelvin, rtol=1e-14)
     for header in ("dT (°C)", "ΔT (°C)", "temperature difference (C)", "temperature rise (degC)", "T (Δ°C)"):
         unit = UNITS[split_unit(header)[1]]
         assert unit.si == "K"
@@ -129,6 +164,15 @@ def test_temperatures_are_shifted_and_their_differences_are_not() -> None:
             "ohm": "Ω Ohm",
             "kohm": "kΩ",
             "Hz": "hz Hertz",
+            "uC": "µC microcoulomb microCoulombs",
+            "mA h": "mAh mA·h",
+            "Gohm": "GΩ GOhm",
+            "mmHg": "mm-Hg",
+            "l/min": "L/min liters/min l·min⁻¹",
+            "V/um": "V/µm volt/micron V·µm⁻¹",
+            "N/mm2": "N/mm² N·mm^-2",
+            "V": "VDC Volts",
+            "": "L V/A x/y counts l/l/V sqm",
         }.items()
         for spelt in spellings.split()
     ],

@@ -132,7 +132,8 @@ def test_a_misspelt_column_is_offered_in_the_unit_that_is_wanted(tmp_path: Path,
 
 
 @pytest.mark.parametrize(
-    ("header", "unit"), [("speed [l/min]", "l/min"), ("speed (widgets/h)", "widgets/h"), ("speed / (m³/h)", "m³/h")]
+    ("header", "unit"),
+    [("speed [lines/min]", "lines/min"), ("speed (widgets/h)", "widgets/h"), ("speed / (mm³/rev)", "mm³/rev")],
 )
 def test_what_stands_in_brackets_is_the_unit_known_or_not(tmp_path: Path, header: str, unit: str) -> None:
     for asked in ("speed", header, "#3"):
@@ -144,9 +145,9 @@ def test_what_stands_in_brackets_is_the_unit_known_or_not(tmp_path: Path, header
 
 def test_an_unknown_unit_below_the_names_is_carried(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
-    path.write_text("t;u;flow\ns;V;l/min\n0;0;1\n0,1;1;2\n", encoding="utf-8")
+    path.write_text("t;u;flow\ns;V;drops/min\n0;0;1\n0,1;1;2\n", encoding="utf-8")
     found = read_recording(path, input_column="u", output_column="flow")
-    assert (found.input_units, found.output_names, found.output_units) == (("V",), ("flow",), ("l/min",))
+    assert (found.input_units, found.output_names, found.output_units) == (("V",), ("flow",), ("drops/min",))
 
 
 @pytest.mark.parametrize("asked", ["speed=mm", "#3=mm"])

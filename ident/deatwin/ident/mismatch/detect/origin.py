@@ -36,7 +36,7 @@ PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
 BOUND = 2.0
 """Standard deviations of the jackknife on either side."""
-FEWEST_SECONDS = 20.0
+FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
 """Of recordings without repeats, from which anything is concluded."""
 
 
@@ -118,7 +118,8 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
     """
     rest = without_forms(left)
     size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
-    enough = size >= practical and left.residual.size * left.sample_time >= FEWEST_SECONDS
+    fewest = max(FEWEST_SAMPLES, FEWEST_SECONDS / left.sample_time)
+    enough = size >= practical and left.residual.size >= fewest
     if not enough:
         return OriginEvidence.none(size)
     if repeats is not None:

@@ -26,8 +26,8 @@ from deatwin.plant.model import Plant
 Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 
-TIMES = np.logspace(-1, 2, 7)
-"""Time constants of low-passes, s: two a decade."""
+SHORTEST, LONGEST, TIMES = (0.1, 5), (100.0, 1000), 7
+"""Ends of the time constants of low passes, s and, of a plant that is sampled slowly, samples; and their number."""
 WIDTHS = (0.15, 0.4, 1.0)
 """Half widths of plays and dead bands, in units of the signal's scale."""
 POSITION, RATE = "displacement", "velocity"
@@ -90,6 +90,9 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
     tuple of Primitive
         The simpler first; none of signals that do not move.
     """
+    h = max(float(np.diff(signals["time"][:2]).sum()) for signals in along)
+    first, last = (max(seconds, samples * h) for seconds, samples in (SHORTEST, LONGEST))
+    times = np.geomspace(first, last, TIMES)
     names = [name for name in along[0] if any(np.ptp(signals[name]) > 0 for signals in along)]
     given: dict[str, dict[str, Any]] = {
         name: {"variable": name, "scale": _rms([signals[name] for signals in along])} for name in names
@@ -99,13 +102,13 @@ def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]
         x = given[position]
         found += [*(Power(order=n, **x) for n in (1, 2, 3)), Magnitude(**x), Largest(**x), Smallest(**x)]
         found += [kind(width=w, **x) for kind in (DeadBand, Play) for w in WIDTHS]
-        found += [LowPass(time=float(t), **x) for t in TIMES]
+        found += [LowPass(time=float(t), **x) for t in times]
     if RATE in given:
         v = given[RATE]
         found += [Power(**v), Magnitude(**v), SignedSquare(**v)]
     if "command" in given:
         u = given["command"]
-        found += [*(Power(order=n, **u) for n in (1, 2, 4)), *(LowPass(time=float(t), order=2, **u) for t in TIMES)]
+        found += [*(Power(order=n, **u) for n in (1, 2, 4)), *(LowPass(time=float(t), order=2, **u) for t in times)]
     found += [Power(**given[name]) for name in ("command_rate", "time") if name in given]
     return tuple(found)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from deatwin.ident.greybox.filter import Latent, open_place, smoothed
 from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise
 from deatwin.ident.greybox.filter_openings import Opening
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
@@ -205,7 +205,7 @@ class _Fit:
         form, left = self.form, [k for k in range(len(self.stable)) if k != number]
         fewer = self.site.free_form([form.terms[k] for k in left], form.size, [form.coefficients[k] for k in left])
         start = self.calibration.plant.without_effects(form.name).with_effects(fewer)
-        again = calibrate(start, parts, starts=1, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+        again = descend(start, parts, evaluations=EVALUATIONS, tolerance=TOLERANCE)
         return replace(self, calibration=again, stable=tuple(self.stable[k] for k in left))
 
 
@@ -214,7 +214,7 @@ def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench:
     start = _start(search, stable, base, bench) if stable else None
     if start is None:
         return None
-    fit = calibrate(start, bench.fitted, starts=1, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    fit = descend(start, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     found = _Fit(calibration=fit, stable=stable, site=search.site)
     while found.calibration.status.ok and (number := found.weakest) is not None:
         if len(found.stable) == 1:
@@ -284,7 +284,7 @@ def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
     Beside a form the plant's own parameters may come to where they are better off without it, too.
     """
     plant = fit.calibration.plant.without_effects(fit.form.name)
-    again = calibrate(plant, bench.fitted, starts=1, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    again = descend(plant, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     unseen = free_run_residuals(again.plant, bench.unseen) if again.status.ok else None
     return base.unseen if unseen is None else unseen
 

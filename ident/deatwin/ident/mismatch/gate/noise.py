@@ -10,7 +10,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
 from deatwin.ident.mismatch.gate.repeats import Repeats
-from deatwin.ident.soundness import runs
+from deatwin.ident.soundness import runs, samples_in
 
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
@@ -131,7 +131,7 @@ def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
     still = np.abs(np.diff(command, prepend=command[0])) <= REST_SHARE * np.ptp(command)
     for run in runs(still):
         if np.ptp(command[run]) <= REST_SHARE * np.ptp(command):
-            resting[run[round(REST_SECONDS / sample_time) :]] = True
+            resting[run[samples_in(REST_SECONDS, sample_time) :]] = True
     return resting
 
 

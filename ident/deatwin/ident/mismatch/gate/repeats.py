@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from deatwin.ident.soundness import samples_in
+
 WINDOW_SECONDS = 2.0
 """Length of command that must be the same before it counts as a repeat,"""
 SETTLING_SECONDS = 1.0
@@ -93,7 +95,8 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     Repeats or None
         None if less than four seconds come back.
     """
-    width = max(8, round(WINDOW_SECONDS / sample_time))
+    settling = samples_in(SETTLING_SECONDS, sample_time)
+    width = max(2 * settling, round(WINDOW_SECONDS / sample_time))
     values = np.concatenate(commands)
     offsets = np.cumsum([0, *(c.size for c in commands)])
     inside = [np.arange(a, b - width + 1) for a, b in pairwise(offsets)]
@@ -107,7 +110,7 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
     if starts.size < 2:
         return None
     again = _next_returns(windows / span)
-    return _pairs(starts[again >= 0], starts[again[again >= 0]], width, sample_time)
+    return _pairs(starts[again >= 0], starts[again[again >= 0]], width, settling, sample_time)
 
 
 def _next_returns(windows: np.ndarray) -> np.ndarray:
@@ -128,12 +131,11 @@ def _next_returns(windows: np.ndarray) -> np.ndarray:
     return np.where(again < count, again, -1)
 
 
-def _pairs(first: np.ndarray, second: np.ndarray, width: int, sample_time: float) -> Repeats | None:
+def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sample_time: float) -> Repeats | None:
     """Join windows with one lag to stretches, and pair their samples."""
     if first.size == 0:
         return None
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(second) != 1)) + 1
-    settling = round(SETTLING_SECONDS / sample_time)
     here, there, run = [], [], []
     for number, (a, b) in enumerate(zip(np.split(first, cuts), np.split(second, cuts), strict=True)):
         steps = np.arange(settling, a.size + width - 1)
@@ -143,7 +145,7 @@ def _pairs(first: np.ndarray, second: np.ndarray, width: int, sample_time: float
     found = Repeats(first=np.concatenate(here), second=np.concatenate(there), run=np.concatenate(run))
     # Stretches with different returns overlap by a window at most.
     kept = np.unique(found.first, return_index=True)[1]
-    if kept.size * sample_time < SHORTEST_SECONDS:
+    if kept.size < max(2 * BLOCKS, SHORTEST_SECONDS / sample_time):
         return None
     return Repeats(first=found.first[kept], second=found.second[kept], run=found.run[kept])
 

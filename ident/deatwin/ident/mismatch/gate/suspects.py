@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.soundness import at_limit, neighbours_deviation, resolution, runs
+from deatwin.ident.soundness import at_limit, neighbours_deviation, resolution, runs, samples_in
 from deatwin.plant.recording import Recording
 
 STUCK_SECONDS = 1.0
@@ -46,7 +46,7 @@ def stuck(record: Recording) -> np.ndarray:
     usual = reading[~spikes(reading)]
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
     mask = np.zeros(reading.size, dtype=bool)
-    shortest = max(3, round(STUCK_SECONDS / record.sample_time))
+    shortest = samples_in(STUCK_SECONDS, record.sample_time)
     for same in runs(np.diff(reading) == 0.0):
         first, last = same[0], same[-1] + 2
         if last - first < shortest:
@@ -155,7 +155,7 @@ def quiet(record: Recording) -> np.ndarray:
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)
     quiet = np.ones(command.size, dtype=bool)
-    ring = round(QUIET_SECONDS / record.sample_time)
+    ring = samples_in(QUIET_SECONDS, record.sample_time)
     for change in (np.abs(step), np.abs(bend)):
         # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
         for sudden in np.flatnonzero(change > max(0.005 * np.ptp(command), 5 * float(np.median(change)))):

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from deatwin.ident.mismatch.locate.discoveries import discoveries
-from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.locate.track import FEWEST, Track
 from deatwin.ident.mismatch.located import Band
 from deatwin.plant.datasets import Described, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-SEGMENT_SECONDS = 20.0
+SEGMENT_SECONDS, SEGMENT_SAMPLES, SEGMENTS = 20.0, 256, 8
+"""Length of a segment; of a plant that is sampled slowly it has so many samples, or is this part of the shortest record:
+with fewer segments the power of a line is known to no better than a third."""
 LOUD = 2.0
 """A line of the spectrum counts when it has this many times the power of the sensor's noise."""
 
@@ -76,7 +78,7 @@ class Bands(Described):
 def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     """Bands in which the residual's spectrum lies above white sensor noise.
 
-    Welch's estimate over segments of twenty seconds, averaged over records; each line is tested against the
+    Welch's estimate over segments of twenty seconds, longer ones where samples are slow, averaged over records; each line is tested against the
     chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must
     have at least twice the power of the noise.
 
@@ -100,7 +102,8 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     from scipy.signal import welch
 
     step = tracks[0].sample_time
-    segment = min(round(SEGMENT_SECONDS / step), min(track.residual.size for track in tracks))
+    shortest = min(track.residual.size for track in tracks)
+    segment = min(max(round(SEGMENT_SECONDS / step), min(SEGMENT_SAMPLES, shortest // SEGMENTS), FEWEST), shortest)
     total: np.ndarray | float = 0.0
     segments = 0
     frequency = np.empty(0)

@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from deatwin.ident.mismatch.locate.discoveries import discoveries
 from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.located import Region
+from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
@@ -179,7 +180,7 @@ def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
     samples = np.arange(command.size)
     moved = np.concatenate([[True], np.diff(command) != 0])
     still = samples - np.maximum.accumulate(np.where(moved, samples, 0))
-    resting = still * sample_time >= STILL_SECONDS
+    resting = still >= samples_in(STILL_SECONDS, sample_time)
     return sample_time * (samples - np.maximum.accumulate(np.where(resting, samples, 0)))
 
 

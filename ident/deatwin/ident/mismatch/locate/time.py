@@ -13,6 +13,7 @@ from scipy.special import ndtr
 from deatwin.ident.mismatch.locate.discoveries import FALSE_DISCOVERIES
 from deatwin.ident.mismatch.locate.track import SI, Track, Unit
 from deatwin.ident.mismatch.located import Window
+from deatwin.ident.soundness import samples_in
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
 from deatwin.plant.drawing import axes_or_new
 
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-WINDOW_SECONDS = 2.0
+WINDOW_SECONDS, MOST_WINDOWS = 2.0, 2000
+"""Length of a window, and number of windows at most: the work grows with its square."""
 MOST_PIECES = 5
 FEWEST_SECONDS = 5
 """Of a window in which a trend can be seen."""
@@ -97,7 +99,7 @@ class Times(Described):
 def locate_time(tracks: Sequence[Track], floor: float) -> Times:
     """Stretches of time that hold the mismatch, cut where the residual's level or size changes.
 
-    The residual is taken in windows of two seconds; dynamic programming cuts the sequence of their means and
+    The residual is taken in windows of two seconds, and of ten samples at least; dynamic programming cuts the sequence of their means and
     log-powers into pieces of constant level, with a penalty of twice the logarithm of the number of windows for
     each level (Schwarz), raised until at most five pieces are left in a record: a residual that varies all the
     time has no onset. Pieces whose mean square exceeds the floor are reported.
@@ -121,7 +123,8 @@ def locate_time(tracks: Sequence[Track], floor: float) -> Times:
     """
     pieces: list[tuple[float, float, float, float]] = []
     for track in tracks:
-        size = max(2, min(round(WINDOW_SECONDS / track.sample_time), track.residual.size // 8))
+        n = track.residual.size
+        size = max(2, min(max(samples_in(WINDOW_SECONDS, track.sample_time), n // MOST_WINDOWS), n // 8))
         count = track.residual.size // size
         rows = track.residual[: count * size].reshape(count, size)
         features = np.stack([rows.mean(axis=1), np.log(np.mean(rows**2, axis=1) + 1e-300)])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.fit import descend
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.screen import Lead
@@ -50,5 +50,5 @@ def shortlist(bench: Bench, start: Plant, found: Sequence[Lead]) -> tuple[Lead, 
 
 def _opens(start: Plant, parts: Sequence[Part]) -> float:
     """Rms of what a rough fit leaves; infinite where the plant cannot be simulated."""
-    fit = calibrate(start, parts, starts=1, evaluations=EVALUATIONS, tolerance=ROUGH)
+    fit = descend(start, parts, evaluations=EVALUATIONS, tolerance=ROUGH)
     return fit.rms if fit.status.ok else float(np.inf)

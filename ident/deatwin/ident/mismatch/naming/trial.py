@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
@@ -229,7 +229,7 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
-        again = calibrate(trial.bent, bench.fitted, starts=1, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
+        again = descend(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, roughly(again.plant, bench.fitted, hopeless))
         found = _better(found, again)

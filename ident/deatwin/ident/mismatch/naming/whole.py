@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import calibrate
+from deatwin.ident.greybox.fit import descend
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -172,7 +172,7 @@ def _of_the_fitted_part(candidate: Candidate) -> Candidate:
 
 def _on_everything(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
     """A candidate fitted to all parts, of which nothing is unseen; None where there is no fit."""
-    fit = calibrate(candidate.calibration.plant, parts, starts=1, tolerance=DECIDING)
+    fit = descend(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:
         return None
     return replace(

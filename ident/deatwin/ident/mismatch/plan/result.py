@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import write_input
-from deatwin.plant.amplitudes import amount, axis_label, written_unit
+from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.drawing import axes_or_new
-from deatwin.plant.prefixes import prefixed
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.records import INTERNAL, plain
 
@@ -19,12 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCHEMA = "deatwin/plan/1"
-
-
-def strength_in_words(value: float, unit: str) -> str:
-    """Write a strength to three digits, with a prefix to its SI unit."""
-    size, shown = prefixed(value, unit)
-    return amount(f"{value / size:.3g}", shown)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +66,7 @@ class Foreseen:
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: this input does not show it at any strength within its range"
-        least = strength_in_words(self.smallest, self.unit)
+        least = with_unit(self.smallest, self.unit)
         shown = f"{name}: found from {self.strength.replace('_', ' ')} = {least} on"
         others = ", ".join(other.replace("_", " ") for other in self.alike)
         return f"{shown}; not told from {others}" if others else shown

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
+from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
@@ -53,7 +53,7 @@ def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
         On the openings of `parts`.
     """
     openings = [opening(part, OPENING_SAMPLES) for part in parts]
-    return calibrate(start, openings, starts=1, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
+    return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
 
 
 def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -73,7 +73,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     Calibration
         On all of `parts`.
     """
-    return calibrate(near, parts, starts=1, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
+    return descend(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
@@ -134,7 +134,7 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     """
     found = rough
     for _ in range(ROUNDS):
-        again = calibrate(found.plant, parts, starts=1, tolerance=DECIDING)
+        again = descend(found.plant, parts, tolerance=DECIDING)
         if not again.status.ok:
             break
         gained, found = 1.0 - (again.rms / found.rms) ** 2, again
@@ -295,7 +295,7 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
         On `everything`; `found` where there is no such fit.
     """
     placed = at_its_time(found, everything)
-    final = calibrate(placed.plant, everything, starts=1, evaluations=EVALUATIONS, tolerance=SETTLED)
+    final = descend(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
     return final if final.status.ok else found
 
 

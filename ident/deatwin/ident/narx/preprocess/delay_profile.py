@@ -40,7 +40,7 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
     n_errors, far = 1, 0
     former: list[Polynomials | None] = [None] * len(_STRUCTURES)
-    for delay in range(latest, arx.shortest - 1, -1):
+    for delay in range(latest, arx.shortest[which] - 1, -1):
         probing = far >= _PATIENCE
         for number, (nb, nf) in enumerate(_STRUCTURES):
             if probing and number not in _PROBES:

@@ -19,17 +19,15 @@ from deatwin.ident.narx.preprocess.stationarity import (
 )
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
-from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
 
 Array = NDArray[np.float64]
 _SEGMENTS = 20  # whose means are tested for a trend and a drift
 _NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
 _RINGING = 10  # samples in which a lone reading has no company
-_FEWEST = 200  # samples below which nothing can be told from chance
-_PREFIXED = ("m", "V", "A", "s", "N", "F", "Pa", "W", "Hz")
-_PREFIXES = {-4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
+FEWEST = 200  # samples below which nothing can be told from chance
 
 
 class FindingKind(Enum):
@@ -114,8 +112,8 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
     for record in flatten(recordings):
-        if record.n_samples < _FEWEST:
-            raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {_FEWEST} are needed")
+        if record.n_samples < FEWEST:
+            raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {FEWEST} are needed")
         found += _of_record(record, level, degree)
     return tuple(found)
 
@@ -332,12 +330,3 @@ def _moves(record: Recording) -> Array:
     """Inputs as shares of their ranges, shape (n_inputs, n)."""
     span = np.ptp(record.inputs, axis=1, keepdims=True)
     return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)
-
-
-def with_unit(value: float, unit: str) -> str:
-    """Return a value with a prefix to its unit: 1.2e-5 m is 12 µm."""
-    value = float(f"{value:.3g}")  # what is shown decides the prefix: 0.9999 mm is 1 mm
-    if unit not in _PREFIXED or value == 0.0 or not np.isfinite(value):
-        return amount(f"{value:.3g}", unit)
-    power = int(np.clip(np.floor(np.log10(abs(value)) / 3), -4, 3))
-    return f"{value / 1000.0**power:.3g} {_PREFIXES[power]}{unit}"

@@ -1,7 +1,7 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, version 7.3, which is HDF5, by h5py.
 
 Signals are numeric vectors, rows or columns, named as CSV columns are (``time_s``, ``command_V``, ...), by
-themselves or as the fields of structs. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``,
+themselves or as the fields of structs; or the columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``,
 ``dt`` or ``sample_time`` (s), or ``fs`` or ``sample_rate`` (Hz), states the clock of a file without times. Texts go
 into the provenance. Formats: MathWorks, "MAT-File Level 5 File Format"; 7.3 has an HDF5 user block of 512 bytes.
 """
@@ -39,6 +39,7 @@ _USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3
 _SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
 _SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
 _TIME = "time_s"
+_WIDEST = 64  # signals of a matrix; wider ones are images and maps
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # classes of variables
 
 
@@ -72,6 +73,9 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
     short = _short_names(found)
     arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
     columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
+    lengths = {values.size for values in columns.values()}
+    for name, value in arrays.items():
+        columns |= _of_matrix(name, value, lengths)
     texts = {short[name]: value for name, value in found.items() if isinstance(value, str)}
     described = texts.pop(KEY, None)
     if described is not None:
@@ -89,6 +93,15 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
             declared=Declared(timing=_timing(arrays, path), provenance=notes),
         )
     return array_table(path, sha256, columns, {}, declared=declared)
+
+
+def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
+    """Return the signals of a matrix, along its longer side, which is as long as a vector of the file if it has any."""
+    if value.ndim != 2 or not 1 < min(value.shape) <= _WIDEST or (lengths and max(value.shape) not in lengths):
+        return {}
+    if value.shape[0] >= value.shape[1]:
+        return {f"{name}(:,{k})": column for k, column in enumerate(value.T, start=1)}
+    return {f"{name}({k},:)": row for k, row in enumerate(value, start=1)}
 
 
 def _short_names(found: Mapping[str, Any]) -> dict[str, str]:
@@ -159,7 +172,7 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
             if kind == "char":  # UTF-16 code units, as columns
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
-                values[name.replace("/", ".")] = node[()]
+                values[name.replace("/", ".")] = node[()].T  # by columns, as MATLAB keeps it
     return values
 
 

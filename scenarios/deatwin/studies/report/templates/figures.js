@@ -1,6 +1,6 @@
 "use strict";
 // Figures are magnified by changing the view box of their SVG; their data are kept, compressed, in the page.
-// Without this script the figures are shown as they are, and the links lead to the files beside the page.
+// Without this script figures and tables are shown as they are, and the links lead to the files beside the page.
 (() => {
   const MOST = 40, STEP = 1.5, SHARE = 0.1;
 
@@ -102,6 +102,25 @@
     });
   }
 
+  // On a narrow screen each row of a table becomes a block, in which every cell is led by the heading of its column.
+  function labelled(table) {
+    const heads = [...table.querySelectorAll("thead th")].map((head) => head.textContent.trim());
+    if (heads.length < 3) return;
+    const below = heads.map(() => 0);  // rows for which a cell above still fills the column
+    for (const row of table.querySelectorAll("tbody tr")) {
+      let column = 0;
+      for (const cell of row.cells) {
+        while (below[column] > 0) below[column++] -= 1;
+        if (cell.colSpan === 1) cell.dataset.label = heads[column] ?? "";
+        below[column] = cell.rowSpan - 1;
+        column += cell.colSpan;
+      }
+      while (column < heads.length) below[column] = Math.max(0, below[column++] - 1);
+    }
+    table.classList.add("stacks");
+  }
+
+  document.querySelectorAll("table").forEach(labelled);
   document.querySelectorAll("figure .view").forEach(zoomable);
   const files = new Map([...document.querySelectorAll("template[data-file]")].map((kept) => [kept.dataset.file, kept]));
   if (window.DecompressionStream)

@@ -30,7 +30,7 @@ def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
 )
 def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_bent_plant(monkeypatch, share, ended):
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(3.3))
-    monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(2.1))
+    monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
     task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=share)
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
@@ -40,7 +40,7 @@ def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_be
 def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_little_of_it(monkeypatch, found, ended):
     begun = []
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(found))
-    monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(found))
+    monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(found))
     monkeypatch.setattr(trial, "roughly", lambda plant, *_: begun.append(plant) or fit_of(5.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
     spring = CubicStiffness(stiffness=-2e7)
@@ -62,7 +62,7 @@ def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypat
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
     monkeypatch.setattr(trial, "roughly", lambda *_: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
-    monkeypatch.setattr(trial, "calibrate", lambda *_, **__: fit_of(9.0))  # from the bent plant
+    monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(9.0))  # from the bent plant
     task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=0.1)
     assert _tried(SimpleNamespace(fitted=()), task, 3.0).rms == ended
 

@@ -1,0 +1,40 @@
+"""Progress of a calibration, and the interrupt that ends it with what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from deatwin.plant.interrupts import obey
+
+Progress = Callable[[float, str], None]
+"""Takes the share that is done, 0 to 1, and what is being done."""
+_STAGE = 1 / 3
+"""Share of the work that was left which a further fit takes: a search usually costs about three fits."""
+_USUAL = 8
+"""Simulations after which half of a fit is said to be done; most settle in ten to fifteen."""
+
+
+class Watch:
+    """Counts simulations, tells the share that is done, and raises an interrupt that CasADi lost."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._left, self._within, self._count, self._doing = 1.0, 0, 0, ""
+
+    def begin(self, doing: str) -> None:
+        """Begin the next fit."""
+        self._left *= 1.0 - _STAGE if self._doing else 1.0
+        self._within, self._doing = 0, doing
+
+    def __call__(self) -> None:
+        """Take that a simulation was made."""
+        obey()
+        self._within += 1
+        self._count += 1
+        done = self._within / (self._within + _USUAL)
+        self._progress(1.0 - self._left * (1.0 - _STAGE * done), f"{self._doing}, {self._count} simulations")
+
+
+def unwatched() -> Watch:
+    """Return a watch that nobody looks at."""
+    return Watch(lambda share, doing: None)

@@ -1,0 +1,121 @@
+"""Inputs that act only after the last lag at which a model has them.
+
+Box and Jenkins' correlation of prewhitened signals costs a few sums, so that every fit and every validation can ask. It
+takes the slow beginning of a plant for a dead time, so what it suspects is put to `estimate_dead_time`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.recording import Recording
+
+if TYPE_CHECKING:
+    from deatwin.ident.narx.preprocess import DeadTime
+
+Array = NDArray[np.float64]
+
+_SEEN = 3.9
+"""Standard deviations from which a correlation is there: chance is 1 in 10,000, with a hundred lags 1 in 100 that one is."""
+_BEYOND = 100
+"""Lags after the model's last that are looked at, and at most a quarter of a recording."""
+_FEW = 3000
+"""Samples that are put to the estimation, to keep it below a second; a dead time is told to a sample long before."""
+_WHITENING = 10
+"""Lags of the autoregression that whitens a signal."""
+
+
+def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a sentence for each input and output between which nothing acts up to the model's last lag, but later."""
+    from deatwin.ident.narx.preprocess import DeadTimeStatus
+
+    longest = max(record.n_samples for record in recordings)
+    recordings = [record for record in recordings if record.n_samples > longest // 4]  # as far as lags are looked at
+    said = []
+    told = (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
+    predicted = [model.predict(record) for record in recordings]
+    for column in range(len(model.input_names)):
+        inputs = _whitened([record.inputs[column] for record in recordings])
+        for row in range(model.n_outputs):
+            last = _last_lag(model, column, row)
+            most = min(last + _BEYOND, longest // 4)
+            if most <= last:
+                continue
+            outputs = _whitened([record.outputs[row] for record in recordings])
+            seen = np.flatnonzero(_scores(inputs, outputs, most) > _SEEN)
+            if not seen.size or seen[0] <= last:
+                continue
+            left = [
+                _after(record, response.residuals[row]) for record, response in zip(recordings, predicted, strict=True)
+            ]
+            if np.max(_scores(inputs, left, most)[last + 1 :]) <= _SEEN:
+                continue
+            one = _dead_times(tuple(recordings), row)[column]
+            if one.status in told and one.interval is not None and one.interval[0] > last:
+                there = (
+                    f"later than its last lag in the model, {last}" if last >= 0 else "and is in no term of the model"
+                )
+                lags = f"lags {one.interval[0]} to {one.interval[1] + 2}"
+                said.append(f"{one}, {there}: let {lags} of {one.input_name} compete")
+    return tuple(said)
+
+
+@lru_cache(maxsize=1)  # several fits to the same recordings ask again
+def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, ...]:
+    """Dead times of the first samples of recordings."""
+    from deatwin.ident.narx.preprocess import estimate_dead_time
+
+    share = min(1.0, _FEW / sum(record.n_samples for record in recordings))
+    parts = [record.section(0, max(1, round(share * record.n_samples))) for record in recordings]
+    return estimate_dead_time(parts, output=row)
+
+
+def _last_lag(model: NarxModel, column: int, row: int) -> int:
+    """Last lag of an input in an equation; -1 if it is not there."""
+    terms = [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
+    return max((v.lag for t in terms for v, _ in t.factors if v.kind == "u" and v.index == column), default=-1)
+
+
+def _whitened(signals: Sequence[Array]) -> list[Array]:
+    """What an autoregression of all signals together leaves of each; the first samples are zero."""
+    mean = float(np.concatenate(signals).mean())
+    centred = [signal - mean for signal in signals]
+    rows = [
+        np.stack([signal[_WHITENING - lag : signal.size - lag] for lag in range(_WHITENING + 1)])
+        for signal in centred
+        if signal.size > _WHITENING
+    ]
+    if not rows:
+        return centred
+    together = np.concatenate(rows, axis=1)
+    weights = np.linalg.lstsq(together[1:].T, together[0])[0]
+    taps = np.r_[1.0, -weights]
+    return [np.r_[np.zeros(min(_WHITENING, s.size)), np.convolve(s, taps, "valid")][: s.size] for s in centred]
+
+
+def _after(record: Recording, residuals: Array) -> Array:
+    """Residuals on the clock of their recording, the samples before them zero."""
+    return np.r_[np.zeros(record.n_samples - residuals.size), residuals - residuals.mean()]
+
+
+def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:
+    """Correlations of the output with the input some lags before, in standard deviations, shape (most + 1,).
+
+    The deviation is the larger of that of independent signals and of White's, which counts only the samples at which a
+    held input jumps (Econometrica 48 (1980) 817-838, doi:10.2307/1912934).
+    """
+    power = float(np.mean(np.concatenate(outputs) ** 2))
+    found = np.zeros(most + 1)
+    for lag in range(most + 1):
+        pairs = [(u[: y.size - lag], y[lag:]) for u, y in zip(inputs, outputs, strict=True)]
+        u, y = (np.concatenate(signals) for signals in zip(*pairs, strict=True))
+        products = u * y
+        square = max(float(products @ products), power * float(u @ u), np.finfo(float).tiny)
+        found[lag] = abs(float(products.sum())) / square**0.5
+    return found

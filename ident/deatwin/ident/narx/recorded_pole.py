@@ -1,0 +1,114 @@
+"""The largest pole that recordings themselves tell, by a long ARX model, with its standard deviation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+
+_LAGS = 50
+"""Most lags; Akaike's criterion takes what is needed of them. Sensor noise on a fast-sampled plant needs forty."""
+_FOR_EACH = 5
+"""Samples for each unknown: fewer leave the residual's variance to the unknowns."""
+_MOST_SAMPLES = 20_000
+"""More make nothing surer, and the regression takes a second."""
+_RESOLVED = 1e-9
+"""Share of an output below which a residual is rounding: readings have at most nine digits that mean anything."""
+_WIDE = 1.96
+"""Standard deviations to either side of which 95 % of a normal law lie."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedPole:
+    """Pole of largest magnitude of a long ARX model, and the standard deviation of its magnitude.
+
+    The model whitens the noise, whatever its colour, and its poles outside the unit circle are those of the plant, also
+    in a loop whose controller sees no disturbance before the output shows it (direct approach; Ljung, "System
+    Identification", 2nd ed., Prentice Hall 1999, section 13.4).
+    """
+
+    pole: complex
+    deviation: float
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the magnitude."""
+        half = _WIDE * self.deviation
+        return abs(self.pole) - half, abs(self.pole) + half
+
+
+def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
+    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short."""
+    signals = _scaled(recordings)
+    n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
+    n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
+    most = min(_LAGS, (n_samples // _FOR_EACH - 1) // (width + len(signals)))
+    signals = [one for one in signals if one[1].shape[1] > most]
+    if most < 1 or not signals:
+        return None
+    head = 1 if first_lag else 1 + n_inputs
+    columns = np.concatenate([_columns(*one, most, first_lag) for one in signals], axis=1)
+    n = columns.shape[1]
+    triangle = np.asarray(np.linalg.qr(columns.T, mode="r"), dtype=np.float64)
+    tail = triangle[:, -n_outputs:]
+    floor = n * _RESOLVED**2 * np.eye(n_outputs)
+    left = [tail[k:].T @ tail[k:] + floor for k in range(head, head + most * width + 1, width)]  # with 0, 1, ... lags
+    costs = [
+        n * np.linalg.slogdet(squares / n)[1] + 2.0 * n_outputs * width * lags for lags, squares in enumerate(left)
+    ]
+    lags = int(np.argmin(costs))
+    if lags == 0:  # no dynamics at all
+        return RecordedPole(pole=0.0, deviation=0.0)
+    size = head + lags * width
+    inverse = np.linalg.pinv(triangle[:size, :size], rcond=1e-10)
+    own = head + (np.arange(lags)[:, None] * width + np.arange(n_outputs)).ravel()
+    theta, covariance = (inverse @ tail[:size])[own], (inverse @ inverse.T)[np.ix_(own, own)]
+    return _largest(theta, covariance, left[lags] / (n - size))
+
+
+def _scaled(recordings: Sequence[Recording]) -> list[tuple[Array, Array]]:
+    """Moving inputs and all outputs of the first samples, less their means and in standard deviations."""
+    share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in recordings))
+    ends = [max(1, round(share * record.n_samples)) for record in recordings]
+    signals = []
+    for kind in ("inputs", "outputs"):
+        parts = [getattr(record, kind)[:, :end] for record, end in zip(recordings, ends, strict=True)]
+        together = np.concatenate(parts, axis=1)
+        spread, moving = together.std(axis=1), np.ptp(together, axis=1) > 0.0
+        kept = moving if kind == "inputs" else np.ones_like(moving)
+        scale = np.where(moving, spread, 1.0)[kept, None]
+        signals.append([(part[kept] - together.mean(axis=1)[kept, None]) / scale for part in parts])
+    return list(zip(*signals, strict=True))
+
+
+def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
+    """Constant, inputs at lag 0 where they count, both signals at each lag, and the target; shape (n_columns, n)."""
+    n = outputs.shape[1]
+    lagged = [signal[:, most - lag : n - lag] for lag in range(1, most + 1) for signal in (outputs, inputs)]
+    at_once = [] if first_lag else [inputs[:, most:]]
+    return np.concatenate([np.ones((1, n - most)), *at_once, *lagged, outputs[:, most:]])
+
+
+def _largest(theta: Array, covariance: Array, noise: Array) -> RecordedPole:
+    """Return the largest eigenvalue of the companion matrix; its deviation by the eigenvalue's first derivative.
+
+    Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs).
+    """
+    from scipy.linalg import eig
+
+    n_outputs = theta.shape[1]
+    companion = np.eye(theta.shape[0], k=-n_outputs)
+    companion[:n_outputs] = theta.T
+    values, left, right = eig(companion, left=True, right=True)
+    which = int(np.argmax(np.abs(values)))
+    value, row, column = values[which], left[:, which].conj(), right[:, which]
+    turn = np.conj(value) / max(abs(value), np.finfo(float).tiny)
+    slopes = np.real(turn * np.outer(row[:n_outputs], column) / (row @ column))
+    variance = float(np.einsum("ij,ab,ia,jb->", noise, covariance, slopes, slopes))
+    return RecordedPole(pole=complex(value), deviation=max(variance, 0.0) ** 0.5)

@@ -1,0 +1,65 @@
+"""A first look at a recording in the folder: its columns as they are understood, what is in it, and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deatwin.app.live.desk import inside
+from deatwin.app.live.drawing import DRAWING
+from deatwin.plant.errors import DeatwinError
+from deatwin.plant.files.understood import Column, Understood, understand
+
+SIZE = (5.4, 6.4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Glance:
+    """What one file holds, read as it was asked for, else with further options."""
+
+    name: str
+    columns: tuple[Column, ...]
+    lines: tuple[str, ...]  # What is in it, one fact a line
+    picture: str  # SVG in the report's colours; empty where nothing could be read
+    refused: str  # Why it cannot be read as it was asked for; empty if it can
+    further: Mapping[str, Any]  # Options with which it can be read, by the names of `read_recordings`
+    needs_sample_time: bool  # True if only that is missing
+
+    def html(self) -> str:
+        """Return the columns, the facts and the picture, for a page that defines the report's colours."""
+        from deatwin.studies.report.rendering import templates
+
+        return templates("deatwin.app.live").get_template("glance.html.j2").render(glance=self)
+
+
+def glance(root: Path, name: str, asked: Mapping[str, Any]) -> Glance:
+    """Look at a file of the folder with the options that were asked for."""
+    file = understand(inside(root, name), **asked)
+    fault = file.refused
+    try:
+        lines, picture = _looked(name, file) if file.recordings else ((), "")
+    except DeatwinError as error:  # such as a record of three samples
+        lines, picture, fault = (), "", fault or str(error)
+    return Glance(
+        name=name,
+        columns=file.columns,
+        lines=lines,
+        picture=picture,
+        refused=fault.replace(f"{root.resolve()}/", ""),
+        further=file.further,
+        needs_sample_time=bool(file.placeholders),
+    )
+
+
+def _looked(name: str, file: Understood) -> tuple[tuple[str, ...], str]:
+    """Facts and picture of what was read."""
+    from deatwin.ident.look import look_at
+    from deatwin.studies.report.svg import draw, inline
+
+    found = look_at(file.recordings)
+    with DRAWING, draw(SIZE) as figure:
+        found.plot(list(figure.subplots(3, 1)))
+        figure.align_ylabels()
+        return found.lines, inline(figure, "glance", f"Input, output and coherence of {name}")

@@ -1,0 +1,34 @@
+"""A plan from files to files: what ``deatwin plan`` and the live view share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from deatwin.ident.mismatch import ExperimentPlan
+    from deatwin.studies.folder import ResultFolder
+    from deatwin.studies.voice import Progress
+
+
+def plan_into(
+    folder: ResultFolder, command: Sequence[str], asked: Mapping[str, Any], progress: Progress
+) -> ExperimentPlan:
+    """Plan with the arguments of ``deatwin plan``, and write the results into the folder."""
+    from deatwin.app.given import GivenPlant
+    from deatwin.app.plan_report import write_plan
+    from deatwin.ident.mismatch import plan_experiment
+    from deatwin.studies.provenance import RunRecord, hashes
+
+    rig, commands, seed, jobs = asked["rig"], asked["commands"], asked["seed"], asked["jobs"]
+    named = ("input_column", "time_column", "dt", "resample")
+    plant = GivenPlant.load(rig, **{name: asked[name] for name in named})
+    record = None if commands is None else plant.commands(commands)
+    files = [Path(name) for name in (rig, commands) if name is not None and Path(name).is_file()]
+    run = RunRecord(command=command, inputs=hashes(files), seed=seed, jobs=jobs)
+    found = plan_experiment(
+        plant.model.plant, record, seconds=asked["seconds"], jobs=jobs, seed=seed, progress=progress
+    )
+    write_plan(found, folder, run)
+    return found
