@@ -26,7 +26,8 @@ from deatwin.plant.files import read_csv
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.coupon import Coupon
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
+from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting

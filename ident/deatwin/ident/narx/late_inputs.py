@@ -17,7 +17,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
-    from deatwin.ident.narx.preprocess import DeadTime
+    from deatwin.ident.narx.preprocess.dead_time import DeadTime
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ _WHITENING = 10
 
 def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
     """Return a sentence for each input and output between which nothing acts up to the model's last lag, but later."""
-    from deatwin.ident.narx.preprocess import DeadTimeStatus
+    from deatwin.ident.narx.preprocess.dead_time import DeadTimeStatus
 
     longest = max(record.n_samples for record in recordings)
     recordings = [record for record in recordings if record.n_samples > longest // 4]  # as far as lags are looked at
@@ -69,7 +69,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
 @lru_cache(maxsize=1)  # several fits to the same recordings ask again
 def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, ...]:
     """Dead times of the first samples of recordings."""
-    from deatwin.ident.narx.preprocess import estimate_dead_time
+    from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
 
     share = min(1.0, _FEW / sum(record.n_samples for record in recordings))
     parts = [record.section(0, max(1, round(share * record.n_samples))) for record in recordings]

@@ -24,7 +24,8 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
+from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import hdf5_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder

@@ -24,7 +24,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
+from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting

@@ -23,7 +23,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime, Rig
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
+from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder

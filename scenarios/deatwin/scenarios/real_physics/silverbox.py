@@ -23,7 +23,8 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.recording import Experiment
 from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
+from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.studies.public.records import silverbox as black_box_data
 from deatwin.studies.public.sources import data_folder

@@ -19,19 +19,13 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.missing_physics.figures import drawings
-from deatwin.studies.parallel import between
-from deatwin.studies.provenance import hashes
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED, Outcome, attempt
 from deatwin.studies.public.records import DataSet
-from deatwin.studies.public.sources import origins
-from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
+from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
-FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
-"""Folders of recordings whose name is not the story's."""
 BLACK_BOXES = (LINEAR, REFINED, GROWN)
 """Black boxes that stand beside the plant; NARX models are the last two."""
 
@@ -137,41 +131,6 @@ def experiment_of(rig: Rig, inputs: Array, outputs: Array, sample_time: float | 
     return Experiment(recordings=(record,))
 
 
-def tell(setting: Setting, case: Case) -> dict[str, Any]:
-    """Diagnose, judge on the held-out recordings, and write the page."""
-    record = setting.record(hashes(case.files))
-    diagnosis = diagnosed(setting, case, "diagnosis", between(setting.progress, 0.0, 0.7))
-    setting.progress(0.7, "the held-out recordings")
-    trials = judged(case, diagnosis, setting.jobs)
-    setting.progress(0.95, "drawing")
-    rows = measures(case, diagnosis, trials)
-    page = StoryPage(
-        title=case.name,
-        sentence=f"{diagnosis.sentence} {_said(case, trials[0])}",
-        rows=rows,
-        figures=drawings(case, trials[0], amended_plant(diagnosis)),
-        notes=[
-            Note(title="The recordings and the plant", paragraphs=case.notes),
-            Note(title="The diagnosis", paragraphs=["Step by step: diagnosis/report.html.", *diagnosis.warnings]),
-        ],
-        tables=[
-            error_table(case, trials),
-            tried_table(case, diagnosis),
-            origins(setting.data, {FOLDERS.get(case.name, case.name): case.files}),
-        ],
-    )
-    return finish(
-        setting.folder,
-        record,
-        page,
-        verdict=diagnosis.verdict.value,
-        causes=[cause.effect for cause in diagnosis.causes],
-        set=list(diagnosis.names),
-        right=rows[0].passed,
-        held_out={t.held_out.name: _plain(t) for t in trials},
-    )
-
-
 def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
     """Diagnose the fitted recordings, into a folder below that of the story."""
     task = DiagnosisTask(
@@ -267,19 +226,4 @@ def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
         title="Effects that were built in",
         rows=rows,
         columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
-    )
-
-
-def _plain(trial: Trial) -> dict[str, Any]:
-    black_boxes = {o.method: o.free_run if np.isfinite(o.free_run) else None for o in trial.black_boxes}
-    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": black_boxes}
-
-
-def _said(case: Case, trial: Trial) -> str:
-    base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
-    best = trial.best_black_box
-    beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
-    return (
-        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "
-        f"{case.unit} rms before, {amended:.3g} after{beside}."
     )

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.drawing import envelope
+from deatwin.plant.model import Plant
+from deatwin.studies.missing_physics.case import Case, Law, Trial
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw, legend_above
-
-if TYPE_CHECKING:
-    from deatwin.plant.model import Plant
-    from deatwin.studies.missing_physics.case import Case, Law, Trial
-
 
 Array = NDArray[np.float64]
 ZOOM = 300
