@@ -196,6 +196,7 @@ NOTES = (
     "The test parts of the tanks and of EMPS were looked at twice before this page was written: with these forms, and "
     "with the simpler ones that others have published (tanks 0.298 V; EMPS below). That of Bouc-Wen judges another "
     "story, too.",
+    "Published figures are quoted second-hand: look at their sources before citing them.",
     "EMPS runs in open loop: from the recorded voltage of the motor to the position, so that a small error of force "
     "grows with time. The voltage is averaged over 5 ms.",
 )
