@@ -61,7 +61,7 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
     if not text.endswith(".toml") and not Path(text).is_file():
         beside = [entry.name for entry in Path().glob("*.*") if entry.suffix in (".toml", ".fmu", ".json")]
         raise RigError(
-            f"{text}: no such rig; give a rig file (.toml), an FMU (.fmu), a model.json or module:function{nearest(text, beside)}"
+            f"{text}: no such rig; give a rig file (.toml), an FMU (.fmu), a model.json or module:function{nearest(text, beside, likeness=0.8)}"
         )
     return _of_rig_file(read_rig(text))
 

@@ -54,7 +54,7 @@ OF_PARAMETER = ("value", "lower", "upper", "unit", "logarithmic", "known", "vary
 def model_file_of(source: str | os.PathLike[str]) -> Path | None:
     """The model file of a source: itself, or for an FMU the one beside it; None for another kind of source."""
     path = Path(source)
-    if path.suffix == ".fmu":
+    if path.suffix == ".fmu" and path.is_file():
         beside = path.with_suffix(".toml")
         if not beside.is_file():
             raise RigError(
