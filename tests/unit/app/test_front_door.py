@@ -216,6 +216,10 @@ FILES = {
     "monitor.toml": RIG + '[readings.current]\ncolumn = "I_mon"\nunit = "nA"\nnoise = 1\n',
     "monitor.csv": HEADER + ",I_mon" + "".join(f"\n{0.02 * k:.2f},{k % 3},0.3,5" for k in range(40)),
     "above.toml": "gain = 800.0\n" + RIG,
+    "disk.toml": 'kind = "disk"\n' + RIG.replace("contact_diameter_mm = 6.0\n", ""),
+    "twice.toml": RIG + '[material]\nname = "RTV 615"\n',
+    "energy.toml": RIG.replace('material = "VHB 4905"\n', "") + '[material]\nname = "mine"\nenergy = "gnet"\n',
+    "started.toml": RIG.replace("gain = 800.0", 'gain = 800.0\nstart = "unknown"'),
     "soft.toml": RIG.replace("= 3.5", "= 2.0"),  # pulls in at a few kilovolts
     "deep.toml": "a = " + "[" * 100_000,
     "plants.py": PLANTS,

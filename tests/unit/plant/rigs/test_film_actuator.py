@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.plant import Plant, catalogue
+from deatwin.plant import Cone, Disc, Plant, Pressure, RigError, catalogue
 from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
@@ -109,3 +109,19 @@ def test_a_part_without_mass_and_with_little_damping_follows_at_once(experiment)
     curve = actuation_curve(plant, np.array([1.5]))
     # what the branch of 1 Pa holds back is 1 / 25000 of the motion
     np.testing.assert_allclose(y[11:], curve.readings[-1], rtol=1e-4)
+
+
+@pytest.mark.parametrize("rig", [Disc(), Cone(), Pressure()], ids=lambda rig: rig.kind)
+def test_the_whole_catalogue_acts_on_the_newer_rigs_and_they_are_kept_in_plain_data(rig):
+    plant = Plant(rig=rig)
+    assert all(plant.accepts(effect) for effect in rig.effects())
+    assert Plant.from_dict(json.loads(json.dumps(plant.to_dict()))).rig == rig
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong"),
+    [(Disc, {"electrode_radius": 30e-3}), (Cone, {"disc_radius": 30e-3}), (Cone, {"snap_reach": 0.0})],
+)
+def test_what_does_not_fit_is_refused(kind, wrong):
+    with pytest.raises(RigError, match="does not fit|above 0"):
+        kind(**wrong)
