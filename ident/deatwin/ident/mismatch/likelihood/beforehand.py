@@ -26,6 +26,8 @@ SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 """Rms of the slow error as a share of the rig's, its time constant in samples, and the modes that are kept of it."""
 SPREAD, NOISE = 0.7, 0.1
 """Deviations of the logarithms of the fast error's rms, a factor of two either way, and of the noise's."""
+ACCURACY = 1e-6
+"""Of a simulation, as a share of the motion: noise of readings that show none."""
 LEAST_ERROR = 0.05
 """Of the noise: a rig that states no error of its own still has one that is too small to be seen."""
 
@@ -86,11 +88,16 @@ class Coordinate:
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
-    """What is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI."""
+    """What is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
+
+    Of one that only another form of the plant has, its value is known as well as any.
+    """
     if parameter.name in nominal.parameters:
         known = nominal.parameters[parameter.name]
         return Coordinate(mean=known.scale.to_coordinate(known.value), deviation=deviation(known))
     name, _, own = parameter.name.partition(".")
+    if name not in effects:
+        return Coordinate(mean=parameter.scale.to_coordinate(parameter.value), deviation=deviation(parameter))
     effect = effects[name]
     typical = effect.described(own)
     if own == effect.strength:
@@ -113,6 +120,12 @@ def _width(parameter: Parameter) -> float:
     """Deviation of an even distribution over a parameter's range; 1 of one without ends."""
     low, high = parameter.ends
     return float((high - low) / np.sqrt(12.0)) if np.isfinite([low, high]).all() else 1.0
+
+
+def pair_odds(catalogue: int) -> float:
+    """Log odds of two effects over one of so many, either shared evenly by all sets of its size."""
+    pairs = max(catalogue * (catalogue - 1) / 2, 1.0)
+    return float(np.log(PRIORS[2] / pairs) - np.log(PRIORS[1] / max(catalogue, 1)))
 
 
 PRIORS: Mapping[int, float] = {0: 1 / 2, 1: 3 / 8, 2: 1 / 10, 3: 1 / 40}

@@ -15,6 +15,8 @@ DEGREES = (2, 7)
 """Of bends: what is constant or linear the parameters take up; a bend of higher degree is no static relation of a film."""
 FILTERS = 8
 """Time constants of another law: between two of them none acts differently by more than a few per cent."""
+ALIKE = 1e-6
+"""Of two laws that differ by less than this share there is one: a contribution that is never negative is its size."""
 TINY = 1e-300
 """Of a size by which is divided."""
 GRID = 200
@@ -67,7 +69,8 @@ def law(contribution: np.ndarray, times: np.ndarray) -> np.ndarray:
     decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
     columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
     columns += [lfilter([1.0 - decay], [1.0, -decay], along) for decay in decays]
-    return np.asarray(np.linalg.qr(np.column_stack(columns))[0])
+    basis, sizes, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+    return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

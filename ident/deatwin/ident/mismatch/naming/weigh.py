@@ -25,12 +25,13 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.beforehand import (
+    ACCURACY,
     FAST,
     NOISE,
-    PRIORS,
     SPREAD,
     OwnError,
     coordinate,
+    pair_odds,
     strength_deviation,
 )
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
@@ -60,7 +61,7 @@ class Scale:
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect whose law errs."""
-        return self.weight(pair) - self.weight(alone, self._law(pair, alone)) + self._beforehand
+        return self.weight(pair) - self.weight(alone, self._law(pair, alone)) + pair_odds(len(self.bench.effects))
 
     def weight(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
         """Log evidence of a candidate's fit, with columns (n, k) in which its law may err."""
@@ -79,7 +80,7 @@ class Scale:
             columns=columns,
             process=self.error.process,
             kappa=LogNormal(median=FAST * self.error.rms, spread=SPREAD),
-            sigma=LogNormal(median=self.noise, spread=NOISE),
+            sigma=LogNormal(median=self.error.noise, spread=NOISE),
         )
         events = sum(name in fit.plant.event_times for name in fit.names)
         # Each time of the recordings is as likely for an event, in which no reading is smooth.
@@ -89,12 +90,13 @@ class Scale:
     def error(self) -> OwnError:
         """The plant's own error, as the base plant moves."""
         parts = self.bench.fitted
+        readings = readings_of_fit(parts, self.base.calibration.residuals)
         return OwnError(
-            readings=readings_of_fit(parts, self.base.calibration.residuals),
+            readings=readings,
             times=np.concatenate([part.timepts for part in parts]),
             records=np.repeat(np.arange(len(parts)), [part.size for part in parts]),
             sample_time=self.bench.nominal.rig.sample_time,
-            noise=self.noise,
+            noise=max(self.noise, ACCURACY * float(np.std(readings))),
             stated=self.bench.expected_error,
         )
 
@@ -155,14 +157,8 @@ class Scale:
                 continue
             law = self._missed(alone)[1] / max(_rms(change.readings), FAR)
             odds = _gain(along, square, change.deviation, change.one_sided) - _gain(along, square, law, False)
-            found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._beforehand)
+            found[change.effect] = max(found.get(change.effect, -np.inf), odds + pair_odds(len(self.bench.effects)))
         return found
-
-    @property
-    def _beforehand(self) -> float:
-        """Log odds of a pair over a single effect before the recordings."""
-        n = len(self.bench.effects)
-        return float(np.log(PRIORS[2] / (n * (n - 1) / 2)) - np.log(PRIORS[1] / n))
 
 
 def _gain(along: float, square: float, deviation: float, one_sided: bool) -> float:

@@ -14,7 +14,7 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
-from deatwin.ident.mismatch.likelihood.beforehand import OwnError, deviation, strength_deviation
+from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, OwnError, deviation, strength_deviation
 from deatwin.ident.mismatch.naming.screen import footprint, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
 from deatwin.ident.mismatch.plan.seen import Change, distances, products, smallest
@@ -32,8 +32,6 @@ FEWEST, MOST = 100, 100_000
 """Samples of an input that is advised: all waveforms of that length are held in memory."""
 LARGE = 1e20
 """More than is missing of any readings, SI: effects are looked at as strong as they typically are."""
-ACCURACY = 1e-6
-"""Of a simulation, as a share of the motion."""
 TINY = 1e-300
 """Of a change that the parameters take up whole, SI."""
 Progress = Callable[[float, str], None]

@@ -1,0 +1,63 @@
+"""What is known of parameters before a recording."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, DATA_SHEET, RATE, coordinate, pair_odds
+from deatwin.plant.effects.catalogue import effect_named
+from deatwin.plant.parameters import Parameter, Scale
+
+CREEP, LAG, CEILING = (effect_named(name) for name in ("creep", "sensor_lag", "sensor_saturation"))
+EFFECTS = {effect.name: effect for effect in (CREEP, LAG, CEILING)}
+MASS = Parameter(name="mass", value=2.0, unit="kg", lower=0.1, upper=10.0, scale=Scale.LOGARITHMIC)
+PLANT = SimpleNamespace(parameters={"mass": MASS})
+
+
+def before(parameter):
+    return coordinate(parameter, PLANT, EFFECTS, 1e-3)
+
+
+def own(effect, name):
+    return next(p for p in effect.parameters if p.name == f"{effect.name}.{name}")
+
+
+def test_a_parameter_of_the_plant_is_about_its_nominal_value():
+    known = before(MASS)
+    assert (known.mean, known.deviation, known.one_sided) == (pytest.approx(np.log(2.0)), DATA_SHEET, False)
+
+
+def test_a_strength_is_about_none_and_of_one_sign_where_its_range_is():
+    strength = own(CREEP, CREEP.strength)
+    known = before(strength)
+    assert (known.mean, known.deviation) == (0.0, AMPLITUDE * abs(strength.value))
+    assert known.one_sided == (strength.lower >= 0.0)
+
+
+def test_a_time_is_known_to_a_factor_of_e():
+    times = [p for p in CREEP.parameters if p.scale is Scale.LOGARITHMIC and not p.name.endswith(CREEP.strength)]
+    assert times
+    for time in times:
+        known = before(time)
+        assert (known.mean, known.deviation) == (pytest.approx(np.log(time.value)), RATE)
+
+
+def test_a_threshold_lies_where_readings_reach():
+    threshold = own(CEILING, CEILING.threshold)
+    known = before(threshold)
+    high = threshold.upper if threshold.unit == "V" else min(threshold.upper, 1e-3)
+    assert known.mean == pytest.approx(0.75 * high)
+    assert 0.0 < known.deviation < known.mean
+
+
+def test_a_parameter_of_another_form_of_the_plant_only_is_about_its_value():
+    other = Parameter(name="slip", value=3.0, unit="m", lower=0.0, upper=10.0)
+    known = before(other)
+    assert (known.mean, known.deviation) == (3.0, pytest.approx(3.0 * DATA_SHEET))
+
+
+def test_a_pair_of_many_is_less_likely_than_one_of_many():
+    """1/10 over 378 pairs against 3/8 over 28 single effects; where there is one effect there are no more pairs."""
+    assert pair_odds(28) == pytest.approx(np.log(0.1 / 378) - np.log(0.375 / 28))
+    assert pair_odds(1) == pytest.approx(np.log(0.1 / 0.375))
