@@ -18,7 +18,9 @@ RIG = SimpleNamespace(model_error=MODEL_ERROR, sample_time=0.02, noise=NOISE)
 RECORD = SimpleNamespace(extras={})
 PARTS = (SimpleNamespace(experiment=SimpleNamespace(recordings=(RECORD,)), timepts=np.array([0.0, 420.0])),)
 
-FITTED = (SimpleNamespace(reading="", masks=(np.ones(7000, bool),), commands=np.arange(7000.0), measured=np.zeros(7000)),)
+FITTED = (
+    SimpleNamespace(reading="", masks=(np.ones(7000, bool),), commands=np.arange(7000.0), measured=np.zeros(7000)),
+)
 
 
 class Nominal:
