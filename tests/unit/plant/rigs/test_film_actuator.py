@@ -123,5 +123,5 @@ def test_the_whole_catalogue_acts_on_the_newer_rigs_and_they_are_kept_in_plain_d
     [(Disc, {"electrode_radius": 30e-3}), (Cone, {"disc_radius": 30e-3}), (Cone, {"snap_reach": 0.0})],
 )
 def test_what_does_not_fit_is_refused(kind, wrong):
-    with pytest.raises(RigError, match="does not fit|above 0"):
+    with pytest.raises(RigError, match=r"does not fit|above 0"):
         kind(**wrong)
