@@ -235,12 +235,13 @@ def rig_schema() -> dict[str, Any]:
         "description": "What the experimenter knows of a rig, as TOML. A part is smaller than the one that holds it, "
         "command_min_V than command_max_V.",
         "oneOf": [_schema_of(name, kind) for name, kind in KINDS.items()],
-        "$defs": {"material": MATERIAL_SCHEMA},
+        "$defs": {"material": MATERIAL_SCHEMA, "drive": _section(DRIVE), "sensor": _section(SENSOR)},
     }
 
 
 def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
-    sections = {section: _section(keys) for section, keys in kind.sections.items()}
+    shared = {section: {"$ref": f"#/$defs/{section}"} for section in ("drive", "sensor", "material")}
+    sections = {section: _section(keys) for section, keys in kind.sections.items() if section not in shared}
     required = [section for section, keys in kind.sections.items() if any(key.required for key in keys.values())]
     named = {"properties": {"film": {"required": ["material"]}}}
     return {
@@ -248,7 +249,7 @@ def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
         "description": kind.about,
         "additionalProperties": False,
         "required": required if name == "diaphragm" else ["kind", *required],
-        "properties": {"kind": {"const": name}, **sections, "material": {"$ref": "#/$defs/material"}},
+        "properties": {"kind": {"const": name}, **sections, **shared},
         "oneOf": [named, {"required": ["material"]}],
     }
 
