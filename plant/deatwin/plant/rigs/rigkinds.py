@@ -237,12 +237,14 @@ def rig_schema() -> dict[str, Any]:
         "description": "What the experimenter knows of a rig, as TOML. A part is smaller than the one that holds it, "
         "command_min_V than command_max_V.",
         "oneOf": [_schema_of(name, kind) for name, kind in KINDS.items()],
-        "$defs": {"material": MATERIAL_SCHEMA, "readings": readings_schema()},
+        "$defs": {"material": MATERIAL_SCHEMA, "drive": _section(DRIVE), "sensor": _section(SENSOR)}
+        | {"readings": readings_schema()},
     }
 
 
 def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
-    sections = {section: _section(keys) for section, keys in kind.sections.items()}
+    shared = {section: {"$ref": f"#/$defs/{section}"} for section in ("drive", "sensor", "material", "readings")}
+    sections = {section: _section(keys) for section, keys in kind.sections.items() if section not in shared}
     required = [section for section, keys in kind.sections.items() if any(key.required for key in keys.values())]
     named = {"properties": {"film": {"required": ["material"]}}}
     return {
@@ -250,8 +252,7 @@ def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
         "description": kind.about,
         "additionalProperties": False,
         "required": required if name == "diaphragm" else ["kind", *required],
-        "properties": {"kind": {"const": name}, **sections}
-        | {name: {"$ref": f"#/$defs/{name}"} for name in ("material", "readings")},
+        "properties": {"kind": {"const": name}, **sections, **shared},
         "oneOf": [named, {"required": ["material"]}],
     }
 
