@@ -26,7 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise
+from deatwin.ident.greybox.filter_foreign import linearise
+from deatwin.ident.greybox.filter_linear import Floor, Linear
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.kalman import Filtered, kalman_filter, kalman_smoother

@@ -1,14 +1,23 @@
-"""A plant of a foreign model along its free run: its states are unknown, so that something may enter the reading only."""
+"""A plant along its free run. The states of a foreign model are unknown: something may enter the reading only."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from deatwin.ident.greybox.filter_linear import Linear
+from deatwin.ident.greybox.filter_linear import Linear, with_equations
 from deatwin.ident.greybox.filter_openings import READING, Opening
 from deatwin.ident.greybox.parts import Part
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
+
+
+def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
+    """Linearise a plant along its free run."""
+    if plant.rig.equations_known:
+        return with_equations(plant, parts, openings)
+    return tuple(readings_alone(plant, part) for part in parts)
 
 
 def readings_alone(plant: Plant, part: Part) -> Linear:

@@ -145,12 +145,10 @@ def _blocks(array: Array, size: int) -> Array:
     return array.reshape(len(array) // size, size, *array.shape[1:])
 
 
-def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
-    """Linearise a plant along its free run."""
-    if not plant.rig.equations_known:
-        from deatwin.ident.greybox.filter_foreign import readings_alone  # which makes what is defined here
-
-        return tuple(readings_alone(plant, part) for part in parts)
+def with_equations(
+    plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None
+) -> tuple[Linear, ...]:
+    """Linearise a plant whose equations are known along its free run."""
     chosen = tuple(places(plant) if openings is None else openings)
     step = linear_step(plant, chosen)
     return tuple(_linearised(plant, part, chosen, step) for part in parts)

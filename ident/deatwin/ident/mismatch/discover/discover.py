@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.greybox.filter import Latent, open_place, smoothed
-from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise
+from deatwin.ident.greybox.filter_foreign import linearise
+from deatwin.ident.greybox.filter_linear import Floor, Linear
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals

@@ -11,7 +11,8 @@ from scipy.special import chdtrc, ndtr
 
 from deatwin.ident.frequency.comparison.equality import holm
 from deatwin.ident.greybox.filter import open_place
-from deatwin.ident.greybox.filter_linear import Floor, Linear, linearise, without_repeats
+from deatwin.ident.greybox.filter_foreign import linearise
+from deatwin.ident.greybox.filter_linear import Floor, Linear, without_repeats
 from deatwin.ident.greybox.filter_openings import STATE, Opening, places
 from deatwin.ident.mismatch.locate.closure import Closure, closure, closure_p_value, regressions
 from deatwin.ident.mismatch.located import PlaceSummary
