@@ -60,6 +60,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     first = naming.best
     if first is None or len(first.effects) > 1:
         return naming
+    elsewhere = [rival for rival in naming.rivals if not search.is_own(rival)]
     scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
     for alone, others in _promising(search, scale).items():
         search.with_each(alone, others)
@@ -74,7 +75,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         return found
     likelier = [search.tried[names] for names, value in odds.items() if value > 0.0]
     possible = sorted((pair for pair in likelier if search.is_possible(pair)), key=lambda pair: -scale.weight(pair))
-    return _with_all(search, naming, first).as_likely(possible[:1])
+    return _with_all(search, naming, first, elsewhere).as_likely(possible[:1])
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
@@ -138,14 +139,17 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     return found
 
 
-def _with_all(search: Search, naming: Naming, first: Candidate) -> Naming:
-    """The same decision, with all that was tried since; its `first` one has a better fit by now, if that suffices."""
+def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Sequence[Candidate]) -> Naming:
+    """The same decision, with all that was tried since; its `first` one has a better fit by now, if that suffices.
+
+    Rivals `elsewhere` are of other forms of the plant, and not in this search.
+    """
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
     rivals = tuple(now.get(id(c.calibration), c) for c in naming.rivals)  # those of other forms are not in this search
     again, before = search.tried[first.effects], now.get(id(first.calibration), first)
     best = again if suffices(again, search.tried[()]) and search.counts(again) else before
-    return replace(naming, candidates=tried, best=best, rivals=rivals, noise=search.noise)
+    return replace(naming, candidates=(*tried, *elsewhere), best=best, rivals=rivals, noise=search.noise)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:

@@ -180,6 +180,14 @@ def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_tha
     assert with_doubt(search, alone) is alone
 
 
+def test_rivals_of_another_form_stay_among_what_was_tried(leaving, candidate, scale):
+    scale(odds=-1.0)
+    search, other = Known(*leaving(5.0, 3.0, 4.6, 2.2)), candidate(*CREEP, rms=3.1)
+    naming = with_a_second(search, replace(first_alone(search), rivals=(other,)))
+    assert naming.rivals == (other,)
+    assert naming.candidates == (*search.tried.values(), other)
+
+
 def test_an_answer_of_two_and_none_are_left_as_they_are(leaving):
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     for best in (None, search.tried[PAIR]):
