@@ -6,6 +6,7 @@ PUBLIC = (
     "deatwin.plant.excitation",
     "deatwin.plant.export",
     "deatwin.plant.files",
+    "deatwin.plant.foreign",
     "deatwin.plant.laws",
     "deatwin.ident",
     "deatwin.ident.look",

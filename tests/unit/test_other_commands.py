@@ -24,6 +24,7 @@ PLACES = {
     'pip install -e ".[test]" -c requirements-dev.lock': ".ci/run installs the newest releases instead",
     "pip install pre-commit && pre-commit install": "a convenience: .ci/run runs the same two commands of ruff",
     "OMP_NUM_THREADS=1 python -m pytest -q tests/unit/plant/effects": "a part of what .ci/run tests",
+    "python -m pytest tests/property/test_effects_together.py -k NAME": "a part of what .ci/run tests",
     "ruff check . && ruff format --check . && python -m mypy": ".ci/run",
     ".ci/run": ".ci/run",
     "python tests/tools/oracle.py BASE HEAD": "tests/unit/tools/test_oracle.py, on a toy project",
