@@ -63,11 +63,15 @@ class ForeignRig(Rig):
 
     longest : float
         Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
+    sample_time, noise, reading, model_error, command_range, chain
+        As for every `Rig`.
+    further : tuple of Reading
+        Must be empty: a foreign model gives one reading.
 
     Raises
     ------
     RigError
-        If the model cannot be called or hashed, or a varying parameter is unknown.
+        If the model cannot be called or hashed, a varying parameter is unknown, or there are further readings.
     """
 
     model: Model
@@ -97,6 +101,8 @@ class ForeignRig(Rig):
             raise RigError(
                 f"a {type(self.model).__name__} has no hash: make it a function or a frozen dataclass"
             ) from None
+        if self.further:
+            raise RigError("a foreign model gives one reading; leave `further` empty")
         known = ParameterSet(self.parameters)
         for name in self.varying:
             if name not in known:
@@ -128,7 +134,9 @@ class ForeignRig(Rig):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data. A function is named, not saved: who reads a file must have imported its module."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters")}
+        plain = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters", "further")
+        }
         return {
             **plain,
             "longest": self.longest if isfinite(self.longest) else None,  # JSON has no infinity

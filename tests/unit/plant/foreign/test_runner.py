@@ -28,6 +28,7 @@ from deatwin.plant import (
     ParameterSet,
     PeriodicDisturbance,
     Plant,
+    Reading,
     RigError,
     SensorCurvature,
     SensorDrift,
@@ -155,6 +156,11 @@ def test_what_needs_equations_says_so(tmp_path) -> None:
     _, plant = plants()
     with pytest.raises(RigError, match="the equations of a foreign model are unknown"):
         export_model_exchange(plant, tmp_path / "motor.fmu")
+
+
+def test_further_readings_are_refused() -> None:
+    with pytest.raises(RigError, match="a foreign model gives one reading"):
+        plants(further=(Reading(name="current", noise=1e-9),))
 
 
 def test_a_plant_is_saved_by_the_name_of_its_model() -> None:
