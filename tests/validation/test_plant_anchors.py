@@ -13,8 +13,7 @@ from scipy.optimize import minimize_scalar
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy
-from deatwin.plant.laws.energies import neo_hookean
-from deatwin.plant.material import gent
+from deatwin.plant.laws.energies import gent, neo_hookean
 from deatwin.plant.rest import rest_state
 
 GRAVITY = 9.80665

@@ -522,7 +522,7 @@ class Builder:
             raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
         if fault := unknown_symbols([p, c], fixed):
             raise RigError(f"{fault}parameters and constants are all it may depend on")
-        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, d, u, p, c])):
+        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, d, u, self.time, p, c])):
             if fault := unknown_symbols(allowed, equations):
                 raise RigError(f"{fault}states, coordinates, parameters and constants are all it may depend on")
         if what := not_a_number({**moving, **fixed, **held, **starts}):

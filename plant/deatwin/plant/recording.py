@@ -239,13 +239,20 @@ class Recording:
 
     def to_xarray(self) -> Any:
         """Return the recording as an `xarray.Dataset`, which is also its form in NetCDF files."""
-        from deatwin.plant.files.formats.description import KEY, describe, plain_header, rows_of, signals_of
+        from deatwin.plant.files.formats.description import (
+            KEY,
+            describe,
+            plain_header,
+            rows_of,
+            signals_of,
+            unmistakable,
+        )
 
         xarray = require("xarray", "a dataset")
         signals = signals_of(self, plain_header, taken=["time"])
         variables = {}
         for signal, row in zip(signals, rows_of(self), strict=True):
-            about = {"long_name": signal.name, "role": signal.role, "units": signal.unit}
+            about = {"long_name": signal.name, "role": signal.role, "units": unmistakable(signal.unit)}
             variables[signal.header] = ("time", row, {key: value for key, value in about.items() if value})
         return xarray.Dataset(
             variables,

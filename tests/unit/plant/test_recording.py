@@ -9,7 +9,7 @@ import pytest
 from deatwin.plant.checks import check_command_range, check_motion, require_excitation, require_samples
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.rigfile import DriveSpec, FilmSpec
+from deatwin.plant.rigs.rigfile import DriveSpec
 
 
 def ramp(n: int = 100, start: float = 0.0, sample_time: float = 0.02) -> Recording:
@@ -21,7 +21,7 @@ def rest(n: int = 100, start: float = 0.0) -> Recording:
     return Recording.from_arrays(np.full(n, 2.4), np.linspace(0.0, 1e-4, n), 0.02, start=start)
 
 
-FILM = FilmSpec(material="VHB 4910", thickness=1e-3, prestretch=3.5, frame_diameter=80e-3, electrode_diameter=35e-3)
+FRAME = 80e-3  # m
 DRIVE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0, command_min=1.1, command_max=3.75)
 DRIVE_WITHOUT_RANGE = DriveSpec(gain=800.0, start_ramp=2.0, start_hold=3.0)
 
@@ -117,10 +117,10 @@ class TestChecks:
     )
     def test_a_film_does_not_move_farther_than_its_frame_is_wide(self, size: float, said: str) -> None:
         with pytest.raises(DataError, match=said):
-            check_motion(Recording.from_arrays(np.zeros(1001), size * np.linspace(0, 1, 1001), 0.02), FILM)
+            check_motion(Recording.from_arrays(np.zeros(1001), size * np.linspace(0, 1, 1001), 0.02), FRAME)
 
     def test_a_spike_and_commands_alone_are_no_motion(self) -> None:
         reading = 1e-3 * np.linspace(0, 1, 1001)
         reading[500] = 5.0
-        check_motion(Recording.from_arrays(np.zeros(1001), reading, 0.02), FILM)
-        check_motion(Recording.from_arrays(np.zeros(1001), np.empty((0, 1001)), 0.02), FILM)
+        check_motion(Recording.from_arrays(np.zeros(1001), reading, 0.02), FRAME)
+        check_motion(Recording.from_arrays(np.zeros(1001), np.empty((0, 1001)), 0.02), FRAME)

@@ -86,6 +86,7 @@ _SYMBOLS = {
     **_scaled("F", "munp"),
     **_scaled("C", "munp"),  # without a prefix it is not known which
     "coulomb": Unit("C"),
+    "farad": Unit("F"),  # behind the name of a temperature, F are degrees
     **_scaled("W", "munk"),
     **_scaled("J", "munk"),
     **_scaled("m", "cmunk"),
@@ -261,7 +262,7 @@ _SPELLED_OUT = {
     for word, unit in _WORDS.items()
     if short + unit in _SYMBOLS
 }
-_SPELLED_OUT["coulomb"] = "coulomb"  # which its symbol alone is not
+_SPELLED_OUT |= {"coulomb": "coulomb", "farad": "farad"}  # which their symbols alone are not
 _OTHER_SPELLINGS = {
     "deg C": "°C",
     "deg °C": "°C",

@@ -64,6 +64,11 @@ def signals_of(recording: Signals, header: Callable[[str, str], str], *, taken: 
     return signals
 
 
+def unmistakable(unit: str) -> str:
+    """A unit as it cannot be read otherwise behind any name: C and F may be degrees."""
+    return {"C": "coulomb", "F": "farad"}.get(unit, unit)
+
+
 def rows_of(recording: Signals) -> list[NDArray[np.float64]]:
     """Return the values of all signals in SI units, in the order of `signals_of`."""
     return [*recording.inputs, *recording.outputs, *recording.extras.values()]

@@ -17,7 +17,15 @@ import numpy as np
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.csvtable import read_bytes
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
-from deatwin.plant.files.formats.description import KEY, describe, plain_header, read_description, rows_of, signals_of
+from deatwin.plant.files.formats.description import (
+    KEY,
+    describe,
+    plain_header,
+    read_description,
+    rows_of,
+    signals_of,
+    unmistakable,
+)
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.files.formats.table import Declared, Timing
 from deatwin.plant.recording import Recording
@@ -62,7 +70,7 @@ def write_tdms(path: str | Path, recording: Recording) -> None:
         "wf_samples": recording.n_samples,
     }
     channels = [
-        nptdms.ChannelObject(_GROUP, signal.header, row, {"unit_string": signal.unit, **clock})
+        nptdms.ChannelObject(_GROUP, signal.header, row, {"unit_string": unmistakable(signal.unit), **clock})
         for signal, row in zip(signals, rows_of(recording), strict=True)
     ]
     root = nptdms.RootObject({KEY: describe(recording, signals)})
