@@ -243,9 +243,22 @@ class Diagnosis(Described):
         """
         try:
             somewhere = data["locate"] if any(data["locate"].values()) else None
-            return read(cls, {**data, "locate": somewhere})
+            found = read(cls, {**data, "locate": somewhere})
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise ModelError(f"malformed diagnosis: {error!r}") from None
+        found._require_consistent()
+        return found
+
+    def _require_consistent(self) -> None:
+        """Refuse causes or an unexplained part that do not belong to the verdict."""
+        for name, there, due in (
+            ("causes", bool(self.causes), self.verdict.has_causes),
+            ("unexplained", self.unexplained is not None, self.verdict is Verdict.PARTLY),
+        ):
+            if there is not due:
+                raise ModelError(
+                    f'malformed diagnosis: the verdict "{self.verdict.value}" with{"" if there else "out"} {name}'
+                )
 
     def save(self, path: Path | str) -> None:
         """Write ``diagnosis.json``.
