@@ -198,7 +198,7 @@ def identify(
             *degree_remarks(periodic, degree),
         ]
         found = list(dict.fromkeys(found))
-        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
+        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(hold_out(whole)[0], degree)):
             voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)
