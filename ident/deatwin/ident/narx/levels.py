@@ -14,12 +14,10 @@ Array = NDArray[np.float64]
 
 _GLANCE = 256  # samples that show at once that a signal has many levels
 _ROUNDING = 1e-12  # of the largest value: what arithmetic and decimal files make of one level
-_SCATTER = 0.02  # of the range: readings of a command err by less; beyond, what is fast is motion
-_APART = 0.1  # of the range: five such deviations, which no noise on a level bridges
+_SCATTER = 0.01  # of the range: a readback of the usual class errs by less; what scatters more may act on the plant
+_APART = 0.1  # of the range: ten such deviations, which no noise on a level bridges
 _SHARE = 0.1  # of the samples: beside a rarer level, as before a start, what looks like scatter is the experiment
-_WHITE = (
-    0.7  # median difference of successive readings, of their median deviation: 1.4 of white noise, 0 of held motion
-)
+_WHITE = 0.7  # median step between readings, of their median deviation: 1.4 of white noise, 0 of a held motion
 _SETTLED = 1e-3  # of the range: what a filter leaves of an edge between holds, and too little to show a gain of its own
 
 
