@@ -78,14 +78,25 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
 
 
-def disagreements(model: NarxModel, dead_times: Sequence[DeadTime]) -> list[str]:
-    """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time."""
+def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> list[str]:
+    """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time.
+    `by_free_run` whether the method chose the model's terms by its free run.
+    """
     from deatwin.ident.narx.preprocess import DeadTimeStatus
 
+    acting = (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE, DeadTimeStatus.LOOP)
     said = []
-    for row, one in enumerate(dead_times):
+    for row, one in enumerate(found.dead_times):
         lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
-        if not lags:
+        if not lags and one.status in acting and one.interval is not None and one.interval[1] in found.lags:
+            advice = (
+                "take --method frols, which chooses one step ahead" if by_free_run else "record with a stronger input"
+            )
+            said.append(
+                f"{one.input_name} is in no term of the model, although it acts and lags {_written(found.lags)} of it "
+                f"competed: {advice}"
+            )
+        elif not lags:
             said.append(
                 f"{one.input_name} is in no term of the model, which tells nothing of its effect: let later lags compete "
                 "(--input-lags), or record with a stronger input"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -54,13 +55,37 @@ def test_an_input_that_repeats_itself_imposes_no_lags():
 
 
 def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
-    found = choose_input_lags([late(1)], None, None).dead_times
+    found = choose_input_lags([late(1)], None, None)
     agreeing = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 0.1}, sample_time=0.1)
-    assert disagreements(agreeing, found) == []
-    (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9, "u(k-2)": 0.1}, sample_time=0.1), found)
+    assert disagreements(agreeing, found, by_free_run=False) == []
+    (said,) = disagreements(
+        NarxModel.from_terms({"y(k-1)": 0.9, "u(k-2)": 0.1}, sample_time=0.1), found, by_free_run=False
+    )
     assert "after 1 sample" in said and "is 2" in said
-    (said,) = disagreements(NarxModel.from_terms({"y(k-1)": 0.9}, sample_time=0.1), found)
-    assert "u is in no term of the model" in said
+    without = NarxModel.from_terms({"y(k-1)": 0.9}, sample_time=0.1)
+    for by_free_run, advice in ((False, "stronger input"), (True, "--method frols")):
+        (said,) = disagreements(without, found, by_free_run=by_free_run)
+        assert "u is in no term of the model" in said and "lags 1 to 2 of it competed" in said and advice in said
+    (said,) = disagreements(without, replace(found, lags=(0,)), by_free_run=True)
+    assert "--input-lags" in said and "frols" not in said
+
+
+@pytest.mark.parametrize("method", ["lasso", "frols"])
+def test_lags_that_competed_are_not_advised(at: Path, capsys: pytest.CaptureFixture[str], method: str) -> None:
+    """y(k) = 1.02 y(k-1) + 0.1 u(k-1) in a loop: no free run can tell its terms, so that a constant has the best one."""
+    rng = np.random.default_rng(3)
+    wanted, u, read, y = np.repeat(rng.uniform(-1, 1, 100), 20), np.zeros(2000), np.zeros(2000), 0.0
+    for k in range(2000):
+        read[k] = y + 0.01 * rng.normal()
+        u[k] = 3.0 * (wanted[k] - read[k]) + 0.3 * rng.normal()
+        y = 1.02 * y + 0.1 * u[k]
+    write_recording("loop.csv", named(u, read))
+    assert main(["identify", "loop.csv", *COLUMNS, "--method", method, "--out", "narx.json", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert not any("compete" in note.split("competed")[-1] for note in told["notes"])
+    assert any("take --method frols" in note for note in told["notes"]) == (method == "lasso")
+    if method == "frols":
+        assert "u(k-1)" in told["terms"]
 
 
 @pytest.mark.parametrize("zeta", [None, 1.0])

@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from deatwin.ident.narx.excess import excess_notes, noisy_products
-from deatwin.ident.narx.late_inputs import late_inputs
+from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, last_lag, late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
@@ -221,7 +221,9 @@ class NarxIdentifier(Identifier, ABC):
         data = [self._regression(chosen, row) for row in rows or (0,)]
         model = self._learn_all(data, tell)
         candidates = str(sum(len(one.table.terms) for one in data))
-        self.model_ = replace(model, provenance={**model.provenance, "candidates": candidates})
+        last = ", ".join(str(last_lag(data[0].table.terms, column)) for column in range(len(chosen[0].inputs)))
+        told = {"candidates": candidates, LAST_INPUT_LAGS: last}
+        self.model_ = replace(model, provenance={**model.provenance, **told})
         self.notes_ = self._notes(chosen)
         return self
 

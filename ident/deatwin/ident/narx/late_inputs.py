@@ -6,7 +6,7 @@ takes the slow beginning of a plant for a dead time, so what it suspects is put 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.terms import Term
 from deatwin.plant.recording import Recording
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+LAST_INPUT_LAGS = "last input lags"
+"""Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
 _SEEN = 3.9
 """Standard deviations from which a correlation is there: chance is 1 in 10,000, with a hundred lags 1 in 100 that one is."""
 _BEYOND = 100
@@ -43,7 +46,8 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     for column in range(len(model.input_names)):
         inputs = _whitened([record.inputs[column] for record in recordings])
         for row in range(model.n_outputs):
-            last = _last_lag(model, column, row)
+            terms = [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
+            last = last_lag(terms, column)
             most = min(last + _BEYOND, longest // 4)
             if most <= last:
                 continue
@@ -61,8 +65,9 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
                 there = (
                     f"later than its last lag in the model, {last}" if last >= 0 else "and is in no term of the model"
                 )
-                lags = f"lags {one.interval[0]} to {one.interval[1] + 2}"
-                said.append(f"{one}, {there}: let {lags} of {one.input_name} compete")
+                advice = f": let lags {one.interval[0]} to {one.interval[1] + 2} of {one.input_name} compete"
+                known = one.interval[1] <= _competed(model, column)
+                said.append(f"{one}, {there}{', though such lags competed' if known else advice}")
     return tuple(said)
 
 
@@ -76,10 +81,15 @@ def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, 
     return estimate_dead_time(parts, output=row)
 
 
-def _last_lag(model: NarxModel, column: int, row: int) -> int:
-    """Last lag of an input in an equation; -1 if it is not there."""
-    terms = [term for term, equation in zip(model.terms, model.equations, strict=True) if equation == row]
+def last_lag(terms: Iterable[Term], column: int) -> int:
+    """Last lag of an input in terms; -1 if it is not there."""
     return max((v.reach for t in terms for v, _ in t.factors if v.kind == "u" and v.index == column), default=-1)
+
+
+def _competed(model: NarxModel, column: int) -> int:
+    """Last lag of an input among the candidates that a model was chosen from; -1 if that is not known."""
+    told = model.provenance.get(LAST_INPUT_LAGS, "").split(", ")
+    return int(told[column]) if len(told) == len(model.input_names) and told[column].isdecimal() else -1
 
 
 def _whitened(signals: Sequence[Array]) -> list[Array]:

@@ -14,17 +14,47 @@ Array = NDArray[np.float64]
 
 _GLANCE = 256  # samples that show at once that a signal has many levels
 _ROUNDING = 1e-12  # of the largest value: what arithmetic and decimal files make of one level
+_SCATTER = 0.01  # of the range: a readback of the usual class errs by less; what scatters more may act on the plant
+_APART = 0.1  # of the range: ten such deviations, which no noise on a level bridges
+_SHARE = 0.1  # of the samples: beside a rarer level, as before a start, what looks like scatter is the experiment
+_WHITE = 0.7  # median step between readings, of their median deviation: 1.4 of white noise, 0 of a held motion
+_SETTLED = 1e-3  # of the range: what a filter leaves of an edge between holds, and too little to show a gain of its own
 
 
 def few_levels(values: Array, most: int) -> Array:
-    """Return the levels of a signal, if it has few. Shapes: returns (n_levels,)."""
+    """Return the levels of a signal, if it has few, exactly or but for noise and edges. Shapes: returns (n_levels,)."""
     flat = np.ravel(values)
     for part in (flat[:_GLANCE], flat):
         distinct = np.unique(part)
         apart = np.diff(distinct, prepend=-np.inf) > _ROUNDING * np.abs(distinct).max(initial=0.0)
         if np.count_nonzero(apart) > most:
-            return np.empty(0)
+            return _blurred_levels(flat, most)
     return distinct[apart]
+
+
+def _blurred_levels(values: Array, most: int) -> Array:
+    """Return the two or more levels around which white noise scatters readings that rest, if they are few.
+
+    A filter leaves edges between levels, where nothing rests. A slow or held motion about levels is no noise: it shows
+    curvature by the gains at the levels.
+    """
+    span = float(np.ptp(values))
+    still = np.abs(np.diff(values)) <= 4.0 * _SCATTER * span
+    resting = np.append(still, True) & np.append(True, still)
+    seen = values[resting] if 2 * np.count_nonzero(resting) > values.size else values
+    ordered = np.sort(seen)
+    cuts = np.flatnonzero(np.diff(ordered) > _APART * span)
+    if not 0 < cuts.size < most:
+        return np.empty(0)
+    which = np.searchsorted(0.5 * (ordered[cuts] + ordered[cuts + 1]), seen)
+    parts = [seen[which == number] for number in range(cuts.size + 1)]
+    clear = all(
+        part.size >= _SHARE * seen.size
+        and part.std() <= _SCATTER * span
+        and np.median(np.abs(np.diff(part))) + _SETTLED * span >= _WHITE * np.median(np.abs(part - np.median(part)))
+        for part in parts
+    )
+    return np.array([np.median(part) for part in parts]) if clear else np.empty(0)
 
 
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:

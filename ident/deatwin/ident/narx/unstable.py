@@ -96,14 +96,19 @@ class Unstable:
 def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording]) -> str:
     """Return a sentence if recordings surely have an unstable pole, which a model whose free run is bounded lacks."""
     found = recorded_pole(recordings, _first_lag(model))
-    longest = max(record.n_samples for record in recordings)
-    if found is None or abs(found.pole) - max(_SURER * found.deviation, 1.0 / longest) <= 1.0:
-        return ""  # what does not grow by e in the longest recording makes no difference
+    if found is None or not _surely_outside(found, recordings) or np.any(np.abs(poles_at(model, recordings)) > 1.0):
+        return ""
     return (
         f"a long ARX model of the recordings has an unstable pole, {_sized(found.pole, found.interval)}, "
         f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, the recording "
-        "was made in a closed loop, and no fit of the free run can find it; fit one step ahead, best with a model of the noise (Armax, Narmax)"
+        "was made in a closed loop, and no fit of the free run can find it; a fit one step ahead can, best with a model of the noise (Armax, Narmax)"
     )
+
+
+def _surely_outside(found: RecordedPole, recordings: Sequence[Recording]) -> bool:
+    """Whether recordings surely have an unstable pole, and one that grows by e within the longest of them."""
+    longest = max(record.n_samples for record in recordings)
+    return abs(found.pole) - max(_SURER * found.deviation, 1.0 / longest) > 1.0
 
 
 def _first_lag(model: NarxModel) -> int:
@@ -132,14 +137,15 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
 def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
     """Return the unstable pole of a model, or None if it is not certainly unstable.
 
-    The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, so
-    only a diverged free run counts.
+    The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, as
+    one of a limit cycle is, so its free run must have diverged or the recordings surely have an unstable pole too.
     """
-    nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
-    if nonlinear and not diverged:
-        return None
     poles = poles_at(model, recordings)
     if not poles.size or abs(poles[0]) <= 1.0 or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0:
+        return None
+    nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
+    found = recorded_pole(recordings, _first_lag(model))
+    if nonlinear and not diverged and (found is None or not _surely_outside(found, recordings)):
         return None
     growing = round(1.0 / float(np.log(abs(poles[0]))))
     room = min(record.n_samples for record in recordings) - model.table.max_lag
@@ -147,7 +153,6 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     ahead = Fit.of([model.predict(record, steps=steps) for record in recordings])
     if not np.all(np.isfinite(ahead.mean_square)):  # lost within one growth by e: no pole accounts for that
         return None
-    found: RecordedPole | None = recorded_pole(recordings, _first_lag(model))
     return Unstable(
         pole=complex(poles[0]),
         sample_time=model.sample_time,

@@ -40,6 +40,9 @@ class Method(StrEnum):
     GROW = "grow"
 
 
+_AHEAD = (Method.SVB, Method.FROLS)
+"""Methods that choose the terms by the prediction one step ahead; the others do by the free run."""
+
 Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
 MethodOption = Annotated[
@@ -183,7 +186,7 @@ def identify(
         alone = [tested] if len(unseen) == 1 else [_tested(model, [part]) for part in unseen]
         errors = [_errors(model, part, own) for part, own in zip(unseen, alone, strict=True)]
         _say(voice, model, errors, [label(record) for record in records])
-        apart = [*outlying(training), *disagreements(model, chosen.dead_times)]
+        apart = [*outlying(training), *disagreements(model, chosen, by_free_run=method not in _AHEAD)]
         apart += [] if method is Method.SEMP else biased_by_noise(model, training, unseen)
         told = () if tested.validation is None else tested.validation.notes
         periodic = approximated(whole)
@@ -198,7 +201,7 @@ def identify(
             *degree_remarks(periodic, degree),
         ]
         found = list(dict.fromkeys(found))
-        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(training, degree)):
+        for line in (*(f"note: {note}" for note in found), *remarks_on_levels(hold_out(whole)[0], degree)):
             voice.say(line)
         if not identifier.status_.ok:
             voice.say(identifier.status_.value)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import butter, decimate, lfilter
 
-from deatwin.ident.narx import Frols, Lasso, Semp
+from deatwin.ident.narx import Frols, Lasso, Semp, SvbNarx
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.levels import few_levels, without_repeated_powers
 from deatwin.ident.narx.preprocess import FindingKind, choose_orders, inspect_recordings
@@ -27,6 +28,62 @@ def test_levels_are_told_apart_beyond_rounding():
     assert few_levels(np.arange(5.0), 4).size == 0 and few_levels(np.arange(5.0), 5).size == 5
     assert few_levels(np.append(np.zeros(1000), [1, 2, 3]), 3).size == 0
     assert few_levels(np.array([0.0, 1e-300]), 3).size == 2
+
+
+def held(rng, levels, hold, n=1500):
+    return np.repeat(rng.choice(levels, n // hold + 1), hold)[:n].astype(float)
+
+
+@pytest.mark.parametrize("hold", [1, 3, 15, 60])
+@pytest.mark.parametrize("noise", [1e-6, 1e-4, 1e-3, 5e-3])
+def test_noise_on_the_readback_makes_no_levels(hold, noise):
+    """Two levels are two, three are three, in all of 10 recordings of each; with a degree of 2, three are not few."""
+    for seed in range(10):
+        rng = np.random.default_rng([seed, hold])
+        scatter = 2.0 * noise * rng.normal(size=1500)
+        np.testing.assert_allclose(few_levels(held(rng, (1.0, 3.0), hold) + scatter, 3), [1.0, 3.0], atol=2 * noise)
+        three = held(rng, (-1.0, 0.0, 1.0), hold) + scatter
+        assert few_levels(three, 3).size == 3 and few_levels(three, 2).size == 0
+
+
+def test_edges_that_a_filter_smears_are_no_levels():
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        for noise in (0.0, 1e-3):
+            smeared = decimate(held(rng, (0.0, 1.0), 30, 6000) + noise * rng.normal(size=6000), 4, zero_phase=True)
+            np.testing.assert_allclose(few_levels(smeared, 3), [0.0, 1.0], atol=0.02)
+            assert few_levels(lfilter(*butter(2, 0.3), held(rng, (0.0, 1.0), 60)), 3).size == 2
+
+
+@pytest.mark.parametrize(
+    "signal",
+    [
+        lambda rng, t: rng.uniform(-1, 1, t.size),
+        lambda rng, t: rng.normal(size=t.size),
+        lambda rng, t: 5.0 + 1e-4 * rng.normal(size=t.size),
+        lambda rng, t: np.repeat(rng.uniform(-1, 1, 75), 20),
+        lambda rng, t: np.sin(t / 100),
+        lambda rng, t: np.abs(t / 50 % 2 - 1),
+        lambda rng, t: np.r_[np.zeros(50), 100 + rng.uniform(-1, 1, t.size - 50)],  # the rig is started first
+        lambda rng, t: held(rng, (1.0, 3.0), 300) + 0.02 * np.sin(t / 3),  # two operating points, gains at each
+        lambda rng, t: held(rng, (1.0, 3.0), 300) + 0.02 * np.repeat(rng.uniform(-1, 1, 300), 5),
+        lambda rng, t: np.where(t % 100 < 20, np.repeat(rng.uniform(0.5, 1, 15), 100), 0.0),  # pulses of many heights
+        lambda rng, t: np.where(t % 300 < 10, 0.0, held(rng, (-1.0, 1.0), 15)) + 1e-3 * rng.normal(size=t.size),
+    ],
+)
+def test_commands_of_many_levels_have_many(signal):
+    for seed in range(10):
+        values = signal(np.random.default_rng(seed), np.arange(1500))
+        assert few_levels(values, 2).size == few_levels(values, 1).size == 0
+
+
+@pytest.mark.parametrize("identifier", [Frols(), SvbNarx(), Semp()], ids=lambda one: type(one).__name__)
+def test_a_linear_plant_read_with_noise_at_two_levels_gets_no_square(identifier):
+    rng = np.random.default_rng(3)
+    u = held(rng, (0.0, 1.0), 15) + 1e-3 * rng.normal(size=1500)
+    y = lfilter([0.0, 0.1], [1.0, -0.9], u) + 0.002 * rng.normal(size=1500)
+    model = identifier.fit(Recording.from_arrays(u, y, 0.05)).model_
+    assert all(power == 1 for term in model.terms for variable, power in term.factors if variable.kind == "u")
 
 
 @pytest.mark.parametrize("levels", [(0.0, 1.0), (-1.0, 1.0), (0.2, 0.7), (-1.0, 0.0, 1.0), (0.0, 1.0, 3.0)])

@@ -48,6 +48,29 @@ def test_a_pole_within_its_uncertainty_of_the_circle_is_not_called_unstable():
     assert validate(model, record).unstable is None
 
 
+@pytest.mark.parametrize("term", ["y(k-1)^2", "u(k-1)^2", "y(k-1)^3"])
+def test_a_negligible_nonlinear_term_changes_nothing(term):
+    """Whether its free run diverges, is held by the loop's input, or turns around at another equilibrium."""
+    for size in (-1e-6, -1e-3, 1e-6):
+        model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0, term: size}, sample_time=0.1)
+        for seed in range(3):
+            found = validate(model, looped(600, seed=seed))
+            assert found.unstable is not None and abs(found.unstable.pole) == pytest.approx(1.1, abs=0.002)
+            assert found.unstable.steps in (10, 11) and not any("lacks" in note for note in found.notes)
+
+
+def test_a_model_with_a_limit_cycle_is_not_called_unstable():
+    """y(k) = 1.2 y(k-1) - 0.2 y(k-1)^3 rests at +-1, not at 0, the mean of recordings that go to and fro."""
+    model = NarxModel.from_terms({"y(k-1)": 1.2, "y(k-1)^3": -0.2, "u(k-1)": 1.0}, sample_time=0.1)
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 3])
+        u, y = 0.3 * rng.normal(size=1500), np.zeros(1500)
+        for k in range(1, 1500):
+            y[k] = 1.2 * y[k - 1] - 0.2 * y[k - 1] ** 3 + u[k - 1]
+        record = Recording.from_arrays(u, y + 0.01 * rng.normal(size=1500), 0.1)
+        assert abs(poles_at(model, [record])[0]) > 1.0 and validate(model, record).unstable is None
+
+
 def test_poles_of_a_nonlinear_model_are_those_at_the_mean():
     # slope of 0.5 y + 0.3 y^2 u at y = 1, u = 2: 0.5 + 0.6 * 2 = 1.7, and -0.2 at lag 2
     model = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-1)^2u(k-1)": 0.3, "y(k-2)": -0.2}, sample_time=1.0)
