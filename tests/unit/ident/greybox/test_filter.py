@@ -15,7 +15,7 @@ from deatwin.ident.greybox.filter_openings import opened_equations, places
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.state_space import StateSpace
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
 
@@ -38,6 +38,7 @@ class Saturated(Bare):
     """Written with functions of NumPy, of which CasADi warns at length."""
 
     kind: ClassVar[str] = "saturated"
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
 
     def write(self, build: Builder) -> Any:
         position = build.state("position", scale=1.0)
