@@ -91,7 +91,7 @@ def stream_jobs(
         return
     from joblib import Parallel, delayed
 
-    results: Any = (none for none in ())
+    results: Any = None
     try:
         with _interrupts_held():
             results = Parallel(n_jobs=workers, return_as="generator")(
@@ -100,9 +100,10 @@ def stream_jobs(
         for result in results:  # noqa: UP028 - who closes this one must not hear of the jobs that were dropped
             yield result
     finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            results.close()
+        if results is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                results.close()
 
 
 def end_workers() -> None:
