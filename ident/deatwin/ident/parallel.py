@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterable, Iterator
-from multiprocessing import current_process
+from contextlib import contextmanager
+from multiprocessing import active_children, current_process
 from typing import Any, TypeVar
 
 import numpy as np
@@ -89,7 +91,44 @@ def stream_jobs(
         return
     from joblib import Parallel, delayed
 
-    yield from Parallel(n_jobs=workers, return_as="generator")(delayed(_in_worker)(function, task) for task in tasks)
+    results: Any = None
+    try:
+        with _interrupts_held():
+            results = Parallel(n_jobs=workers, return_as="generator")(
+                delayed(_in_worker)(function, task) for task in tasks
+            )
+        for result in results:  # noqa: UP028 - who closes this one must not hear of the jobs that were dropped
+            yield result
+    finally:
+        if results is not None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                results.close()
+
+
+def end_workers() -> None:
+    """End the worker processes that wait for jobs or still start: a program that ends would wait for them."""
+    for worker in active_children():
+        worker.terminate()
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back while workers start: they inherit the mask, so that theirs never comes; ours comes at the end.
+
+    The threads that start more workers later, and hand out jobs, are started here and inherit it too.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start would let the signal through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:

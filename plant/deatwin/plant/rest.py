@@ -55,22 +55,25 @@ def rest_state(
     functions, kept = _functions(equations), resting(equations)
     constants, inputs = equations.constants, equations.held_inputs(command)
     w = np.asarray(equations.guess(values, constants)).ravel() if guess is None else guess
-    fault, reach, last = NO_REST, REACH, np.inf
+    fault, reach, last, closest = NO_REST, REACH, np.inf, np.full(kept.size, np.inf)
     for number in range(UPDATES):
         residual, jacobian = (np.asarray(v) for v in functions.residual(w, inputs, values, constants))
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             fault = fault if number else _undefined_at_guess(equations, residual.ravel(), jacobian, w, values)
             break
         matrix, rows = _scaled(equations, jacobian, kept)
-        step = np.zeros(w.size)
-        step[kept] = equations.scale[kept] * np.linalg.lstsq(matrix, residual.ravel()[kept] / rows, rcond=None)[0]
+        step, left = np.zeros(w.size), residual.ravel()[kept] / rows
+        closest = np.minimum(closest, np.abs(left))
+        step[kept] = equations.scale[kept] * np.linalg.lstsq(matrix, left, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
         # While what is left to go shrinks, the way is straight, and a far unknown may be reached in longer steps.
         reach, last = (GROWTH * reach if size < last else REACH), size
         w = w - step * (1.0 if size <= reach else reach / size)
         if size < SETTLED:
-            fault = _unbalanced(equations, residual.ravel()[kept] / rows, matrix, kept)
+            fault = _unbalanced(equations, left, matrix, kept)
             break
+    if fault == NO_REST and TENSION not in equations.signals:
+        fault = _rootless(equations, closest, kept)
     n_x, found = len(equations.states), not fault
     # Without an equilibrium there is nothing to differentiate.
     w_p = _slope(equations, w, inputs, values) if found else np.zeros((w.size, values.size))
@@ -160,6 +163,8 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
     """Name the states without an equilibrium where Newton's method stands still; empty if the equations hold."""
     if np.max(np.abs(left), initial=0.0) < UNBALANCED:
         return ""
+    if kept[np.argmax(np.abs(left))] >= len(equations.states):
+        return _rootless(equations, np.abs(left), kept)
     free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction in which nothing draws the unknowns back
     unknowns = np.array(equations.states + equations.coordinates)[kept]
     names = unknowns[free > 1e-3 * free.max()]  # others move along by rounding only
@@ -168,6 +173,17 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
         f"{'state' if len(names) == 1 else 'states'} {', '.join(names)} {'has' if len(names) == 1 else 'have'} no "
         f"equilibrium at the start: let {'it' if len(names) == 1 else 'one'} start from a parameter, as in "
         f'build.state("{one}", scale=..., start=build.parameter("{one}_at_start"))'
+    )
+
+
+def _rootless(equations: Equations, closest: np.ndarray, kept: np.ndarray) -> str:
+    """Name the equation of rest that Newton's method left furthest from zero, by how close each came."""
+    row = int(kept[np.argmax(closest)])
+    start = ", or let the state start from a parameter (build.state(..., start=...))"
+    return (
+        f"no state of rest was found: {equations.names_of_rest[row]} was zero nowhere it was tried, and may have no real "
+        "root: check it and the parameters, or give another guess (build.guess)"
+        f"{start if row < len(equations.states) else ''}"
     )
 
 

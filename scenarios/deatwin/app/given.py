@@ -8,12 +8,10 @@ from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.checks import check_command_range, check_motion
-from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
-from deatwin.plant.files.wanted import header_like, units_like
 from deatwin.plant.foreign.modelfile import model_file_of
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
@@ -76,27 +74,11 @@ class GivenPlant:
             output_unit=rig.output_unit,
             readings=rig.further,
         )
-        for record in read.recordings:
-            self._require_unit(record)  # before numbers in an unknown unit are found too large
-            if self.described is not None:
+        if self.described is not None:
+            for record in read.recordings:
                 check_command_range(record, self.described.drive)
                 check_motion(record, self.described.widest)
         return read
-
-    def _require_unit(self, record: Recording) -> None:
-        """A reading in mm without its unit would be taken for one in m."""
-        rig, unit, name = self.model.plant.rig, record.output_units[0], record.output_names[0]
-        if unit or rig.output_unit in ("", "1"):
-            return
-        usual = usual_unit(rig.output_name) == rig.output_unit
-        shown = split_unit(COLUMNS[rig.output_name])[1] if usual else rig.output_unit
-        column = self.output_column or name
-        likes = units_like(rig.output_unit)
-        also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
-        raise DataError(
-            f'{record.provenance.get("file", "recording")}: the column "{name}" gives no unit, and the plant takes it '
-            f'in {rig.output_unit}: it needs a header with the unit, as in "{header_like(name, shown)}"{also}; or state it: --output-column "{column}={shown}"'
-        )
 
     def commands(self, file: str | Path) -> Recording:
         """Read the commands of a file; readings in it are not looked at."""

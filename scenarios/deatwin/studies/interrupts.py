@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -40,5 +41,7 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
         with obeying():
             raise
     finally:
+        if handler.asked.is_set() and (parallel := sys.modules.get("deatwin.ident.parallel")):
+            parallel.end_workers()
         for number in taken:
             signal.signal(number, ORDINARY[number])

@@ -50,6 +50,12 @@ class Counter(Coupon):
 def counter():
     return Plant(rig=Counter(sample_time=0.1))
 
+class Turning(Coupon):
+    output_unit = "rad/s"
+
+def turning():
+    return Plant(rig=Turning(sample_time=0.1))
+
 def number():
     return 3
 
@@ -115,6 +121,7 @@ FILES = {
     "unitless.csv": table("t,voltage,disp"),
     "volts.csv": table("t,voltage,disp_V"),
     "both.csv": table("t,disp_V,disp_mm"),
+    "turns.csv": table("t,voltage,speed (1/min)"),
     "parsecs.csv": table("t,voltage,disp (parsecs)"),
     "extra.csv": table("time_s,command_V,displacement_mm,curent_uA"),
     "double.csv": table("time_s,command_V,command_V"),

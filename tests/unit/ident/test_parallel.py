@@ -1,6 +1,7 @@
 """The runner gives the same results however the jobs are spread."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -90,6 +91,43 @@ def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
     assert done > 0
     time.sleep(2.5)
     assert len(list(tmp_path.iterdir())) <= done + 2  # those that were being run; two more wait at each worker
+
+
+INTERRUPTED = """
+import os, signal, sys, time, types
+from deatwin.ident.parallel import run_jobs
+from deatwin.studies.interrupts import forward_signals
+sys.path.insert(0, sys.argv[1])
+import slow_to_import
+os.mkdir(os.path.join(sys.argv[1], "starting"))
+with forward_signals():
+    run_jobs(slow_to_import.job, [(k,) for k in range(40)], workers=2)
+"""
+SLOW = """
+import os, time
+if os.path.exists(os.path.join(os.path.dirname(__file__), "starting")):
+    time.sleep(20)
+def job(number):
+    return number
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups that a signal reaches")
+@pytest.mark.parametrize("after", [0.0, 0.1, 0.3, 2.0])
+def test_an_interrupt_ends_workers_that_are_still_starting_without_a_word_of_theirs(tmp_path, after):
+    (tmp_path / "slow_to_import.py").write_text(SLOW)
+    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path)]
+    master = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    until = time.monotonic() + 60
+    while not (tmp_path / "starting").exists() and time.monotonic() < until:
+        time.sleep(0.02)
+    time.sleep(after)
+    os.killpg(master.pid, signal.SIGINT)
+    began = time.monotonic()
+    said = master.communicate(timeout=60)[1]
+    assert time.monotonic() - began < 5.0  # the workers alone would take 20 s; a loaded machine takes its time
+    assert said.count("Traceback") == 1
+    assert said.rstrip().endswith("KeyboardInterrupt")
 
 
 @pytest.mark.parametrize("workers", [0, -2])

@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -151,6 +152,39 @@ def test_where_nothing_decides_the_state_is_named_with_the_remedy(
         simulation.require()
     with pytest.raises(SimulationError, match=said):
         actuation_curve(plant(equations), np.array([0.0, 1.0]))
+
+
+def rootless(build: Builder, rest: Callable[[Any, Any], Any]) -> Any:
+    """A balance of a real coordinate and a state that no real values meet, beside one that has a root."""
+    state = build.state("state", scale=1.0, start=build.parameter("k"))
+    root, none = build.coordinate("root", scale=1.0), build.coordinate("none", scale=1.0)
+    build.balance(root - state)
+    build.balance(rest(none, state))
+    build.rate(state, build.command - state + none)
+    return state
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [
+        lambda z, x: z**2 + x**2 + 1,
+        lambda z, x: ca.exp(z) + x**2 + 1,
+        lambda z, x: z**4 - 0.1 * z + 1,
+        lambda z, x: ca.cosh(z - 0.3) + x**2,
+    ],
+)
+@pytest.mark.parametrize("command", [0.0, 0.5])
+def test_an_equation_without_a_real_root_is_named(rest: Callable[[Any, Any], Any], command: float) -> None:
+    made = plant(partial(rootless, rest=rest))
+    found = rest_state(made.equations, command, made.free_values)
+    assert not found.found
+    assert "the balance for coordinate none was zero nowhere" in found.fault and "film" not in found.fault
+
+
+def test_a_rate_without_a_real_root_is_named_with_both_remedies() -> None:
+    made = plant(partial(first_order, rate=lambda level: -1 - (level - 0.4) ** 2))
+    fault = rest_state(made.equations, 0.0, made.free_values).fault
+    assert "the rate of state level was zero nowhere" in fault and "start=" in fault
 
 
 def test_a_motor_is_linearised_about_its_steady_motion() -> None:

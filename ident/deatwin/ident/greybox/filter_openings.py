@@ -16,6 +16,7 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, ParameterSet
+from deatwin.plant.rigfaults import users_code
 
 STATE = "state"
 """The place of a state's own equation, where the rig declares no better one."""
@@ -61,7 +62,8 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
     parameters = ParameterSet([*plant.parameters.values(), *added])
     build = _Opened(parameters, plant.effects, built_in)
     build.share_sampling(plant.rig)
-    return build.finish(plant.rig.write(build))
+    with users_code(f"the rig {plant.rig.kind}"):
+        return build.finish(plant.rig.write(build))
 
 
 class _Listener(Builder):
@@ -88,7 +90,8 @@ def _is_number(signal: Any) -> bool:
 def _heard(plant: Plant) -> list[tuple[str, str]]:
     build = _Listener(plant.parameters, plant.effects)
     build.share_sampling(plant.rig)
-    plant.rig.write(build)
+    with users_code(f"the rig {plant.rig.kind}"):
+        plant.rig.write(build)
     return build.heard
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,12 @@ _RESOLVED = 1e-9
 """Share of an output below which a residual is rounding: readings have at most nine digits that mean anything."""
 _WIDE = 1.96
 """Standard deviations to either side of which 95 % of a normal law lie."""
+_FASTEST = 2.0
+"""Growth within a sample that no sensible loop holds: it answers a sample late at best, and the largest magnitude of its
+sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control",
+Springer 1997, section 3.3); above 2 it has hardly a margin."""
+_RARELY_LESS = 0.063
+"""Standard deviations within which 5 % of a normal law lie."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +51,9 @@ class RecordedPole:
 
 
 def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
-    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short."""
+    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short, or if it
+    cannot be the plant's, as after a low pass of the readings, which looks ahead.
+    """
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
@@ -69,7 +78,8 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
     inverse = np.linalg.pinv(triangle[:size, :size], rcond=1e-10)
     own = head + (np.arange(lags)[:, None] * width + np.arange(n_outputs)).ravel()
     theta, covariance = (inverse @ tail[:size])[own], (inverse @ inverse.T)[np.ix_(own, own)]
-    return _largest(theta, covariance, left[lags] / (n - size))
+    found, drive = _largest(theta, covariance, left[lags] / (n - size))
+    return None if _would_have_grown(found, drive, signals) else found
 
 
 def _scaled(recordings: Sequence[Recording]) -> list[tuple[Array, Array]]:
@@ -95,8 +105,29 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
     return np.concatenate([np.ones((1, n - most)), *at_once, *lagged, outputs[:, most:]])
 
 
-def _largest(theta: Array, covariance: Array, noise: Array) -> RecordedPole:
-    """Return the largest eigenvalue of the companion matrix; its deviation by the eigenvalue's first derivative.
+def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
+    """Return whether no loop holds the pole's mode, or none did while the inputs stood still, so that it had shown.
+
+    What drives the mode in each sample, `drive` (n_outputs,) in standard deviations, adds up and grows; the outputs
+    would have stayed within their span in one of twenty cases only. A plant that rests on a stop meanwhile is not told
+    from a stable one.
+    """
+    rate = float(np.log(max(found.interval[0], 1.0)))
+    if rate == 0.0 or rate > np.log(_FASTEST):
+        return rate > 0.0
+    for inputs, outputs in signals:
+        moved = np.flatnonzero(np.any(np.diff(inputs, axis=1) != 0.0, axis=0)) + 1
+        lasted = max(end - begin for begin, end in pairwise([0, *moved.tolist(), outputs.shape[1]]))
+        growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of the squares
+        span = np.ptp(outputs, axis=1)
+        if np.any(np.log(np.maximum(_RARELY_LESS * drive, np.finfo(float).tiny)) + growth > np.log(span + _RESOLVED)):
+            return True
+    return False
+
+
+def _largest(theta: Array, covariance: Array, noise: Array) -> tuple[RecordedPole, Array]:
+    """Return the largest eigenvalue of the companion matrix, its deviation by the eigenvalue's first derivative, and
+    the standard deviation of what drives its mode in each output and sample.
 
     Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs).
     """
@@ -111,4 +142,6 @@ def _largest(theta: Array, covariance: Array, noise: Array) -> RecordedPole:
     turn = np.conj(value) / max(abs(value), np.finfo(float).tiny)
     slopes = np.real(turn * np.outer(row[:n_outputs], column) / (row @ column))
     variance = float(np.einsum("ij,ab,ia,jb->", noise, covariance, slopes, slopes))
-    return RecordedPole(pole=complex(value), deviation=max(variance, 0.0) ** 0.5)
+    driven = np.sqrt(np.real(row[:n_outputs] @ noise @ row[:n_outputs].conj())) / abs(row @ column)
+    drive = np.asarray(driven * np.abs(column[:n_outputs]), dtype=np.float64)
+    return RecordedPole(pole=complex(value), deviation=max(variance, 0.0) ** 0.5), drive

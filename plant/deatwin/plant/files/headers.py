@@ -24,7 +24,23 @@ _DOUBTFUL = ("F", "l")
 """Units that are written in brackets only: a force and a length end names as well."""
 _NO_QUANTITIES = frozenset({"counts"})
 """Words that begin an unknown unit before a slash, as in ``counts/s``."""
-_DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff|d_?t(?![a-z])|.*(difference|rise|increase)\b)")
+_DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
+_LAST_WORD = (
+    r"(?![^\W\d_])(?=[\W_]*(\d+|max|min|mean|rms)?$|[\W_]+(in|of|from|to|between|above|below|across|over)(?![a-z]))"
+)
+_CHANGE = re.compile(
+    r"(?i:(.*[^a-z]|.*temp|.*temperature?|t)??(diff|delta|differenz|change|error|err|deviation|dev|rise|increase|decrease|"
+    rf"drop|drift|offset|excess|over[ _-]?temp(erature)?|übertemperatur|abweichung){_LAST_WORD}"
+    r"|.*(superheat|sub-?cool|subcooling|undercooling|supercooling)(?![a-z])(?!.*temp)|excess[ _]temp"
+    r"|d[ _]?temp)|.*[a-z](Diff|Delta|Error|Change|Rise|Drop)(?![a-z])"
+)
+"""What says, behind or around the name of a temperature, that it is a difference; *phase change material* is none."""
+_ONE_TEMPERATURE = r"(?:[Tt](?:emp(?:erature)?)?(?:[_ ]?\d\w*|_\w+)|[Tϑθ](?:[a-z]{1,4})?)"
+_MINUS = re.compile(
+    rf"\(?(?:(?!T\s*[-−–]){_ONE_TEMPERATURE}\s*(?:[-−–]|minus)\s*{_ONE_TEMPERATURE}"
+    r"|T\s*(?:[-−–]|minus)\s*T(?:_?(?:\d\w*|amb|ref|inf|env|set|sp|air)|_\w+))\)?"
+)
+"""One temperature less another; ``T-Tank`` is the one of the tank."""
 _CERTAIN_TEMPERATURE = re.compile(r"(?i:.*(temp|therm))")
 _CHARGE = re.compile(r"(?i:.*(charge|coulomb|electric|ladung)|((delta|[dΔ∆])[_ ]?)?q(?![a-z]))")
 _TEMPERATURE = re.compile(
@@ -76,7 +92,7 @@ def for_name(name: str, unit: str) -> str:
         unit = _celsius_or_coulomb(name)
     if unit == "F" and _celsius_or_coulomb(name) == "°C":
         unit = "°F"
-    if unit == "°C" and _DIFFERENCE.match(name):
+    if unit == "°C" and (_DIFFERENCE.match(name) or _CHANGE.match(name) or _MINUS.fullmatch(name.strip())):
         return "Δ°C"
     return "gn" if unit == "g" and _ACCELERATION.match(name) else unit
 

@@ -19,7 +19,7 @@ from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.formats.tdms import read_tdms, write_tdms
 from deatwin.plant.files.formats.xlsx import read_xlsx, split_sheet
 from deatwin.plant.files.replacing import replacing
-from deatwin.plant.files.wanted import in_units, require_known_units, with_stated_units
+from deatwin.plant.files.wanted import in_units, require_known_units, require_stated_unit, with_stated_units
 from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import ReadingTime
@@ -74,7 +74,7 @@ def read_recordings(
         Header of the input and of the output, or the position, ``"#2"`` for the second column. By default the columns
         that the file declares, else ``command`` and ``displacement``. The unit may be given in the header, in a line
         below it, in an attribute, or here after an equals sign, ``"#2=mm"``; values without a known unit are used
-        unchanged.
+        unchanged, unless `output_unit` is given.
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
@@ -91,7 +91,8 @@ def read_recordings(
         Time within a row at which the reading is taken; it also holds for rows that `resample` makes.
     input_unit, output_unit : str, optional
         Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
-        column with another known unit of the same kind is converted; "1" means numbers without a unit.
+        column with another known unit of the same kind is converted; "1" means numbers without a unit. An output column
+        whose unit is unknown is refused.
     rig : RigFile, optional
         Rig file; commands far outside its rig's range raise an error, and its further readings are read.
     readings : sequence of Reading, optional
@@ -417,6 +418,8 @@ def recordings_of_table(
     chosen = chosen_columns(table, asked, units)
     wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}
     table = in_units(table, wanted)
+    for column in chosen["output"]:
+        require_stated_unit(table, column, units["output"] or "")
     require_known_units(table, [column for role in chosen if asked.get(role) is not None for column in chosen[role]])
     return recordings_of(
         table,

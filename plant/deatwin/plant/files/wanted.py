@@ -1,12 +1,14 @@
 """Units requested for columns instead of SI, such as those of a plant."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.formats.table import Table
-from deatwin.plant.files.headers import for_name, is_misspelt, without_unit
+from deatwin.plant.files.headers import for_name, is_misspelt, split_unit, without_unit
 from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
+from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.safe_read import clipped
 
 
@@ -51,13 +53,37 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
         except DataError:  # whoever looks for the column tells it better
             continue
         known = for_name(table.names[column], find_unit(unit))
-        if units[column] not in ("", "C", known):  # C alone may be one of two
+        if units[column] not in ("", "C", known) and not _may_be(units[column], known):  # C alone may be one of two
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
                 f"{clipped(unit)}; leave ={clipped(unit)} out"
             )
         units[column], said[column] = known, unit
     return replace(table, units=tuple(units), said=tuple(said)), bare
+
+
+def _may_be(count: str, angle: str) -> bool:
+    """Return whether what is given as a number per time, 1/min, may be meant as turns, rpm, or radians per that time."""
+    own, said = UNITS[count], UNITS[angle]
+    if not same_kind(own.si, "1/s") or said.si != "rad/s":
+        return False
+    size = said.numerator * own.denominator / (said.denominator * own.numerator)
+    counts = (2.0 * math.pi,) if count.endswith("Hz") else (1.0, 2.0 * math.pi)  # a hertz is one of turns
+    return any(math.isclose(size, one, rel_tol=1e-9) for one in counts)
+
+
+def require_stated_unit(table: Table, column: int, wanted: str) -> None:
+    """Refuse a reading without a unit where one is wanted: 27 um would be taken for 27 m."""
+    if column in table.wanted or wanted in ("", "1"):
+        return
+    shown = split_unit(COLUMNS["displacement"])[1] if wanted == usual_unit("displacement") else wanted
+    likes, name = units_like(wanted), table.names[column]
+    also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
+    raise DataError(
+        f'{table.path}: the column "{table.shown(column)}" gives no unit, and the plant takes it in {wanted}: it needs a '
+        f'header with the unit, as in "{header_like(name, shown)}"{also}; or state it: --output-column '
+        f'"{table.unmistakable(column)}={shown}"'
+    )
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
@@ -116,11 +142,17 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     fault = f"{place}, but the plant takes it in {wanted}"
     if len(likes) == 1:
         return DataError(f'{fault}; where it is in that, call the column "{better}"')
-    hint = "" if unit in UNITS else nearest(unit, likes)  # a known unit of another kind is no misspelling
-    if hint:
-        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]
     example = f', such as "{table.unmistakable(fitting[0])}"' if fitting else ""
+    counted = [like for like in likes if unit in UNITS and _may_be(unit, like)]
+    if counted:
+        ways = " or ".join(f'"{table.unmistakable(column)}={like}"' for like in counted)
+        other = f"; or name a column in one of {', '.join(likes)}{example}" if fitting else ""
+        return DataError(f"{fault}; state what its numbers count: {ways}{other}")
+    # Only capitals may differ: any other letter may stand for another size.
+    hint = nearest(unit, (like for like in likes if like.lower() == unit.lower())) if unit not in UNITS else ""
+    if hint:
+        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
     wrong = "" if unit in UNITS else f'; or state the unit that is meant: "{table.unmistakable(column)}=UNIT"'
     return DataError(f"{fault}; name a column in one of {', '.join(likes)}{example}{wrong}")
 

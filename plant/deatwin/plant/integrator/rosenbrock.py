@@ -93,7 +93,7 @@ def integrate(
         raise ValueError("the equations divide a sample, of which this integrator knows nothing: give it late switches")
     rest = rest_state(equations, rest_command, values)
     if not rest.found:
-        raise SimulationError("no state of rest was found: the film is too soft for its load")
+        raise SimulationError(rest.fault)
     kernel, n_x, scale = _kernel(equations), len(equations.states), equations.scale
     mass = np.asarray(equations.mass(values, equations.constants)).ravel() * scale[:n_x]
     # A state's row is divided by its mass, so that all rows are of one size.

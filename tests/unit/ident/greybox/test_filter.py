@@ -1,17 +1,22 @@
 """The plant linearised along its run, its Kalman likelihood and what entered, smoothed, against closed forms."""
 
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.linalg import expm
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.greybox.filter import Floor, Opening, filter_likelihood, latent, linearise, open_place
 from deatwin.ident.greybox.filter_linear import without_repeats
-from deatwin.ident.greybox.filter_openings import places
+from deatwin.ident.greybox.filter_openings import opened_equations, places
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.state_space import StateSpace
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording
+from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
 
 COMMAND = Opening(place="drive", signal="command")
@@ -26,6 +31,26 @@ def part_of(commands: np.ndarray, readings: np.ndarray) -> Part:
 def simulated(plant: Plant, commands: np.ndarray) -> np.ndarray:
     record = Recording.from_arrays(commands, np.zeros_like(commands), STEP)
     return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Saturated(Bare):
+    """Written with functions of NumPy, of which CasADi warns at length."""
+
+    kind: ClassVar[str] = "saturated"
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1.0)
+        build.rate(position, build.command - np.tanh(position) - np.maximum(position, 0.0))
+        return position
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_rig_with_functions_of_numpy_is_opened_without_a_word() -> None:
+    plant = Plant(rig=Saturated())
+    assert COMMAND in places(plant)
+    assert opened_equations(plant, [COMMAND], []).states == ("position",)
 
 
 def test_the_step_of_a_linear_plant_is_its_matrix_exponential(oscillator):

@@ -94,3 +94,47 @@ def test_no_stable_plant_is_called_unstable():
         y = lfilter([0.0, 0.1], [1.0, -pole], u)
         y = y + (0.0 if seed % 4 == 3 else 0.05) * y.std() * rng.normal(size=800)
         assert stable_model_of_unstable(model, [Recording.from_arrays(u, y, 0.1)]) == ""
+
+
+def held_back(seed, n=420):
+    """A motor with an encoder, driven on and off up to a wanted place; read off a clock that jitters by a fifth."""
+    rng = np.random.default_rng([seed, 29])
+    times = 0.02 * (np.arange(n) + 0.2 * rng.uniform(-1, 1, n))
+    fine = np.arange(0.0, 0.02 * n, 1e-3)
+    place, speed, track, commands, target = 0.0, 0.0, [], [], rng.uniform(500, 2000)
+    for now in fine:
+        command = 70.0 if now > 3.0 and place < 0.8 * target else 0.0
+        speed += 1e-3 * (20.0 * command - speed) / 0.05
+        place += 1e-3 * speed
+        track.append(place)
+        commands.append(command)
+    level = np.interp(times, fine, np.round(track))
+    return times, np.interp(times, fine, commands), level
+
+
+@pytest.mark.parametrize("step", [0.02, 0.018, 0.025])
+def test_a_resampled_integrator_that_stands_still_is_not_called_unstable(step):
+    """None of 20: its readings are interpolated, so look ahead, and a long model of them grows where nothing moves."""
+    model = NarxModel.from_terms({"y(k-1)": 0.5}, sample_time=step)
+    for seed in range(20):
+        times, commands, level = held_back(seed)
+        even = np.arange(0.0, times[-1], step)
+        held = commands[np.clip(np.searchsorted(times, even, side="right") - 1, 0, None)]
+        record = Recording.from_arrays(held, np.interp(even, times, level), step)
+        assert stable_model_of_unstable(model, [record]) == ""
+
+
+def test_a_pole_that_grows_too_fast_for_any_loop_is_none():
+    assert recorded_pole([looped(0, pole=1.8)]) is not None
+    assert recorded_pole([looped(0, pole=3.0)]) is None
+
+
+def test_a_mode_that_grows_while_the_input_stands_still_has_to_show():
+    """The same growth of 1.1 a sample: with a loop that acts each sample it is the plant's, else y had left its span."""
+    record = looped(0)
+    assert abs(recorded_pole([record]).pole) == pytest.approx(1.1, abs=0.02)
+    still = np.concatenate([record.inputs, np.full((1, 300), record.inputs[0, -1])], axis=1)
+    rng = np.random.default_rng(4)
+    outputs = np.concatenate([record.outputs, rng.choice(record.outputs[0], (1, 300))], axis=1)
+    found = recorded_pole([Recording.from_arrays(still, outputs, 0.1)])
+    assert found is None or found.interval[0] < 1.0

@@ -89,7 +89,7 @@ SHAPES = [
     (stamped, BY_NAME),
     (unix, BY_NAME),
     (dates, BY_NAME),
-    (bare, {"input_column": "#2", "output_column": "#3", "time_column": "#1"}),
+    (bare, {"input_column": "#2", "output_column": "#3=rpm", "time_column": "#1"}),
     (labview, BY_NAME),
     (workbook, BY_NAME),
     (matlab, {**BY_NAME, "time_column": "clock=ms"}),
@@ -108,9 +108,9 @@ def test_the_clock_that_is_offered_works(
     found = read_recording(path, resample=float(step), output_unit=unit, **asked)
     assert found.sample_time == float(step) == pytest.approx(STEP, rel=0.1)
     assert "jitter" in found.provenance["resampled"]
-    per_second = 50.0 if unit == "rpm" or shape is bare else 50.0 * np.pi / 30
+    per_second = 50.0 if unit == "rpm" else 50.0 * np.pi / 30
     np.testing.assert_allclose(found.outputs[0], per_second * (found.timepts - found.start), rtol=1e-9, atol=1e-9)
-    assert found.output_units == ("" if shape is bare else unit or "rad/s",)
+    assert found.output_units == (unit or "rad/s",)
     np.testing.assert_array_equal(found.inputs, np.full((1, found.n_samples), 0.5))
     commands = {key: name for key, name in asked.items() if key != "output_column"}
     assert read_commands(path, resample=float(step), **commands).n_samples == found.n_samples

@@ -138,10 +138,29 @@ def test_temperatures_are_shifted_and_their_differences_are_not() -> None:
         np.testing.assert_allclose(UNITS[split_unit(header)[1]].to_si(celsius), kelvin, rtol=1e-14)
     fahrenheit = constants.convert_temperature(celsius, "Celsius", "Fahrenheit")
     np.testing.assert_allclose(UNITS[split_unit("T (degF)")[1]].to_si(fahrenheit), kelvin, rtol=1e-14)
-    for header in ("dT (°C)", "ΔT (°C)", "temperature difference (C)", "temperature rise (degC)", "T (Δ°C)"):
+    behind = (
+        "T_diff_C|Tdiff_C|Tdiff (°C)|Temp diff (°C)|temp_error_C|temperature_change_C|temperature drop (degC)|T_delta_C"
+    )
+    alone = (
+        "dT (°C)|ΔT (°C)|T (Δ°C)|temperature difference (C)|temperature rise (degC)|superheat (°C)|overtemperature (°C)"
+    )
+    less = "T1-T2 (°C)|T_in - T_out (°C)|T - T_ref (°C)|Tin-Tout (°C)|T_hot minus T_cold (°C)|Temp1 - Temp2 (°C)"
+    more = "change in temperature (°C)|tempDiff (°C)|Temperaturdifferenz (°C)|control error (°C)|subcooling (°C)"
+    for header in "|".join((behind, alone, less, more)).split("|"):
         unit = UNITS[split_unit(header)[1]]
         assert unit.si == "K"
         np.testing.assert_array_equal(unit.to_si(celsius), celsius)
+
+
+@pytest.mark.parametrize(
+    "name",
+    "T-Tank|T-1|T_air|room-temp|phase change material|diffuser temperature|superheated steam|overtemperature limit|"
+    "heat exchanger temp|raindrop temp|T_sunrise|temp_device|temp_mirror|air-temperature|drop tube temperature".split(
+        "|"
+    ),
+)
+def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: str) -> None:
+    assert split_unit(f"{name} (°C)") == (name, "°C")
 
 
 @pytest.mark.parametrize(

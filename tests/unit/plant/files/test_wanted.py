@@ -42,7 +42,6 @@ def read(path: Path, header: str, unit: str | None = None) -> tuple[str, str, li
         ("speed (rad/s)", "1", [1.0, 2.0, -3.0]),  # the same numbers either way
         ("speed (%)", "1", [0.01, 0.02, -0.03]),
         ("speed (1/s)", "Hz", [1.0, 2.0, -3.0]),
-        ("speed", "rad/s", [1.0, 2.0, -3.0]),
     ],
 )
 def test_a_column_is_brought_into_the_unit_that_is_wanted(
@@ -50,8 +49,39 @@ def test_a_column_is_brought_into_the_unit_that_is_wanted(
 ) -> None:
     name, unit, found = read(written(tmp_path, header), header, wanted)
     assert name == "speed"
-    assert unit == ("" if header == "speed" else wanted)
+    assert unit == wanted
     np.testing.assert_allclose(found, values, rtol=1e-14)
+
+
+@pytest.mark.parametrize("header", ["speed", "speed_dps", "speed_krpm", "speed_1"])
+def test_a_reading_without_a_known_unit_is_refused_where_one_is_wanted(tmp_path: Path, header: str) -> None:
+    path = written(tmp_path, header)
+    with pytest.raises(
+        DataError, match=f'"{header}" gives no unit, and the plant takes it in rad/s: .*"{header}=rad/s"'
+    ):
+        read(path, header, "rad/s")
+    assert read(path, f"{header}=rad/s", "rad/s")[1:] == ("rad/s", [1.0, 2.0, -3.0])
+    assert read(path, header)[1] == ""
+
+
+@pytest.mark.parametrize(
+    ("said", "count", "factor"),
+    [(unit, "rpm", np.pi / 30) for unit in ("1/min", "min-1", "min^-1", "/min")]
+    + [("u/min", "rpm", np.pi / 30), ("1/s", "rev/s", 2 * np.pi), ("Hz", "rev/s", 2 * np.pi), ("1/s", "rad/s", 1.0)],
+)
+def test_what_a_number_a_minute_counts_can_be_stated(tmp_path: Path, said: str, count: str, factor: float) -> None:
+    path = written(tmp_path, f"speed ({said})")
+    with pytest.raises(DataError) as error:
+        read(path, "#3", "rad/s")
+    assert "did you mean" not in str(error.value)
+    assert said == "u/min" or f'({said})={count}"' in str(error.value)
+    np.testing.assert_allclose(read(path, f"#3={count}", "rad/s")[2], factor * np.array([1.0, 2.0, -3.0]), rtol=1e-14)
+
+
+@pytest.mark.parametrize(("said", "other"), [("1/min", "rev/s"), ("1/s", "rpm"), ("1/s", "deg/s"), ("1/s", "m")])
+def test_a_number_a_minute_counts_nothing_of_another_size(tmp_path: Path, said: str, other: str) -> None:
+    with pytest.raises(DataError, match=f"is in {said}, but is said to be in {other}"):
+        read(written(tmp_path, f"speed ({said})"), f"#3={other}", "rad/s")
 
 
 def test_the_unit_below_the_name_counts_too(tmp_path: Path) -> None:
