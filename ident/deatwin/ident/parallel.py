@@ -109,7 +109,8 @@ def stream_jobs(
 def end_workers() -> None:
     """End the worker processes that wait for jobs or still start: a program that ends would wait for them."""
     for worker in active_children():
-        worker.terminate()
+        if worker.name.startswith("Loky"):  # joblib's; other pools look after their own
+            worker.terminate()
 
 
 @contextmanager

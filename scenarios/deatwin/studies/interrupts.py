@@ -30,7 +30,14 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
-    handler = _Remembering()
+    handler, hook = _Remembering(), sys.unraisablehook
+
+    def unraisable(told: Any) -> None:
+        if told.exc_type is not KeyboardInterrupt:  # one that a callback swallows is remembered
+            hook(told)
+
+    if taken:
+        sys.unraisablehook = unraisable
     for number in taken:
         signal.signal(number, handler)
     try:
@@ -41,6 +48,8 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
         with obeying():
             raise
     finally:
+        if taken:
+            sys.unraisablehook = hook
         if handler.asked.is_set() and (parallel := sys.modules.get("deatwin.ident.parallel")):
             parallel.end_workers()
         for number in taken:

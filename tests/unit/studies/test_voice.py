@@ -9,6 +9,7 @@ from contextlib import suppress
 
 import pytest
 
+from deatwin.plant.interrupts import obey
 from deatwin.studies import voice
 from deatwin.studies.interrupts import ORDINARY, forward_signals
 from deatwin.studies.voice import PlainProgress, Voice, print_lines
@@ -185,6 +186,26 @@ def test_an_interrupt_that_was_dropped_ends_the_work_at_its_next_word(quiet: boo
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
     finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class Finalised:
+    """An interrupt comes while it is taken away, where Python can only print it."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+def test_an_interrupt_that_a_callback_swallows_is_obeyed_and_not_printed() -> None:
+    before, hook, printed = signal.signal(signal.SIGINT, signal.default_int_handler), sys.unraisablehook, []
+    sys.unraisablehook = printed.append
+    try:
+        with pytest.raises(KeyboardInterrupt), forward_signals(*ORDINARY):
+            Finalised()
+            obey()
+        assert printed == []
+    finally:
+        sys.unraisablehook = hook
         signal.signal(signal.SIGINT, before)
 
 
