@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -111,6 +112,9 @@ def end_workers() -> None:
     for worker in active_children():
         if worker.name.startswith("Loky"):  # joblib's; other pools look after their own
             worker.terminate()
+    pools = sys.modules.get("joblib.externals.loky.reusable_executor")
+    if pool := getattr(pools, "_executor", None):  # asked for by its name, it would be resized first, which waits
+        pool.shutdown(wait=False)  # whoever goes on gets another one
 
 
 @contextmanager
