@@ -9,7 +9,7 @@ first one does,
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
 No other error of its law would serve the first one better, since the directions are those of the two. What is more than
-errors of that size is a second effect.
+errors of that size is a second effect. A law may be exact, too: both count half.
 """
 
 from __future__ import annotations
@@ -60,8 +60,9 @@ class Scale:
     noise: float
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
-        """Log odds of a pair over one effect whose law errs."""
-        return self.weight(pair) - self.weight(alone, self._law(pair, alone)) + pair_odds(len(self.bench.effects))
+        """Log odds of a pair over one effect, whose law is as likely exact as not."""
+        either = np.logaddexp(self.weight(alone), self.weight(alone, self._law(pair, alone))) - np.log(2.0)
+        return self.weight(pair) - float(either) + pair_odds(len(self.bench.effects))
 
     def weight(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
         """Log evidence of a candidate's fit, with columns (n, k) in which its law may err."""
@@ -107,8 +108,10 @@ class Scale:
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.readings), 0.99))
         known = [coordinate(p, self.bench.nominal, effects, largest) for p in parameters]
-        at = np.array([p.scale.to_coordinate(p.value) for p in parameters])
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
+        # That a rig's own parameters lie off their nominal values is a finding of its own, and no sign of an effect.
+        of_effects = [p.name.partition(".")[0] in effects for p in parameters]
+        at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
