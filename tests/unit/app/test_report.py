@@ -118,6 +118,7 @@ class Step:
     """The result of a step: draws as many panels as it is given."""
 
     name: str
+    opened: tuple[str, ...] = ("force",)  # As the step of the places has them
 
     def plot(self, ax: Any = None) -> Any:
         for axes in ax if isinstance(ax, list) else [ax]:

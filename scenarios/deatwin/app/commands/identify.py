@@ -170,7 +170,7 @@ def identify(
         training, unseen = hold_out(records)
         chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
-        lags["functions"] = functions or []
+        lags["functions"] = tuple(functions or ())
         identifier = _identifier(method, lags, max_terms)
         _fit(identifier, training, records, voice)
         identifier, diverged = bounded(
