@@ -140,6 +140,11 @@ def linear_start(data: Regression) -> NarxModel:
         )
     regression = data.only(linear)
     chosen = sorted(step.candidate for step in forward_selection(*regression.matrix(), len(linear)))
+    if not chosen:
+        raise ModelError(
+            "neither inputs nor outputs move in the part on which Grow learns, which is the first of each recording; cut "
+            "the rest at its beginning"
+        )
     regression = regression.only(chosen)
     found = least_squares(*regression.matrix())
     return regression.model(

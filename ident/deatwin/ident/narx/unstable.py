@@ -16,6 +16,7 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 
 _STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
+_ROUNDING = 1e-7  # to which a double pole at 1 is known: half of the digits, and a few of a companion matrix
 _SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that side
 _WORTH_SAYING = 0.01  # share of the rate of growth by which poles differ
 _SURER = 3.1  # the same where nothing else speaks for it: one false word in a thousand
@@ -141,7 +142,7 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     one of a limit cycle is, so its free run must have diverged or the recordings surely have an unstable pole too.
     """
     poles = poles_at(model, recordings)
-    if not poles.size or abs(poles[0]) <= 1.0 or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0:
+    if not poles.size or abs(poles[0]) <= 1.0 + _ROUNDING or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0:
         return None
     nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
     found = recorded_pole(recordings, _first_lag(model))

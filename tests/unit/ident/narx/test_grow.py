@@ -124,6 +124,16 @@ def test_candidates_that_depend_on_each_other_are_left_out_of_the_start():
     assert len(Grow(degree=1).fit(twice).path_[0].terms) == 5
 
 
+def test_a_recording_that_rests_where_it_learns_is_refused():
+    data = record(1)
+    resting = np.zeros(600)
+    still = Recording.from_arrays(
+        np.append(resting, data.inputs[0, :200]), np.append(resting, data.outputs[0, :200]), 1.0
+    )
+    with pytest.raises(ModelError, match="neither inputs nor outputs move in the part on which Grow learns"):
+        Grow(degree=1).fit(still)
+
+
 def test_exact_recordings_give_the_exact_model():
     model = Grow(degree=3).fit(record(0, noise=0.0)).model_
     found = dict(zip(map(str, model.terms), model.theta, strict=True))

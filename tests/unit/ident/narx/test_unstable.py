@@ -33,6 +33,12 @@ def test_the_unstable_pole_is_named_and_the_model_judged_ahead():
     assert found.unstable.ahead.rms[0] == pytest.approx(expected, rel=0.1)
 
 
+@pytest.mark.parametrize("terms", [{"y(k-1)": 1.0 + 2e-14}, {"y(k-1)": 2.0, "y(k-2)": -1.0 - 2e-15}])
+def test_a_pole_at_one_but_for_rounding_is_not_unstable(terms):
+    model = NarxModel.from_terms({**terms, "u(k-1)": 1.0}, sample_time=0.1)
+    assert validate(model, looped()).unstable is None
+
+
 def test_it_is_kept_in_the_file(tmp_path):
     model = NarxModel.from_terms({"y(k-1)": 1.1, "u(k-1)": 1.0}, sample_time=0.1)
     found = validate(model, looped())
