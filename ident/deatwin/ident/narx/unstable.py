@@ -142,7 +142,11 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     one of a limit cycle is, so its free run must have diverged or the recordings surely have an unstable pole too.
     """
     poles = poles_at(model, recordings)
-    if not poles.size or abs(poles[0]) <= 1.0 + _ROUNDING or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0:
+    if (
+        not poles.size
+        or abs(poles[0]) <= 1.0 + _ROUNDING
+        or abs(poles[0]) - _SURE * _deviation(model, recordings) <= 1.0
+    ):
         return None
     nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
     found = recorded_pole(recordings, _first_lag(model))
