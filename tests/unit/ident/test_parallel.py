@@ -94,7 +94,8 @@ def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
 
 
 INTERRUPTED = """
-import os, signal, sys, time, types
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a run in the background may have it ignored
 from deatwin.ident.parallel import run_jobs
 from deatwin.studies.interrupts import forward_signals
 sys.path.insert(0, sys.argv[1])
