@@ -149,14 +149,7 @@ class CalibratedPlant(
         """
         plant = self.plant
         timeline = plant.timeline(experiment)
-        run = plant.runner.run_with_sensitivities(
-            timeline.commands,
-            start=timeline.start,
-            sample_time=timeline.sample_time,
-            rest_command=plant.rig.start.rest_command,
-            values=plant.free_values,
-            channels=timeline.channels,
-        )
+        run = plant.runner.run_with_sensitivities(**plant.given(timeline))
         n_rows = timeline.commands.size + 1
         mean, variance = np.full(n_rows, np.nan), np.full(n_rows, np.nan)
         mean[: run.outputs.size] = run.outputs

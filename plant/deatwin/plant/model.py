@@ -231,6 +231,30 @@ class Plant:
         """
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
+    def given(self, timeline: Timeline, count: int | None = None) -> dict[str, Any]:
+        """Return the arguments with which a `runner` runs this plant along a timeline.
+
+        Parameters
+        ----------
+        timeline : Timeline
+            Commands from rest on.
+        count : int, optional
+            Number of samples; all by default.
+
+        Returns
+        -------
+        dict
+            Arguments of `Runner.run` and `Runner.run_with_sensitivities`, by name.
+        """
+        return {
+            "commands": timeline.commands[:count],
+            "start": timeline.start,
+            "sample_time": timeline.sample_time,
+            "rest_command": self.rig.start.rest_command,
+            "values": self.free_values,
+            "channels": timeline.channels,
+        }
+
     def simulate(self, experiment: Experiment, *, progress: Progress | None = None) -> Simulation:
         """Simulate in free run from rest through the start procedure and all recordings.
 
@@ -246,15 +270,7 @@ class Plant:
         Simulation
         """
         timeline = self.timeline(experiment)
-        run = self.runner.run(
-            timeline.commands,
-            start=timeline.start,
-            sample_time=timeline.sample_time,
-            rest_command=self.rig.start.rest_command,
-            values=self.free_values,
-            channels=timeline.channels,
-            progress=progress,
-        )
+        run = self.runner.run(**self.given(timeline), progress=progress)
         return Simulation.of(run, timeline, self.signals, self.rig.input_unit)
 
     def model_error(self, recording: Recording | Experiment) -> Discrepancy:

@@ -247,14 +247,7 @@ class _Refit:
     def _simulate(self, coordinates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pairs = zip(self._free, coordinates, strict=True)
         values = np.array([np.clip(p.scale.to_value(float(x)), p.lower, p.upper) for p, x in pairs])
-        run = self._plant.runner.run_with_sensitivities(
-            self._timeline.commands,
-            start=self._timeline.start,
-            sample_time=self._timeline.sample_time,
-            rest_command=self._plant.rig.start.rest_command,
-            values=values,
-            channels=self._timeline.channels,
-        )
+        run = self._plant.runner.run_with_sensitivities(**{**self._plant.given(self._timeline), "values": values})
         if not run.status.ok or run.sensitivities is None:
             if self._last is None:
                 raise SimulationError(f"the plant itself cannot follow these commands: {run.advice}")

@@ -25,14 +25,7 @@ def readings_alone(plant: Plant, part: Part) -> Linear:
     timeline, rig = plant.timeline(part.experiment), plant.rig
     at = part.counted(timeline)
     n = int(at.max()) + 1
-    run = plant.runner.run_with_sensitivities(
-        timeline.commands[:n],
-        start=timeline.start,
-        sample_time=timeline.sample_time,
-        rest_command=rig.start.rest_command,
-        values=plant.free_values,
-        channels=timeline.channels,
-    )
+    run = plant.runner.run_with_sensitivities(**plant.given(timeline, n))
     if not run.status.ok or run.sensitivities is None:
         raise SimulationError(run.advice)
     slopes = [p.scale.slope(p.value) for p in (plant.parameters[name] for name in plant.parameters.free)]

@@ -158,14 +158,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     timeline, rig = plant.timeline(part.experiment), plant.rig
     at = np.concatenate([r[m] for r, m in zip(timeline.readings, part.masks, strict=True)])
     n = int(at.max()) + 1
-    run = plant.simulator.run(
-        timeline.commands[:n],
-        start=timeline.start,
-        sample_time=timeline.sample_time,
-        rest_command=rig.start.rest_command,
-        values=plant.free_values,
-        channels=timeline.channels,
-    )
+    run = plant.simulator.run(**plant.given(timeline, n))
     if not run.status.ok:
         plant.simulate(part.experiment).require()  # which says why
     equations = step.equations

@@ -194,14 +194,8 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     for part in parts:
         timeline = plant.timeline(part.experiment)
         if part.history not in known:
-            known[part.history] = plant.runner.run(  # `plant.simulate` also looks for events, as long again
-                timeline.commands,
-                start=timeline.start,
-                sample_time=timeline.sample_time,
-                rest_command=plant.rig.start.rest_command,
-                values=plant.free_values,
-                channels=timeline.channels,
-            )
+            # `plant.simulate` also looks for events, as long again
+            known[part.history] = plant.runner.run(**plant.given(timeline))
         run = known[part.history]
         if not run.status.ok:
             return None

@@ -59,14 +59,7 @@ class Problem:
             end = counted.max() + 1
             key = (part.history, end)
             if key not in runs:
-                runs[key] = plant.runner.run_with_sensitivities(
-                    timeline.commands[:end],
-                    start=timeline.start,
-                    sample_time=timeline.sample_time,
-                    rest_command=plant.rig.start.rest_command,
-                    values=plant.free_values,
-                    channels=timeline.channels,
-                )
+                runs[key] = plant.runner.run_with_sensitivities(**plant.given(timeline, end))
             run, row = runs[key], part.row(plant.rig) - 1
             if not run.status.ok or run.sensitivities is None:
                 return None
