@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -12,8 +11,7 @@ import numpy as np
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.errors import RigError
-from deatwin.plant.film import AnyFilm, PointwiseFilm
-from deatwin.plant.limits import watch_limits
+from deatwin.plant.film import PointwiseFilm
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.diaphragm import GRAVITY
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
@@ -105,10 +103,6 @@ class Cone(FilmActuator):
     @property
     def _rest_stretch(self) -> float:
         return self.prestretch
-
-    @property
-    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        return watch_limits
 
     @cached_property
     def _rest_position(self) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -11,14 +10,12 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
 from deatwin.plant.errors import RigError
-from deatwin.plant.film import AnyFilm, Film, FilmPoint, relaxation_stiffness
-from deatwin.plant.limits import watch_limits
+from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.film_actuator import FilmActuator
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
-from deatwin.plant.rigs.revolved import matrix
+from deatwin.plant.rigs.revolved import matrix, move_with_film
 
 Symbol = Any
 INSIDE, AROUND = 3, 8
@@ -104,10 +101,6 @@ class Disc(FilmActuator):
     def _rest_stretch(self) -> float:
         return self.prestretch
 
-    @property
-    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        return watch_limits
-
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
         (radii, areas), thickness, share = self._points, build.parameter("thickness"), electrode_share(build)
         rho, area = build.constant("radii", radii), build.constant("areas", areas)
@@ -146,19 +139,9 @@ class Disc(FilmActuator):
         return Kinematics(points=points, coordinates=bends, film=film)
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
-        speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=1.0) for name in BENDS))
         (_, areas), (motions, _) = self._points, self._shapes
         film = self.substance.density * (motions * areas) @ motions.T
-        mass = matrix("inertia", film, build) * build.parameter("thickness")
-        mass[0, 0] += build.parameter("mass")
-        # All motion is damped in proportion to its mass, so much that the edge has the damping that is stated.
-        drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
-        drag[0] = build.place(Place.BALL, "force", drag[0])
-        accelerations = ca.solve(mass, drag - forces)
-        build.rate(velocity, accelerations[0])
-        for number, bend in enumerate(shape.coordinates, start=1):
-            build.rate(bend, speeds[number])
-            build.rate(speeds[number], accelerations[number])
+        move_with_film(velocity, dict.fromkeys(BENDS, 1.0), film, shape, forces, build)
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         return ca.SX(0)

@@ -171,9 +171,9 @@ class FilmActuator(Rig):
         """Start values of the film's stretches at rest."""
 
     @property
-    @abstractmethod
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        """Watch the limits of the film, including its tension if it is held in its plane."""
+        """Watch the limits of the film, including its tension where it is held in its plane, as here."""
+        return watch_limits
 
     @abstractmethod
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -11,13 +10,11 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
-from deatwin.plant.film import AnyFilm, PointwiseFilm
-from deatwin.plant.limits import watch_limits
+from deatwin.plant.film import PointwiseFilm
 from deatwin.plant.material import Material
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics
-from deatwin.plant.rigs.revolved import Revolved, matrix
+from deatwin.plant.rigs.revolved import Revolved, matrix, move_with_film
 
 Symbol = Any
 SHAPES, POINTS = 3, 5
@@ -83,10 +80,6 @@ class Pressure(FilmActuator):
     def _rest_stretch(self) -> float:
         return self.prestretch
 
-    @property
-    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        return watch_limits
-
     @cached_property
     def _rest_position(self) -> float:
         r"""Height of a spherical cap whose tension bears the pressure, :math:`p R = 2 N` at the apex of the film."""
@@ -122,18 +115,8 @@ class Pressure(FilmActuator):
         return Kinematics(points=points, coordinates=others, film=PointwiseFilm)
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
-        speeds = ca.vertcat(velocity, *(build.state(f"{n}_rate", scale=scale) for n, scale in self._scales.items()))
         film = self.substance.density * self._film.inertia
-        mass = matrix("inertia", film, build) * build.parameter("thickness")
-        mass[0, 0] += build.parameter("mass")
-        # All motion is damped in proportion to its mass, so much that the apex has the damping that is stated.
-        drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
-        drag[0] = build.place(Place.BALL, "force", drag[0])
-        accelerations = ca.solve(mass, drag - forces)
-        build.rate(velocity, accelerations[0])
-        for number, coordinate in enumerate(shape.coordinates, start=1):
-            build.rate(coordinate, speeds[number])
-            build.rate(speeds[number], accelerations[number])
+        move_with_film(velocity, self._scales, film, shape, forces, build)
 
     @property
     def _scales(self) -> dict[str, float]:

@@ -8,15 +8,16 @@ With the reference radius :math:`\rho` and the prestretch :math:`\Lambda`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.effects.base import Place
 from deatwin.plant.film import FilmPoint
-from deatwin.plant.rigs.kinematics import electrode_share
+from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -27,6 +28,26 @@ Symbol = Any
 def matrix(name: str, table: np.ndarray, build: Builder) -> Symbol:
     """Add a matrix of constants to a rig's equations. Shapes: `table` (n, m); returns (n, m)."""
     return ca.reshape(build.constant(name, table.ravel(order="F")), *table.shape)
+
+
+def move_with_film(
+    velocity: Symbol, scales: Mapping[str, float], film: np.ndarray, shape: Kinematics, forces: Symbol, build: Builder
+) -> None:
+    """Write the motion of a part and of the film about it, whose own mass counts.
+
+    All motion is damped in proportion to its mass, so much that the part has the damping that is stated. `scales` the
+    further coordinates with their sizes, `film` (n, n) the film's mass by its undeformed thickness; the part comes first.
+    """
+    speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=scale) for name, scale in scales.items()))
+    mass = matrix("inertia", film, build) * build.parameter("thickness")
+    mass[0, 0] += build.parameter("mass")
+    drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
+    drag[0] = build.place(Place.BALL, "force", drag[0])
+    accelerations = ca.solve(mass, drag - forces)
+    build.rate(velocity, accelerations[0])
+    for number, coordinate in enumerate(shape.coordinates, start=1):
+        build.rate(coordinate, speeds[number])
+        build.rate(speeds[number], accelerations[number])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

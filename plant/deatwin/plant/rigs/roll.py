@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.film import AnyFilm, FilmPoint, PointwiseFilm
-from deatwin.plant.limits import watch_limits
+from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
@@ -86,10 +84,6 @@ class Roll(FilmActuator):
     @property
     def _rest_stretch(self) -> float:
         return (self.prestretch * self.hoop_prestretch) ** 0.5
-
-    @property
-    def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        return watch_limits
 
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
         length = build.constant("length", self.length)
