@@ -69,15 +69,20 @@ class Understood:
         return _words({**self.asked, **self.further, f"{role}_column": f"#{place}"})
 
 
-def _words(options: Mapping[str, Any]) -> tuple[str, ...]:
-    found: list[str] = []
+def flags_of(options: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Return flags of the command line, each with its value if it takes one, that ask for options of `read_recordings`."""
+    found: list[tuple[str, ...]] = []
     for name, value in options.items():
         flag = f"--{name.replace('_', '-')}"
         if value is True:
-            found.append(flag)
+            found.append((flag,))
         elif value is not None and value is not False:
-            found += [flag, f"{value:.12g}" if isinstance(value, float) else str(value)]
-    return tuple(found)
+            found.append((flag, f"{value:.12g}" if isinstance(value, float) else str(value)))
+    return found
+
+
+def _words(options: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(word for flag in flags_of(options) for word in flag)
 
 
 def understand(

@@ -19,6 +19,7 @@ from typing import IO, Any
 
 from deatwin.app.live.desk import inside, safe_name
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.understood import flags_of
 from deatwin.studies.partial import holds_only_partial
 
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
@@ -63,7 +64,7 @@ class Order:
 
     def _arguments(self, command: str) -> list[str]:
         files = [f"./{name}" if name.startswith("-") else name for name in self.files]
-        return [command, *files, "--out", self.out, "--seed", str(self.seed), *_options(self.reading)]
+        return [command, *files, "--out", self.out, "--seed", str(self.seed), *map("=".join, flags_of(self.reading))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,18 +104,6 @@ class Planning(Order):
     def require(self) -> None:
         if not self.rig:
             raise DataError("choose a rig file")
-
-
-def _options(reading: Mapping[str, Any]) -> list[str]:
-    """Options of the command line, from arguments of the readers."""
-    said = []
-    for name, value in reading.items():
-        flag = f"--{name.replace('_', '-')}"
-        if value is True:
-            said.append(flag)
-        elif value not in (None, False, ""):
-            said.append(f"{flag}={value:.12g}" if isinstance(value, float) else f"{flag}={value}")
-    return said
 
 
 class Job:
