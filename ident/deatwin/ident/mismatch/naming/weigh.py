@@ -15,7 +15,7 @@ errors of that size is a second effect. A law may be exact, too: both count half
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -58,13 +58,21 @@ class Scale:
     bench: Bench
     base: Candidate
     noise: float
+    _weights: dict[tuple[str, ...], tuple[Candidate, float]] = field(default_factory=dict, init=False, repr=False)
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect, whose law is as likely exact as not."""
-        either = np.logaddexp(self.weight(alone), self.weight(alone, self._law(pair, alone))) - np.log(2.0)
+        either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
         return self.weight(pair) - float(either) + pair_odds(len(self.bench.effects))
 
-    def weight(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
+    def weight(self, candidate: Candidate) -> float:
+        """Log evidence of a candidate's fit."""
+        known = self._weights.get(candidate.effects)
+        if known is None or known[0] is not candidate:  # fitted anew; each is asked for beside many others
+            known = self._weights[candidate.effects] = (candidate, self._evidence(candidate))
+        return known[1]
+
+    def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
         """Log evidence of a candidate's fit, with columns (n, k) in which its law may err."""
         fit = candidate.calibration
         columns, prior = self._columns(candidate)
