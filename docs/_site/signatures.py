@@ -45,7 +45,7 @@ def row(effect: Effect, added: list[list[float]]) -> str:
 
 
 def sentence(effect: Effect) -> str:
-    """What the effect does, at no value of its parameters in particular."""
+    """Say what the effect does, with the names of its parameters in place of their values."""
     words = re.sub(r"\{(\w+)\}", lambda found: f"<i>{found[1].replace('_', ' ')}</i>", effect.wording)
     return f"{words}."
 

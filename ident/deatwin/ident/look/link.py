@@ -1,4 +1,4 @@
-"""Whether an output follows an input at all, by coherence and by a whitened regression, and after what dead time."""
+"""Test if an output follows an input, by coherence and by a whitened regression, and estimate the dead time between."""
 
 from __future__ import annotations
 

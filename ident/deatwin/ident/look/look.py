@@ -1,4 +1,4 @@
-"""What is in a recording before any model: clock, channels, excitation, faults, and the link of outputs to inputs."""
+"""Describe a recording before any model is made: clock, channels, excitation, faults, and how outputs follow inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a simulation and a recording differ: locate the mismatch, name the missing physics, verify it."""
+"""Locate where a simulation and a recording differ, name the missing physics, and verify it."""
 
 from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
 from deatwin.ident.mismatch.advise.advise import advise

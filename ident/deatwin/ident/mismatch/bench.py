@@ -1,4 +1,4 @@
-"""What all steps of a diagnosis share."""
+"""Hold what all steps of a diagnosis share."""
 
 from __future__ import annotations
 
@@ -40,6 +40,6 @@ class Bench:
 
     @property
     def of_first(self) -> Bench:
-        """The same with the first reading only."""
+        """Return the same bench with the first reading only."""
         fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
         return replace(self, fitted=fitted, unseen=unseen, everything=everything)

@@ -203,7 +203,7 @@ def _shortest(load: _Load) -> _Input | None:
 
 
 def _least_confusing(load: _Load) -> _Input | None:
-    """Of inputs of the greatest length the one that leaves the least confusion; None where none is worth its time.
+    """Return the input of the greatest length that leaves the least confusion; None where none is worth its time.
 
     Half of that length shows what is slow well enough to choose which to try.
     """
@@ -294,7 +294,7 @@ def _labels(rivals: Sequence[Candidate]) -> tuple[str, ...]:
 def _to_measure(
     question: Question, rivals: Sequence[Candidate], fits: Sequence[Calibration], tried: dict[str, float]
 ) -> str:
-    """What an explanation had to guess; else the signal in which they differ most, beyond its gain and offset."""
+    """Return what an explanation had to guess, else the signal in which they differ most, beyond its gain and offset."""
     if guessed := _guessed(question, rivals):
         return CHANNELS[guessed[0]]
     commands = question.commands(max(tried, key=lambda name: tried[name]), SCREENED) if tried else None
