@@ -47,7 +47,7 @@ STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"
 FIGURE = """
 ## In one figure
 
-![Confusion of families, naming by strength, stated probabilities, errors on unseen data]({name}.svg)
+![Confusion of families, naming by strength, stated probabilities, errors on held-out data]({name}.svg)
 """
 DATA = {"control-check": TRIALS, "control-story": STORY, STUDY: CONCEALED, LONG_STUDY: CONCEALED, "scenarios": MEASURED}
 """Files in ``docs/data/`` by their names without ending, with their schemas."""

@@ -61,6 +61,6 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     return [
         f"fitted to the free run instead of one step ahead, the same terms are off by {after:.4g}{unit} rms in free run "
-        f"on the unseen part, not {before:.4g}{unit}: noise on the readings, or dynamics that the terms leave out, bias "
+        f"on the held-out part, not {before:.4g}{unit}: noise on the readings, or dynamics that the terms leave out, bias "
         "a fit one step ahead; --method semp fits the free run"
     ]

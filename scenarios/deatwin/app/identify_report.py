@@ -37,7 +37,7 @@ ROW = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tested:
-    """Validation of a model on unseen data, or the reason why there is none."""
+    """Validation of a model on held-out data, or the reason why there is none."""
 
     validation: Validation | None = None
     why_not: str = ""
@@ -60,7 +60,7 @@ class Identified:
     complete: bool = True  # False if the search for terms was interrupted
     notes: Sequence[str] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
-    linear: Sequence[float] = ()  # Free-run error of a linear model on each unseen part, SI; empty without one
+    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty without one
     best_linear: BestLinearApproximation | None = None  # Of periodic recordings
 
     @property
@@ -145,7 +145,7 @@ def _beside(found: Identified) -> str:
 def linear_errors(
     lags: Sequence[int], output_lags: int, training: Sequence[Recording], unseen: Sequence[Recording]
 ) -> list[float]:
-    """Free-run error, SI, on each unseen part of an output-error model with these lags; none where there is no such model."""
+    """Free-run error, SI, on each held-out part of an output-error model with these lags; none where there is no such model."""
     from deatwin.ident.narx.linear import OutputError
     from deatwin.plant.errors import ModelError
 

@@ -94,7 +94,7 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     how = "diverges" if diverged else f"is off by {after:.4g}{unit} rms"
     return [
-        f"decimation lost what the model needs: on the unseen part its free run {how}, and that of a linear model of the "
+        f"decimation lost what the model needs: on the held-out part its free run {how}, and that of a linear model of the "
         f"recording as it came is off by {before:.4g}{unit} rms; leave --decimate out, or take a smaller factor"
     ]
 

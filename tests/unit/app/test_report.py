@@ -285,7 +285,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "as the rig file says",
         "12.6",
         "creep with the opposite sign does as well",
-        "the error grows on unseen data: lowest amplitudes",
+        "the error grows on held-out data: lowest amplitudes",
         "6.78",
         "97 %",
         "3.12 %",
@@ -312,6 +312,6 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
     assert axes.get_ylabel() == "measured − simulated (µm)"
     legend = [text.get_text() for text in axes.get_legend().get_texts()]
     assert legend == ["calibrated plant", "amended plant", "unseen"]
-    assert len(axes.patches) == 2  # one unseen part in each recording
+    assert len(axes.patches) == 2  # one held-out part in each recording
     with pytest.raises(ModelError, match="no evidence"):
         DIAGNOSIS.plot()

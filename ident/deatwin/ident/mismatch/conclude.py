@@ -127,14 +127,14 @@ def _seconds(findings: Findings) -> float:
 
 
 def _left(findings: Findings) -> float:
-    """Rms of what the final plant gets wrong on unseen data, SI."""
+    """Rms of what the final plant gets wrong on held-out data, SI."""
     if findings.discovery is not None:
         return _beyond(findings.discovery.after, findings.base.noise)
     return findings.answer.unseen_test.size if findings.named else _base_error(findings)
 
 
 def _base_error(findings: Findings) -> float:
-    """Rms of what the base plant as it is reported gets wrong, SI: on the unseen part, if any is unseen by now."""
+    """Rms of what the base plant as it is reported gets wrong, SI: on the held-out part, if any is unseen by now."""
     taken_up = findings.detection.taken_up
     unseen = findings.base.chosen.unseen_test.size
     return unseen if taken_up is None else _beyond(taken_up.rms, findings.base.noise)
@@ -175,7 +175,7 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     bench, plant = findings.bench, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, bench.fitted, bench.everything) is not None:
-            yield f"{name} lies among unseen data, which alone could tell it: the error there saw this one number"
+            yield f"{name} lies among held-out data, which alone could tell it: the error there saw this one number"
 
 
 def _form(findings: Findings) -> list[str]:
@@ -295,7 +295,7 @@ def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
 
 
 def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
-    """The rivals as plants, each with what it leaves of the unseen data as its model error."""
+    """The rivals as plants, each with what it leaves of the held-out data as its model error."""
     noise, stated = findings.base.noise, findings.bench.stated_error
     return {
         "+".join(rival.effects) or "none": CalibratedPlant(

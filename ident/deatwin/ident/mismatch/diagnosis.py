@@ -118,7 +118,7 @@ class Diagnosis(Described):
     sentence : str
         The conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
-        Rms residuals before and after, on the fitted and on the unseen part.
+        Rms residuals before and after, on the fitted and on the held-out part.
     verification : VerificationSummary or None
         What the best explanation had to bear, where there was one: ablation, shams, transfer, constancy.
     faults : tuple of Fault
@@ -199,7 +199,7 @@ class Diagnosis(Described):
         return data
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residual before and after over time, the unseen part shaded, with the verdict as the title.
+        """Draw the residual before and after over time, the held-out part shaded, with the verdict as the title.
 
         Parameters
         ----------

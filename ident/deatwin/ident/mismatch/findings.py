@@ -38,7 +38,7 @@ class Findings:
     naming : Naming
         The explanations that were tried.
     verification : Verification
-        On unseen data.
+        On held-out data.
     advice : Advice or None
         The experiment that would tell rivals apart.
     discovery : Discovery or None

@@ -132,7 +132,7 @@ def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
-    """Draw what the calibrated and the amended plant leave of the readings; the unseen part is shaded.
+    """Draw what the calibrated and the amended plant leave of the readings; the held-out part is shaded.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ class Unexplained:
     share : float
         Share of the mismatch's power that is left.
     fitted, unseen : float
-        Rms beyond the noise that the causes leave of the fitted and of the unseen part.
+        Rms beyond the noise that the causes leave of the fitted and of the held-out part.
     time : Window or None
         The stretch of the clock that holds most of it; None where it is everywhere alike.
     frequency : Band or None

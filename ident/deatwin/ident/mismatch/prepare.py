@@ -26,7 +26,7 @@ def prepare(
 ) -> tuple[Bench, Base]:
     """Put plant, effects and recordings on the bench, and calibrate the plant.
 
-    Where only the unseen part has a mismatch, some of it is fitted too.
+    Where only the held-out part has a mismatch, some of it is fitted too.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _motion(checked: Gate) -> float:
 
 
 def _late_onset(base: Base, checked: Gate) -> float | None:
-    """Where a mismatch begins that only the unseen part has."""
+    """Where a mismatch begins that only the held-out part has."""
     chosen = base.chosen
     if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
         return None

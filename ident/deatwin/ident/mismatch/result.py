@@ -68,7 +68,7 @@ class DetectionSummary:
     practical : float or None
         Rms from which an excess counts.
     taken_up : bool or None
-        Whether the plant leaves nothing that counts once the unseen part is fitted, too.
+        Whether the plant leaves nothing that counts once the held-out part is fitted, too.
     moved : float or None
         Rms of what the commands move the readings by.
     smallest_detectable : mapping of str to float or None
@@ -109,7 +109,7 @@ class Ablation:
     unseen: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
     gain_low: float = field(
         metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of what the effect takes away")
-    )  # Lower 95 % bound of how much the effect lowers the rms on the unseen part
+    )  # Lower 95 % bound of how much the effect lowers the rms on the held-out part
     share: float = field(
         metadata=variable(about="share of the mismatch's energy that returns")
     )  # Of the mismatch's energy that returns, from 0 to 1
@@ -117,9 +117,9 @@ class Ablation:
 
     @property
     def returns(self) -> bool:
-        """Whether the error comes back for certain, on unseen data too.
+        """Whether the error comes back for certain, on held-out data too.
 
-        What acts at a few steps only is in so few blocks of the unseen part that these alone can be certain of nothing.
+        What acts at a few steps only is in so few blocks of the held-out part that these alone can be certain of nothing.
         """
         return self.gain_low > 0.0 or self.counts
 
@@ -138,7 +138,7 @@ class ShamSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSummary:
-    """Before and after on one part of the unseen data."""
+    """Before and after on one part of the held-out data."""
 
     part: str
     before: float | None  # Rms residuals
@@ -162,7 +162,7 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """What the best explanation had to bear on unseen data.
+    """What the best explanation had to bear on held-out data.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ class FreeFormSummary:
     terms : tuple of TermSummary
         The one that adds most first; SI.
     before, after : float
-        Rms error on the unseen part without and with it.
+        Rms error on the held-out part without and with it.
     gain_low : float or None
         Lower 95 % bound of the fall.
     """
@@ -285,7 +285,7 @@ class Errors:
 
 @dataclass(frozen=True, kw_only=True)
 class UnseenErrors(Errors):
-    """The same on the unseen part, with the lower 95 % bound of the fall."""
+    """The same on the held-out part, with the lower 95 % bound of the fall."""
 
     gain_low: float | None
 
@@ -299,7 +299,7 @@ class FitSummary:
     fitted : Errors
         Rms residuals on the fitted part.
     unseen : UnseenErrors
-        On the unseen part.
+        On the held-out part.
     """
 
     fitted: Errors

@@ -93,31 +93,29 @@ def _none(diagnosis: Diagnosis) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
-    taken_up = "; fitted to all recordings, it leaves nothing that counts" if diagnosis.detection.taken_up else ""
-    return (
-        f"Only the parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
-    )
+    taken_up = "; fitted to all recordings, it leaves no more than that" if diagnosis.detection.taken_up else ""
+    return f"No physics is missing, only parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
 
 
 def _named(diagnosis: Diagnosis) -> str:
     causes, gain = diagnosis.causes, _gain(diagnosis)
     if len(causes) == 1:
-        explains = f"it explains {_share(causes[0])} of the mismatch"
-        return f"{_first_up(_physics(causes[0], diagnosis))}, which the model does not have; {explains}, and {gain}."
+        explains = f"this explains {_share(causes[0])} of the mismatch"
+        return f"{_first_up(_physics(causes[0], diagnosis))}, which the model lacks; {explains}, and {gain}."
     parts = [f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in causes]
     count = COUNTED.get(len(causes), "Several")
-    return f"{count} things are missing from the model: {', and '.join(parts)}; with them {gain}."
+    return f"{count} effects are missing from the model: {', and '.join(parts)}; with them {gain}."
 
 
 def _ambiguous(diagnosis: Diagnosis) -> str:
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
-    without = [f"without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
+    without = [f"the same without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
     others = [_plain(name) for name in diagnosis.names if name not in known]
-    rivals = "".join(f", perhaps {other}" for other in (*without, *others))
+    rivals = "".join(f", or {other}" for other in (*without, *others))
     which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
-        f"Something is missing, and these recordings cannot tell what: perhaps {guess}{rivals}; "
+        f"Something is missing, and these recordings cannot tell what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
 
@@ -137,7 +135,7 @@ def _partly(diagnosis: Diagnosis) -> str:
     ]
     return (
         f"{_first_up(' and '.join(parts))}, but {_amplitude(left.rms, diagnosis)} of the "
-        f"{_amplitude(left.mismatch, diagnosis)} mismatch are left unexplained"
+        f"{_amplitude(left.mismatch, diagnosis)} mismatch remain unexplained"
         f"{_mostly(left, diagnosis)}; {_gain(diagnosis)}."
     )
 
@@ -161,22 +159,22 @@ def _unknown(diagnosis: Diagnosis) -> str:
         ""
         if form is None
         else (
-            "; a free-form term, which is a description and not physics, lowers the error on unseen data from "
+            "; a free-form term, a description rather than physics, lowers the error on held-out data from "
             f"{_rounded(form.before)} to {_amplitude(form.after, diagnosis)}"
         )
     )
     return (
-        "Something is missing that no effect of the catalogue explains: the calibrated plant leaves "
+        "Something is missing, and no effect of the catalogue explains it: the calibrated plant leaves "
         f"{_left(diagnosis)}, with {_noise(diagnosis)}{refuted}{shape}."
     )
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f", {_part(origin.share)} which comes back with the command"
+    back = "" if origin is None else f"; {_part(origin.share)} it comes back with the command"
     return (
-        "The mismatch does not repeat with input and state, so it is a disturbance and no missing physics of the "
-        f"plant: {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
+        "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
+        f"the calibrated plant leaves {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
     )
 
 
@@ -186,12 +184,12 @@ def _data_fault(diagnosis: Diagnosis) -> str:
     said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
     more = "; and more" if len(faults) > MOST_FAULTS else ""
     where = f": {'; '.join(said)}{more}" if said else ""
-    return f"The recording is at fault{where}."
+    return f"The recording is faulty{where}."
 
 
 def _not_testable(diagnosis: Diagnosis) -> str:
     return (
-        "The input is too poor to test whether physics is missing: the calibrated plant leaves "
+        "The input excites too little to test whether physics is missing: the calibrated plant leaves "
         f"{_left(diagnosis)}, with {_noise(diagnosis)}."
     )
 
@@ -212,22 +210,22 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 def _left(diagnosis: Diagnosis) -> str:
     """What the calibrated plant leaves."""
     fitted, unseen = (_amplitude(part.before, diagnosis) for part in (diagnosis.fit.fitted, diagnosis.fit.unseen))
-    return f"{fitted} on fitted data and {unseen} on unseen data"
+    return f"{fitted} on fitted data and {unseen} on held-out data"
 
 
 def _within(diagnosis: Diagnosis) -> str:
-    own = f"{_amplitude(diagnosis.model_error, diagnosis)} of the plant's own model error"
-    return f"with {_noise(diagnosis)} and {own}"
+    own = f"the plant's own model error ({_amplitude(diagnosis.model_error, diagnosis)})"
+    return f"which sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own} account for"
 
 
 def _gain(diagnosis: Diagnosis) -> str:
     unseen = diagnosis.fit.unseen
     if unseen.after is None or unseen.gain_low is None:
-        raise ModelError("a diagnosis with causes needs the error that they leave on unseen data")
-    alone = "" if unseen.gain_low > 0 else ", which alone could be chance"
+        raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
+    alone = "" if unseen.gain_low > 0 else ", which by itself could be chance"
     return (
-        f"the error on unseen data falls from {_rounded(unseen.before)} to {_amplitude(unseen.after, diagnosis)}{alone}, "
-        f"with {_noise(diagnosis)}"
+        f"the error on held-out data falls from {_rounded(unseen.before)} to {_amplitude(unseen.after, diagnosis)}{alone} "
+        f"(sensor noise: {_amplitude(diagnosis.noise, diagnosis)})"
     )
 
 
@@ -280,10 +278,12 @@ def _next(diagnosis: Diagnosis) -> str:
     before, after = ("" if share is None else risk(share) for share in shares)
     if seconds is None:
         measure = advised.measure
-        return "" if measure is None else f"; no input that the rig bears tells them apart, so measure {measure}"
+        return (
+            "" if measure is None else f"; no input that the rig can bear would distinguish them, so measure {measure}"
+        )
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"
-    rest = f"; what it leaves open takes a measurement of {advised.measure}" if advised.undecided else ""
+    rest = f"; what remains open needs a measurement of {advised.measure}" if advised.undecided else ""
     return (
         f"; {number(seconds)} s of the input in {advised.file}{load} would lower the risk of confusing "
         f"them from {before} to {after} %{rest}"

@@ -143,7 +143,7 @@ def base_step(bench: Bench, base: Base) -> Step:
     Returns
     -------
     Step
-        With the plant; what it leaves of the unseen part is its model error.
+        With the plant; what it leaves of the held-out part is its model error.
     """
     chosen, size = base.chosen, _size(bench)
     fit = chosen.calibration
@@ -192,7 +192,7 @@ def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
     fit : Calibration
         On the fitted part.
     unseen : ndarray, shape (n,), or None
-        Residuals on the unseen part, SI; None before it was judged there, when it may yet be fitted further.
+        Residuals on the held-out part, SI; None before it was judged there, when it may yet be fitted further.
 
     Returns
     -------

@@ -143,7 +143,7 @@ class CandidateSummary:
     effects : tuple of str
         Empty for the base plant.
     fitted, unseen : float
-        Rms residuals on the fitted and on the unseen part, SI.
+        Rms residuals on the fitted and on the held-out part, SI.
     d2 : float or None
         Squared distance d² from the chosen explanation on these recordings, where it was computed.
     """

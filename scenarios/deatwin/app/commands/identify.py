@@ -310,7 +310,7 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
         voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
         free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
-        voice.say(f"{label}, unseen part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
+        voice.say(f"{label}, held-out part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
         voice.say(f"  {error['validation']}")
         for sentence in error["unstable"]:
             voice.say(f"  {sentence}")
@@ -323,7 +323,7 @@ def _origins(model: NarxModel) -> dict[str, float]:
 
 
 def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, Any]:
-    """Errors and residual tests of the model on one unseen part."""
+    """Errors and residual tests of the model on one held-out part."""
     free, found = model.simulate(unseen), tested.validation
     return {
         "one_step": model.predict(unseen).rms_error,
@@ -337,7 +337,7 @@ def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, An
 
 
 def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
-    """Validate the model on unseen parts, or give the reason why that is not possible."""
+    """Validate the model on held-out parts, or give the reason why that is not possible."""
     from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import validate
     from deatwin.ident.narx.unstable import unstable_model

@@ -43,7 +43,7 @@ def drawings(study: Opened) -> list[Drawing]:
 
 
 def summary(study: Opened) -> str:
-    """Draw the study in one figure: confusion of families, power, reliability, errors on unseen data."""
+    """Draw the study in one figure: confusion of families, power, reliability, errors on held-out data."""
     with draw((10.4, 8.6)) as figure:
         (first, second), (third, fourth) = figure.subplots(2, 2)
         _draw_confusion(first, by_family(study), "small")
@@ -54,7 +54,7 @@ def summary(study: Opened) -> str:
             first: "what is concealed (rows), what is found",
             second: "one effect, by its strength",
             third: "stated probability of a cause",
-            fourth: "free run on unseen data",
+            fourth: "free run on held-out data",
         }
         for axes, title in titles.items():
             titled(axes, title)
@@ -194,7 +194,7 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
     return [(f"{b.stated:.3f}", *_cells(b.came_true)) for b in bins]
 
 
-# --- errors on unseen data ------------------------------------------------------------------------------------------
+# --- errors on held-out data ------------------------------------------------------------------------------------------
 
 
 def _errors(study: Opened) -> Drawing:

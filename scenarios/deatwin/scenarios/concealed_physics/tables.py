@@ -226,7 +226,7 @@ def _ties(study: Opened) -> Table:
 
 
 def _predictions(study: Opened) -> Table:
-    """Errors on unseen data over the oracle's, of single effects that are at least as large as the noise."""
+    """Errors on held-out data over the oracle's, of single effects that are at least as large as the noise."""
     cases = [case for case in study.of("effect", ratio=1.0) if "oracle" in case.errors]
     rows = []
     for name, words in MADE_BY.items():

@@ -53,7 +53,7 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
 
 
 def verdicts(scores: Sequence[Judged]) -> Drawing:
-    """Draw the rms residual of each actuator on unseen data, before and after, with the mark of the answer."""
+    """Draw the rms residual of each actuator on held-out data, before and after, with the mark of the answer."""
     before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
     at = np.arange(len(scores), dtype=float)
     with draw((9.6, 3.6)) as figure:

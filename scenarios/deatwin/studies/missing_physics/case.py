@@ -225,5 +225,5 @@ def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
     return Table(
         title="Effects that were built in",
         rows=rows,
-        columns=["effects", f"fitted part ({case.unit})", f"unseen part of the same recordings ({case.unit})"],
+        columns=["effects", f"fitted part ({case.unit})", f"held-out part of the same recordings ({case.unit})"],
     )

@@ -203,7 +203,7 @@ def _zoom(view: _View) -> Drawing:
 
 
 def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
-    """Stretch, first and last-plus-one sample of the stretch with the largest residual, of the unseen part."""
+    """Stretch, first and last-plus-one sample of the stretch with the largest residual, of the held-out part."""
     best: tuple[float, Stretch, int, int] | None = None
     has_unseen = any(track.unseen.any() for track in candidates)
     for track in candidates:

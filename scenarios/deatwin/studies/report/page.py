@@ -73,7 +73,7 @@ def _located(found: LocationSummary | None) -> LocationSummary | None:
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of candidates, the best on unseen data first."""
+    """Rows of the table of candidates, the best on held-out data first."""
     if diagnosis.readings is None:
         return []
     size = reported_size(diagnosis.output.unit, diagnosis.readings.experiments[0].recordings[0].output_units[0])

@@ -87,8 +87,8 @@ def test_the_floor_is_noise_and_model_error_together():
     # the hypotenuse of 3 and 4
     assert lines == {"sensor noise, 3 µm": pytest.approx(3.0), "noise and model error, 5 µm": pytest.approx(5.0)}
     shown = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert shown == ["fitted part", "unseen part", "chosen", "other form", *lines]
-    # beyond 3 µm of noise the unseen part keeps the root of 9² - 3² = 72
+    assert shown == ["fitted part", "held-out part", "chosen", "other form", *lines]
+    # beyond 3 µm of noise the held-out part keeps the root of 9² - 3² = 72
     assert axes.get_title(loc="left") == "left beyond the noise: 8.49 µm; the plant's own model error: 4 µm"
 
 

@@ -49,4 +49,4 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
         answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
     )
     found = list(conclude._placed_unseen(findings))
-    assert [text.startswith("sensor_jump.at lies among unseen data") for text in found] == [True] * said
+    assert [text.startswith("sensor_jump.at lies among held-out data") for text in found] == [True] * said

@@ -120,7 +120,7 @@ def test_physics_outside_the_catalogue_is_unknown():
     assert found.causes == ()
     # a free form may stand in the model, never among the causes
     assert found.model.plant.effect_names == (() if found.free_form is None else ("free_form",))
-    assert found.sentence.startswith("Something is missing that no effect of the catalogue explains")
+    assert found.sentence.startswith("Something is missing, and no effect of the catalogue explains it")
 
 
 def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little():
@@ -225,7 +225,7 @@ def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():
 
 @pytest.fixture(scope="module")
 def doubted() -> Diagnosis:
-    """Two effects, of which unseen data are made not to show the second for certain."""
+    """Two effects, of which held-out data are made not to show the second for certain."""
     with pytest.MonkeyPatch.context() as patch:
 
         def unsure(*arguments):
@@ -241,14 +241,14 @@ def doubted() -> Diagnosis:
 def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert doubted.verdict is Verdict.AMBIGUOUS
     assert {cause.effect for cause in doubted.causes} == {"creep", "electrode_rc"}
-    assert doubted.verification.failures == ("without creep the error on unseen data does not return for certain",)
+    assert doubted.verification.failures == ("without creep the error on held-out data does not return for certain",)
     assert doubted.verification.holds is False
     assert doubted.verification.failures[0] in doubted.warnings
     certain = {cause.effect: cause.probability for cause in doubted.causes}
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
-    assert ", perhaps without creep; with the first two" in doubted.sentence
+    assert ", or the same without creep; with the first two" in doubted.sentence
 
 
 def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
@@ -280,7 +280,7 @@ def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
     monkeypatch.setattr(standing, "verify", refuting)
     found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0)), effects=[Creep()])
     assert found.verdict is Verdict.UNKNOWN
-    assert "the error on unseen data does not fall for certain" in found.warnings
+    assert "the error on held-out data does not fall for certain" in found.warnings
     assert "creep" not in found.model.plant.effect_names
 
 
@@ -364,7 +364,7 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
 
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):
-    """Small motions in what is fitted, large ones in the unseen part, which shows the stretch limit of the film."""
+    """Small motions in what is fitted, large ones in the held-out part, which shows the stretch limit of the film."""
     module = importlib.import_module("deatwin.ident.mismatch.prepare")
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: None)  # else some of it is fitted at once
     rng = np.random.default_rng(0)

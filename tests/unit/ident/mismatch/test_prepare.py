@@ -30,7 +30,7 @@ def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
 
 
 def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
-    """From where a mismatch begins that only the unseen part has some of it is fitted, too, unless it was."""
+    """From where a mismatch begins that only the held-out part has some of it is fitted, too, unless it was."""
     module = importlib.import_module("deatwin.ident.mismatch.prepare")
     part = lambda *masks: SimpleNamespace(fitted=(SimpleNamespace(masks=masks),), nominal=NOMINAL)  # noqa: E731
     first, longer = np.arange(10) < 6, np.arange(10) < 8

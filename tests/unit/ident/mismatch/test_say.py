@@ -271,30 +271,34 @@ def test_no_exponent_and_one_sentence():
 
 
 def test_what_an_input_leaves_open_is_said_with_what_to_measure():
-    assert "; what it leaves open takes a measurement of the current." in DIAGNOSES["ambiguous, in part"].sentence
-    assert "leaves open" not in DIAGNOSES["ambiguous, two and advice"].sentence
+    assert "; what remains open needs a measurement of the current." in DIAGNOSES["ambiguous, in part"].sentence
+    assert "remains open" not in DIAGNOSES["ambiguous, two and advice"].sentence
 
 
 def test_each_verdict_says_only_what_it_may():
     for diagnosis in DIAGNOSES.values():
         said = diagnosis.sentence
-        assert ("the error on unseen data falls" in said) is bool(diagnosis.causes)
+        assert ("the error on held-out data falls" in said) is bool(diagnosis.causes)
         low = diagnosis.fit.unseen.gain_low
-        assert ("which alone could be chance" in said) is (low is not None and low <= 0.0)
-        assert ("which the model does not have" in said or "missing from the model" in said) is (
+        assert ("which by itself could be chance" in said) is (low is not None and low <= 0.0)
+        assert ("which the model lacks" in said or "missing from the model" in said) is (
             diagnosis.verdict is Verdict.NAMED
         )
-        assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
+        assert ("perhaps" in said or "either" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
         assert ("fitted to all recordings" in said) is bool(diagnosis.detection.taken_up)
 
 
 @pytest.mark.parametrize(
     ("rivals", "also", "said"),
     [
-        ((("sensor_jump",),), (), "-11.0), perhaps without creep; with the first two the error"),
-        ((("sensor_jump",), ("creep",)), (), "-11.0), perhaps without creep, perhaps without sensor jump; with the"),
-        ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), perhaps delay; with the first two the error"),
-        ((("sensor_jump",), ("creep", "delay")), ("delay",), "-11.0), perhaps without creep, perhaps delay; with"),
+        ((("sensor_jump",),), (), "-11.0), or the same without creep; with the first two the error"),
+        (
+            (("sensor_jump",), ("creep",)),
+            (),
+            "-11.0), or the same without creep, or the same without sensor jump; with the",
+        ),
+        ((("sensor_jump", "delay"), ("delay",)), ("delay",), "-11.0), or delay; with the first two the error"),
+        ((("sensor_jump",), ("creep", "delay")), ("delay",), "-11.0), or the same without creep, or delay; with"),
     ],
 )
 def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_names(rivals, also, said):
@@ -305,10 +309,10 @@ def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_nam
 @pytest.mark.parametrize(
     ("rivals", "said"),
     [
-        ((("creep",),), "perhaps without sensor jump and electrode rc; with the first three the error"),
+        ((("creep",),), "or the same without sensor jump and electrode rc; with the first three the error"),
         (
             (("creep", "electrode_rc"), ("creep", "sensor_jump")),
-            "perhaps without sensor jump, perhaps without electrode rc; with the first three the error",
+            "or the same without sensor jump, or the same without electrode rc; with the first three the error",
         ),
     ],
 )
@@ -319,22 +323,22 @@ def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals
 
 def test_the_sentence_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
-        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model does not have; "
-        "it explains 97 % of the mismatch, and the error on unseen data falls from 10.2 to 2.1 µm, "
-        "with 2.0 µm of sensor noise."
+        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model lacks; "
+        "this explains 97 % of the mismatch, and the error on held-out data falls from 10.2 to 2.1 µm "
+        "(sensor noise: 2.0 µm)."
     )
 
 
 def test_the_sentence_of_a_part():
     assert DIAGNOSES["partly, when"].sentence == (
         "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which explains 97 % of the mismatch, but "
-        "1.2 µm of the 9.6 µm mismatch are left unexplained, mostly between 118.04 and 131.26 s; the error on unseen data "
-        "falls from 10.2 to 2.1 µm, with 2.0 µm of sensor noise."
+        "1.2 µm of the 9.6 µm mismatch remain unexplained, mostly between 118.04 and 131.26 s; the error on held-out data "
+        "falls from 10.2 to 2.1 µm (sensor noise: 2.0 µm)."
     )
     assert "unexplained, mostly from 0.025 to 0.48 Hz; the" in DIAGNOSES["partly, at which frequencies"].sentence
     said = DIAGNOSES["partly, in which region"].sentence
     assert "unexplained, mostly at a displacement rate from -12.3 to -3.21; the" in said
-    assert "left unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
+    assert "remain unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
 
 
 def test_a_risk_below_a_thousandth_is_said_as_a_bound():
@@ -380,12 +384,12 @@ def test_a_small_share_is_said_to_be_small():
 
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():
     assert "the recordings refuted" in DIAGNOSES["unknown, refuted"].sentence
-    assert "not physics" in DIAGNOSES["unknown, free form"].sentence
+    assert "rather than physics" in DIAGNOSES["unknown, free form"].sentence
 
 
 def test_an_estimate_below_nothing_is_said_as_nothing():
-    assert ", 4 % of which comes back with the command." in DIAGNOSES["disturbance, known"].sentence
-    assert ", none of which comes back with the command." in DIAGNOSES["disturbance, all of it"].sentence
+    assert "; 4 % of it comes back with the command." in DIAGNOSES["disturbance, known"].sentence
+    assert "; none of it comes back with the command." in DIAGNOSES["disturbance, all of it"].sentence
 
 
 def test_every_effect_of_the_catalogue_can_be_said():

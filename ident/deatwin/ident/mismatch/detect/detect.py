@@ -133,13 +133,13 @@ def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
 
 
 def _size(left: Leftover) -> float:
-    """Rms beyond the noise of the fitted or the unseen part, whichever is larger."""
+    """Rms beyond the noise of the fitted or the held-out part, whichever is larger."""
     powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
     return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
 
 
 def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
-    """Whether the fitted or the unseen part is too large for any noise that the refit left or brought there."""
+    """Whether the fitted or the held-out part is too large for any noise that the refit left or brought there."""
     for part in (left.fitted, ~left.fitted):
         if part.any():
             noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))
@@ -155,7 +155,7 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
     squared = int(np.argmax(np.abs(scores.squared[0])))
     root = np.sqrt(left.residual.size)
     rows = (
-        (float(np.exp(scores.ratios[0, ratio])), "unseen part" if ratio else "fitted part"),
+        (float(np.exp(scores.ratios[0, ratio])), "held-out part" if ratio else "fitted part"),
         (float(apart.max()), f"{law.battery.frequencies[np.argmax(apart)]:.3g} Hz"),
         (float(scores.linear[0, linear] / root), names[linear]),
         (float(scores.squared[0, squared] / root), names[squared]),

@@ -89,7 +89,7 @@ class Detection(Described):
     statistics : tuple of Statistic
         One for each group.
     size : float
-        Rms of what is not sensor noise, of the fitted or of the unseen part, whichever is larger, SI.
+        Rms of what is not sensor noise, of the fitted or of the held-out part, whichever is larger, SI.
     practical : float
         Rms from which an excess counts, SI.
     noise, model_error : float
@@ -97,7 +97,7 @@ class Detection(Described):
     certain : bool
         Whether the size alone leaves no doubt, whatever the scatter.
     taken_up : Calibration or None
-        The plant fitted to the unseen part, too, where it leaves nothing that counts then; None otherwise.
+        The plant fitted to the held-out part, too, where it leaves nothing that counts then; None otherwise.
     sensor : NoiseFloor
         What each source says of the noise.
     repeatability : Repeatability or None

@@ -34,7 +34,7 @@ class Scores:
     squared : ndarray, shape (b, r)
         The same of its square.
     ratios : ndarray, shape (b, 1 or 2)
-        Logarithm of the mean square over the floor, of the fitted and of the unseen part.
+        Logarithm of the mean square over the floor, of the fitted and of the held-out part.
     spectra : ndarray, shape (b, f)
         Cumulated periodograms, from 0 to 1.
     """

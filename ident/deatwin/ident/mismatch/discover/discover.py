@@ -4,7 +4,7 @@ What enters the plant is sought as a sum of a few functions of its states and it
 are compared in the readings, after the plant has answered to each of them, beside what the plant's parameters can take
 up: a smoothed force lacks what the filter has smoothed away, and holds what the calibration did not bend to imitate.
 Those that the recordings choose again and again are built into the plant, which is fitted anew as a whole. A free form
-is kept only if the free run on the unseen part gains by it; it is never a cause.
+is kept only if the free run on the held-out part gains by it; it is never a cause.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from deatwin.plant.model import Plant
 Array = NDArray[np.float64]
 
 LEAST_GAIN = 0.1
-"""Share by which the error on the unseen part must fall."""
+"""Share by which the error on the held-out part must fall."""
 PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
 """Where a free form enters if nobody says, the first that the rig has."""
 STEPS = (1.0, 0.5, 0.25, 0.1)
@@ -69,7 +69,7 @@ def discover(
     Returns
     -------
     Discovery or None
-        None where the plant leaves no mismatch, where no term is stable, or where the error on the unseen part does
+        None where the plant leaves no mismatch, where no term is stable, or where the error on the held-out part does
         not fall by a tenth, and certainly.
     """
     plant = base.calibration.plant
@@ -252,7 +252,7 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
-    """The discovery, if the error on the unseen part falls far enough, and certainly."""
+    """The discovery, if the error on the held-out part falls far enough, and certainly."""
     plant, form = fit.calibration.plant, fit.form
     unseen = free_run_residuals(plant, bench.unseen)
     if unseen is None:
@@ -280,7 +280,7 @@ def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) ->
 
 
 def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
-    """Residuals of the unseen part without the form, of the plant fitted again from where it is beside it.
+    """Residuals of the held-out part without the form, of the plant fitted again from where it is beside it.
 
     Beside a form the plant's own parameters may come to where they are better off without it, too.
     """

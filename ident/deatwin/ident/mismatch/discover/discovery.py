@@ -138,11 +138,11 @@ class Discovery(Described):
     terms : tuple of FoundTerm
         Of the free form, the one that adds most first.
     before, after : float
-        Rms error of the free run on the unseen part without and with it, SI.
+        Rms error of the free run on the held-out part without and with it, SI.
     gain_low : float
         Lower 95 % bound of the fall, SI.
     unseen : ndarray, shape (m,)
-        Residuals with it on the unseen part, SI.
+        Residuals with it on the held-out part, SI.
     state : ndarray, shape (n,)
         What the first term is a function of, along the fitted part, SI.
     entering : ndarray, shape (n,)
@@ -154,10 +154,10 @@ class Discovery(Described):
 
     calibration: Calibration
     terms: tuple[FoundTerm, ...]
-    before: float = field(metadata=variable(unit=_output_unit, about="rms error on the unseen part without it"))
-    after: float = field(metadata=variable(unit=_output_unit, about="rms error on the unseen part with it"))
+    before: float = field(metadata=variable(unit=_output_unit, about="rms error on the held-out part without it"))
+    after: float = field(metadata=variable(unit=_output_unit, about="rms error on the held-out part with it"))
     gain_low: float = field(metadata=variable(unit=_output_unit, about="lower 95 % bound of the fall"))
-    unseen: Array = field(metadata=variable("unseen_sample", unit=_output_unit, about="residual on the unseen part"))
+    unseen: Array = field(metadata=variable("unseen_sample", unit=_output_unit, about="residual on the held-out part"))
     state: Array
     entering: Array
     latent: Latent | None

@@ -258,7 +258,7 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
 def split(
     checked: Gate, onset: float | None = None, weights: Mapping[str, float] = MappingProxyType({})
 ) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
-    """The fitted part, the unseen part, and both together.
+    """The fitted part, the held-out part, and both together.
 
     The last 30 % of the sound samples of each record are unseen. Where the mismatch begins inside such a part, the
     last 30 % of what follows its onset are, so that the fit can see it too.

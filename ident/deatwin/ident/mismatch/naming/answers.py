@@ -115,7 +115,7 @@ def nearly(search: Search) -> Naming:
 def settled(search: Search, stage: Sequence[Names]) -> Naming:
     """The decision over a stage by fits to all recordings, among those that nearly explain the fitted part.
 
-    Of the unseen part, too, they take away most. Of two effects none is named where the other one is enough.
+    Of the held-out part, too, they take away most. Of two effects none is named where the other one is enough.
 
     Parameters
     ----------

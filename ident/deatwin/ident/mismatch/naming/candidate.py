@@ -34,15 +34,15 @@ class Candidate:
     calibration : Calibration
         The fit.
     unseen : ndarray, shape (n,)
-        Residuals on the unseen part, SI.
+        Residuals on the held-out part, SI.
     noise : float
         Standard deviation of the sensor's noise by which it is judged, SI.
     contribution : ndarray, shape (m,)
         What the effects by themselves do to the readings of the fitted part, SI; may be empty without effects.
     sizes : tuple of (int, int)
-        Fitted and unseen samples of each experiment; empty where there is one.
+        Fitted and held-out samples of each experiment; empty where there is one.
     measured : ndarray, shape (m + n,)
-        Readings of the fitted and the unseen part, SI; empty where nothing is to depend on them.
+        Readings of the fitted and the held-out part, SI; empty where nothing is to depend on them.
     """
 
     effects: tuple[str, ...]
@@ -60,7 +60,7 @@ class Candidate:
 
     @cached_property
     def unseen_test(self) -> Excess:
-        """The same of the unseen part."""
+        """The same of the held-out part."""
         return excess_over_floor(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
@@ -80,7 +80,7 @@ class Candidate:
 
     @property
     def mismatch(self) -> bool:
-        """Whether it certainly leaves more than noise and model error, on the fitted or on the unseen part."""
+        """Whether it certainly leaves more than noise and model error, on the fitted or on the held-out part."""
         return self.fitted_test.mismatch or self.unseen_test.mismatch
 
     @property
@@ -88,13 +88,13 @@ class Candidate:
         """Whether it explains the recordings.
 
         What it leaves of the fitted part must be no larger than noise and model error, which is more than the
-        absence of a significant mismatch; the unseen part, which is extrapolated, must not refute it.
+        absence of a significant mismatch; the held-out part, which is extrapolated, must not refute it.
         """
         return self.fitted_test.within_floor and not self.unseen_test.mismatch
 
     @property
     def residuals(self) -> np.ndarray:
-        """Of the fitted and the unseen part, one behind the other, SI."""
+        """Of the fitted and the held-out part, one behind the other, SI."""
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property
@@ -125,7 +125,7 @@ class Candidate:
 
 
 def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | None:
-    """Free-run residuals of a fitted plant on the unseen part.
+    """Free-run residuals of a fitted plant on the held-out part.
 
     Parameters
     ----------

@@ -42,11 +42,11 @@ def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:
     """Candidates as a table, and their residuals beside it; all are judged on the same samples."""
     told = {
         "fitted": (unit, "rms residual on the fitted part"),
-        "unseen": (unit, "rms residual on the unseen part"),
+        "unseen": (unit, "rms residual on the held-out part"),
         "model_error": (unit, "rms of the plant's own error by which it is judged"),
         "evidence": ("nat",),
         "fitted_p_value": ("", "of no more than noise and model error on the fitted part"),
-        "unseen_p_value": ("", "of no more than noise and model error on the unseen part"),
+        "unseen_p_value": ("", "of no more than noise and model error on the held-out part"),
         "adequate": ("", "whether it explains the recordings"),
     }
     fitted = np.stack([row.candidate.calibration.residuals for row in rows])
@@ -54,7 +54,7 @@ def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:
     return {
         **table(dimension, map(_told, rows), told),
         "residual": ((dimension, "sample"), fitted, unit, "residual on the fitted part"),
-        "unseen_residual": ((dimension, "unseen_sample"), unseen, unit, "residual on the unseen part"),
+        "unseen_residual": ((dimension, "unseen_sample"), unseen, unit, "residual on the held-out part"),
     }
 
 

@@ -171,9 +171,9 @@ class Naming(Described):
         return self.candidates[0]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what each candidate leaves of the fitted and of the unseen part, the base plant first.
+        """Draw what each candidate leaves of the fitted and of the held-out part, the base plant first.
 
-        Of many the best on unseen data are drawn, and always the best explanation and its rivals.
+        Of many the best on held-out data are drawn, and always the best explanation and its rivals.
 
         Parameters
         ----------

@@ -93,7 +93,7 @@ def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
 
 
 def _shown(naming: Explanations) -> list[Candidate]:
-    """The base plant; the answer, its rivals and others, the best on unseen data first."""
+    """The base plant; the answer, its rivals and others, the best on held-out data first."""
     needed = [c for c in (naming.best, *naming.rivals) if c is not None]
     others = sorted((c for c in naming.candidates[1:] if c not in needed), key=_unseen)
     room = max(MOST - 1 - len(needed), 0)
@@ -161,7 +161,7 @@ def _explain(axes: Axes, rows: Sequence[Row], title: str) -> None:
     lines, _ = axes.get_legend_handles_labels()
     parts = [
         Patch(facecolor="none", edgecolor="0.2", label="fitted part"),
-        Patch(facecolor="0.2", edgecolor="0.2", label="unseen part"),
+        Patch(facecolor="0.2", edgecolor="0.2", label="held-out part"),
     ]
     present = {row.role for row in rows}
     roles = [Patch(color=colour, label=role) for role, colour in COLOURS.items() if role in present]

@@ -58,7 +58,7 @@ def name_causes(
     finished : callable, optional
         Called with the share that is done.
     fitted : callable, optional
-        Called with each fit as soon as there is one and None, and again with its residuals on the unseen part, ndarray
+        Called with each fit as soon as there is one and None, and again with its residuals on the held-out part, ndarray
         of shape (n,), SI, once they are known.
 
     Returns

@@ -62,7 +62,7 @@ class Row:
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Rms residuals on the fitted and on the unseen part, SI."""
+        """Rms residuals on the fitted and on the held-out part, SI."""
         return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
 
 

@@ -120,7 +120,7 @@ def run_trials(
     finished : callable, optional
         Called with the share that is done.
     fitted : callable, optional
-        Called with each fit as soon as there is one; with its residuals on the unseen part, SI, once they are known.
+        Called with each fit as soon as there is one; with its residuals on the held-out part, SI, once they are known.
     rival : float
         Rms of the best fit so far that these compete with, SI.
 
@@ -252,7 +252,7 @@ def _from_there(bench: Bench, plant: Plant) -> Calibration:
 
 
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
-    """The fit carried to the end, with an event that it cannot place where the unseen part has it."""
+    """The fit carried to the end, with an event that it cannot place where the held-out part has it."""
     return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
 
 

@@ -1,4 +1,4 @@
-"""All recordings together have the last word on what lost on the unseen part only."""
+"""All recordings together have the last word on what lost on the held-out part only."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def settled_on_everything(
     bench : Bench
         Recordings and number of workers.
     hopeful : callable
-        Whether a candidate could be the answer, but for what it leaves of the unseen part.
+        Whether a candidate could be the answer, but for what it leaves of the held-out part.
     possible : callable
         Whether it could be a rival.
     refit : callable, optional
@@ -54,7 +54,7 @@ def settled_on_everything(
     -------
     Naming
         Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
-        likelier by far, if that leaves as little and takes most of the unseen part: else that part would refute it.
+        likelier by far, if that leaves as little and takes most of the held-out part: else that part would refute it.
         A single effect that describes the fitted part as well, but is no possible rival for its extrapolation, is one
         where all recordings have no strong evidence against it.
     """
@@ -98,7 +98,7 @@ def judged_on_everything(
 ) -> Naming:
     """Also keep as rivals the explanations that hold as well as the best when both are fitted to all recordings.
 
-    The unseen part is extrapolated. A slow effect whose law is not quite the catalogue's errs there although it is the
+    The held-out part is extrapolated. A slow effect whose law is not quite the catalogue's errs there although it is the
     right one, since no fit to the beginning of a relaxation knows its end; what describes the beginning worse cannot
     be the truth for the luck that it had at the end. What loses on the fitted part has lost.
 
@@ -117,7 +117,7 @@ def judged_on_everything(
     -------
     Naming
         With probabilities by the evidence of all recordings, where any rival was brought back; led by one of those if
-        it is the likelier, leaves no more than noise and model error, and takes most of the unseen part.
+        it is the likelier, leaves no more than noise and model error, and takes most of the held-out part.
     """
     best = naming.best
     if best is None:

@@ -86,7 +86,7 @@ class Base(Described):
         return self.in_form_of(filed[0]) if filed else self
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what each form leaves of the fitted and of the unseen part, the chosen one first.
+        """Draw what each form leaves of the fitted and of the held-out part, the chosen one first.
 
         Parameters
         ----------

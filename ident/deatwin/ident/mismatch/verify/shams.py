@@ -45,7 +45,7 @@ class ShamKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Sham:
-    """What a spoilt effect gains beside the effect itself, on the unseen part.
+    """What a spoilt effect gains beside the effect itself, on the held-out part.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class _Court:
         return self.unseen_power(of) - self.unseen_power(of - amplitude * by)
 
     def unseen_power(self, change: np.ndarray) -> float:
-        """Mean square of a change on the unseen part."""
+        """Mean square of a change on the held-out part."""
         return float(np.mean(change[~self.fitted] ** 2))
 
 
@@ -202,7 +202,7 @@ def sham_effects(
 
     The plant without the effect is simulated with and without it, on the commands and on the commands backwards. The
     changes of the readings compete as regressors, each fitted to the fitted part together with the plant's parameters
-    to first order, and are judged on the unseen part. A sham is skipped where it would explain most of the mismatch
+    to first order, and are judged on the held-out part. A sham is skipped where it would explain most of the mismatch
     even if the named effect were the truth: an effect without memory is the same backwards, and a tone of random phase
     is a tone.
 
@@ -213,7 +213,7 @@ def sham_effects(
     effect : Effect
         The named effect with its fitted parameters.
     gain : float
-        By which the mean square on the unseen part falls with it, SI.
+        By which the mean square on the held-out part falls with it, SI.
     fitted, everything : sequence of Part
         What was fitted, and that together with what judges.
     rng : numpy.random.Generator

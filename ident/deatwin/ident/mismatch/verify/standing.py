@@ -45,7 +45,7 @@ def first_that_stands(
             verified[0] = (verified[0][0].knowing(naming), *verified[0][1:])
             if naming.best is None:
                 break
-        started("verifying on unseen data")
+        started("verifying on held-out data")
         known = [effects for form, effects in refuted if form is naming.base.calibration]
         answer = naming.without(known)
         verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
@@ -62,7 +62,7 @@ def first_that_stands(
 def _without_doubted(
     naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
-    """The explanation without each effect that unseen data do not show for certain.
+    """The explanation without each effect that held-out data do not show for certain.
 
     None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
     stands without it.

@@ -16,13 +16,13 @@ from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.recording import label
 
 FEWEST_BLOCKS = 6
-"""Blocks of the unseen part that a part of it needs to be judged by itself."""
+"""Blocks of the held-out part that a part of it needs to be judged by itself."""
 THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """Before and after on one part of the unseen data: one record, or the blocks of like amplitude.
+    """Before and after on one part of the held-out data: one record, or the blocks of like amplitude.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Transfer:
 
 
 def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.Generator) -> tuple[Transfer, ...]:
-    """Compare two candidates on each part of the unseen data.
+    """Compare two candidates on each part of the held-out data.
 
     Parameters
     ----------

@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification(Described):
-    """An explanation on unseen data; SI.
+    """An explanation on held-out data; SI.
 
     Parameters
     ----------
     fitted_before, fitted_after : float
         Rms residuals on the fitted part.
     unseen_before, unseen_after : float
-        On the unseen part, in free run.
+        On the held-out part, in free run.
     gain_low : float
-        Lower 95 % bound of the fall on the unseen part.
+        Lower 95 % bound of the fall on the held-out part.
     counts : bool
         Whether the error falls for certain over both parts, and on the unseen one by more than the plant's own error
         and by most of what is more than noise.
@@ -65,7 +65,7 @@ class Verification(Described):
     unseen_before: float
     unseen_after: float
     gain_low: float = field(
-        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall on the unseen part")
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall on the held-out part")
     )
     counts: bool = False
     ablations: tuple[Ablation, ...] = field(default=(), metadata=table_along("ablation"))
@@ -90,7 +90,7 @@ class Verification(Described):
             "stage",
             of=lambda found: [found.unseen_before, found.unseen_after],
             unit=attrgetter("output_unit"),
-            about="rms residual on the unseen part",
+            about="rms residual on the held-out part",
         ),
         "holds": attribute(),
         "failures": attribute(of=lambda found: list(found.failures)),
@@ -105,14 +105,14 @@ class Verification(Described):
     def failures(self) -> tuple[str, ...]:
         """What speaks against it, each in a clause."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
-        found = [] if falls else ["the error on unseen data does not fall for certain"]
+        found = [] if falls else ["the error on held-out data does not fall for certain"]
         found += [
-            f"without {a.effect} the error on unseen data does not return for certain"
+            f"without {a.effect} the error on held-out data does not return for certain"
             for a in self.ablations
             if not a.returns
         ]
         found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
-        found += [f"the error grows on unseen data: {t.part}" for t in self.transfers if t.worse]
+        found += [f"the error grows on held-out data: {t.part}" for t in self.transfers if t.worse]
         found += [
             f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over "
             + ("the recordings, which would take most of what is left" if c.mends else "the fitted part")
@@ -123,7 +123,7 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects of several without which the error on unseen data does not return for certain, though with others.
+        """Effects of several without which the error on held-out data does not return for certain, though with others.
 
         Nothing else may speak against the explanation: then it stands, and the one without that effect beside it.
         """
@@ -169,7 +169,7 @@ class Verification(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error on unseen data: before and after on each part, without each effect, and with its shams.
+        """Draw the error on held-out data: before and after on each part, without each effect, and with its shams.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """Does the explanation hold, above all on data that no fit has seen?
 
-Free runs before and after, on the whole unseen part, on each record and at each third of the amplitudes; each effect
+Free runs before and after, on the whole held-out part, on each record and at each third of the amplitudes; each effect
 taken out again; shams of each effect, which must not do as well; and the strength of each over what was
 fitted, which must not change.
 """
@@ -36,7 +36,7 @@ def verify(
     bench: Bench | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
-    """Compare a candidate with the base plant on the unseen part, in every way in which it could fail.
+    """Compare a candidate with the base plant on the held-out part, in every way in which it could fail.
 
     Parameters
     ----------
@@ -136,19 +136,19 @@ def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate
 def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) -> bool:
     """Whether the error is less for certain over both parts, and on the unseen one by more than the plant's own.
 
-    The power of the unseen part may differ so much by chance: it is no certainty of that part.
+    The power of the held-out part may differ so much by chance: it is no certainty of that part.
     """
     over_both = bootstrap_gain(without.losses, amended.losses, rng)
     return over_both > 0.0 and _gained_unseen(without, amended) > amended.calibration.plant.rig.model_error**2
 
 
 def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:
-    """Whether most of what is more than noise on the unseen part is gone: chance does not take so much."""
+    """Whether most of what is more than noise on the held-out part is gone: chance does not take so much."""
     return _gained_unseen(base, amended) > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
 
 
 def _gained_unseen(without: Candidate, amended: Candidate) -> float:
-    """Mean square by which the unseen part is better explained, square of the residual's unit."""
+    """Mean square by which the held-out part is better explained, square of the residual's unit."""
     return float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
 
 

@@ -330,7 +330,7 @@ def test_a_plant_that_is_its_own_truth_lacks_nothing():
 
 
 def small_then_large() -> np.ndarray:
-    """Small motions in what is fitted, several times as large ones in the unseen part."""
+    """Small motions in what is fitted, several times as large ones in the held-out part."""
     rng = np.random.default_rng(0)
     small, large = band_limited_noise(rng, 42.0, STEP), random_holds(rng, 18.0, STEP, 1.2, 3.2, 1.0, 3.0)
     return np.concatenate([0.84 + 0.3 * small, large])
@@ -367,7 +367,7 @@ def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, ref
     assert found.taken_up is None
 
 
-@pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "unseen part"])
+@pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "held-out part"])
 def test_what_the_plant_cannot_take_up_is_missing(at):
     bench = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
     base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)

@@ -193,7 +193,7 @@ def test_what_is_concealed_is_given_its_form(kind):
     discovery = found(kind)
     assert discovery is not None
     assert discovery.terms[0].term.kind == RIGHT[kind]
-    # with 720 unseen samples the rms of the noise itself scatters by 3 %
+    # with 720 held-out samples the rms of the noise itself scatters by 3 %
     assert discovery.before > 2 * NOISE
     assert discovery.after < 1.1 * NOISE
     assert 0 < discovery.gain_low < discovery.before - discovery.after
@@ -264,7 +264,7 @@ def test_what_the_plant_does_as_well_without_a_form_is_no_gain(monkeypatch):
     assert _kept(fit, far, bench, np.random.default_rng(0)) is None
     left = _left_without(fit, far, bench)
     assert np.sqrt(np.mean(left**2)) == pytest.approx(rms["near"], rel=1e-3)
-    # nor is it one where the fit without has gone astray on the unseen part, but the base plant has not
+    # nor is it one where the fit without has gone astray on the held-out part, but the base plant has not
     with monkeypatch.context() as patch:
         patch.setattr(module, "_left_without", lambda *_: 3.0 * far.unseen)
         assert _kept(fit, base, bench, np.random.default_rng(0)) is None

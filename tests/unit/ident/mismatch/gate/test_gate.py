@@ -1,4 +1,4 @@
-"""What the gate lets through, and how the unseen part is kept."""
+"""What the gate lets through, and how the held-out part is kept."""
 
 from dataclasses import replace
 

@@ -25,7 +25,7 @@ def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candid
     led = decided(search_over(base, lucky, likelier), [("delay",), ("sensor_drift",)])
     assert led.best is likelier
     assert led.rivals == (lucky,)
-    # of a small mismatch it leaves too much of the unseen part, 1.66 of 2.2 µm: that is no answer, however likely it is
+    # of a small mismatch it leaves too much of the held-out part, 1.66 of 2.2 µm: that is no answer, however likely it is
     base, bad = candidate(rms=3.0), candidate("sensor_drift", rms=2.0, unseen=2.6)
     assert bad.evidence - lucky.evidence > np.log(20)
     assert not suffices(bad, base)
@@ -204,7 +204,7 @@ def test_an_idle_second_effect_does_not_become_a_cause(candidate, search_over):
     search = search_over(base, creep, drift, pair)
     # the second effect saves 6.27 - 5.06 = 1.21 of 5.2² - 2² = 23: less than 1.2²
     assert decided(search, [pair.effects]).best is None
-    # alone, creep leaves 2.37 on the unseen part, twice the model error, and takes away 81 % of the energy
+    # alone, creep leaves 2.37 on the held-out part, twice the model error, and takes away 81 % of the energy
     assert nearly(search).best is None
     better = candidate("creep", rms=2.3, unseen=2.6)
     # 2.6² - 2² = 1.66²: it takes away 94 % of the energy and leaves 1.4 times the model error

@@ -16,7 +16,7 @@ CLIP, CREEP, PAIR = ("amplifier_saturation",), ("creep",), ("amplifier_saturatio
 
 @pytest.fixture
 def leaving(candidate):
-    """``leaving(base, clip, creep, pair)``: what leaves so much, or so much of the fitted and of the unseen part."""
+    """``leaving(base, clip, creep, pair)``: what leaves so much, or so much of the fitted and of the held-out part."""
 
     def make(*left: float | tuple[float, float]) -> list[Candidate]:
         sizes = [size if isinstance(size, tuple) else (size, size) for size in left]
@@ -102,7 +102,7 @@ def test_a_pair_that_is_likelier_by_far_and_explains_is_named(leaving):
 @pytest.mark.parametrize(
     ("pair", "odds"),
     [((2.2, 2.2), 1.0), ((2.4, 2.4), 10.0), ((2.2, 3.2), 10.0)],
-    ids=["likelier, but not by far", "too much is left for an explanation", "the unseen part refutes the two"],
+    ids=["likelier, but not by far", "too much is left for an explanation", "the held-out part refutes the two"],
 )
 def test_a_pair_that_is_likelier_but_cannot_lead_is_a_rival(leaving, scale, pair, odds):
     """A single effect is not named alone where two are likelier."""

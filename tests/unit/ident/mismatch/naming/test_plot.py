@@ -113,7 +113,7 @@ def test_of_many_the_best_on_unseen_data_are_drawn():
 
 
 def test_the_answer_and_its_rivals_are_always_drawn():
-    """They need not leave the least of the unseen part: evidence is of both parts, and the effects are counted."""
+    """They need not leave the least of the held-out part: evidence is of both parts, and the effects are counted."""
     axes = named(*many(20, start=1.0), CREEP, PAIR, best=PAIR, rivals=(CREEP,)).plot()
     known = roles(axes)
     assert len(known) == 12

@@ -253,7 +253,7 @@ def test_what_the_unseen_part_would_refute_does_not_lead(unseen, leads):
 
 
 def settled_beside_what_strays(strayed: Candidate, everything: float) -> Naming:
-    """The same, where one that errs on most of the unseen part leaves so much of all."""
+    """The same, where one that errs on most of the held-out part leaves so much of all."""
     refit = together({"base": 9.0, "dielectric_absorption": 2.3, "creep": everything})
     tried = (candidate("base", 9.0, 9.0), LONG, strayed)
     return settled_on_everything(

@@ -85,7 +85,7 @@ def test_the_other_starts_have_other_parameters_but_events_at_their_time():
 
 
 def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_good_enough(monkeypatch):
-    """A small mismatch of the unseen part only is none to the calibration; the other reading may be all that it is."""
+    """A small mismatch of the held-out part only is none to the calibration; the other reading may be all that it is."""
     early, bonded = fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), fitted(Diaphragm(ball="bonded"))
     early.evidence, bonded.evidence, asked = 5.0, 9.0, []
     found = [early, fitted(Diaphragm()), bonded]  # the same form fitted once more is no rival

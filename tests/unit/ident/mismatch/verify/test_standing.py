@@ -75,7 +75,7 @@ def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_s
     naming, _, stands = first_that_stands(monkeypatch, several, holds=[False, True], doubted=[(), ()])
     assert stands and naming.rivals == (OTHER,)
     assert naming.probabilities == {PAIR.effects: 0.5, OTHER.effects: 0.5}
-    # without the delay, of which unseen data are not certain, the refuted creep is left
+    # without the delay, of which held-out data are not certain, the refuted creep is left
     assert standing._without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
     _, _, stands = first_that_stands(monkeypatch, several, holds=[False, False], doubted=[(), ("delay",)])
     assert not stands

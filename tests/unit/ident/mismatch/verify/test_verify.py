@@ -1,4 +1,4 @@
-"""Verification: what must hold on unseen data, and what must not do as well as a named effect."""
+"""Verification: what must hold on held-out data, and what must not do as well as a named effect."""
 
 from dataclasses import replace
 from functools import cache
@@ -329,7 +329,7 @@ def test_an_effect_that_is_not_there_does_not_hold():
     base, answer = fitted_with(bench), fitted_with(bench, Creep(modulus=5e3, time=20.0))
     found = verify(base, answer, np.random.default_rng(0), bench)
     assert not found.holds
-    assert "the error on unseen data does not fall for certain" in found.failures
+    assert "the error on held-out data does not fall for certain" in found.failures
 
 
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
