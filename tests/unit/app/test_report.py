@@ -311,7 +311,7 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
     assert axes.get_title() == "named: creep"
     assert axes.get_ylabel() == "measured − simulated (µm)"
     legend = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert legend == ["calibrated plant", "amended plant", "unseen"]
+    assert legend == ["calibrated plant", "amended plant", "held out"]
     assert len(axes.patches) == 2  # one held-out part in each recording
     with pytest.raises(ModelError, match="no evidence"):
         DIAGNOSIS.plot()

@@ -151,7 +151,7 @@ def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
             axes.plot(each.axis, each.measured - each.amended, color="C0", linewidth=0.8, label=f"{hide}amended plant")
         for begin, end in stretches_of_true(each.unseen):
             span = each.axis[begin], each.axis[end - 1] + each.sample_time
-            axes.axvspan(*span, color="0.5", alpha=0.18, linewidth=0, label=f"{hide}unseen")
+            axes.axvspan(*span, color="0.5", alpha=0.18, linewidth=0, label=f"{hide}held out")
             hide = "_"
         first = False
     axes.axhline(0.0, color="0.4", linewidth=0.6)

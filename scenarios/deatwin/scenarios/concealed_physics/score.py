@@ -135,7 +135,7 @@ def _harm(study: Opened) -> Goal:
     low, high = median_interval(ratios)
     middle = float(np.median(ratios)) if ratios else np.nan
     words = f"{middle:.4f} ({low:.4f} to {high:.4f}), at worst {max(ratios, default=np.nan):.3f}"
-    measure = "harm: error on unseen clean data, with over without the diagnosis, median"
+    measure = "harm: error on held-out clean data, with over without the diagnosis, median"
     return _goal(measure, "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
 
 

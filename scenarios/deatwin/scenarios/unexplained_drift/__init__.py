@@ -87,7 +87,7 @@ def _answers(scores: Sequence[Judged]) -> Table:
                 _words(f"{c.effect} ({c.probability:.2f})" for c in score.diagnosis.causes) or "–"
             ),
             "set": lambda score: _words(score.diagnosis.names) or "–",
-            "unseen, before (µm)": lambda score: unseen(score, "before"),
+            "held out, before (µm)": lambda score: unseen(score, "before"),
             "after (µm)": lambda score: unseen(score, "after"),
             "mark": lambda score: score.mark.value,
         },

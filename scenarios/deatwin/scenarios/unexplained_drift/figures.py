@@ -65,7 +65,7 @@ def verdicts(scores: Sequence[Judged]) -> Drawing:
         for place, score in zip(at, scores, strict=True):
             height = np.nanmax(_errors(score)[:2])
             axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=Hue.INK)
-        axes.set(ylabel="rms residual, unseen (µm)", ylim=(0, 1.15 * top))
+        axes.set(ylabel="rms residual on held-out data (µm)", ylim=(0, 1.15 * top))
         axes.set_xticks(at, [s.name for s in scores])
         axes.grid(axis="x", visible=False)
         legend_above(figure, axes, 3)

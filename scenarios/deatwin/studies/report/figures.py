@@ -98,19 +98,19 @@ def _residual(view: _View) -> Drawing:
         if handles[0]:
             figure.legend(*handles, loc="outside upper left", ncols=2)
         svg = inline(figure, "residual", "Residual over time")
-    caption = "Measured minus simulated reading. Grey: samples that no fit saw."
+    caption = "Measured minus simulated reading. Grey: held-out samples, which no fit saw."
     if any("located" in text for text in handles[1]):
         caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
     return Drawing(name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv")
 
 
 def _shade(axes: Axes, view: _View) -> None:
-    label = "unseen"
+    label = "held out"
     for track in view.tracks:
         for first, last in stretches_of_true(track.unseen):
             end = track.axis[last - 1] + track.sample_time
             axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
-            label = "_unseen"
+            label = "_held out"
     if view.tracks[-1].experiment > 1:  # the windows do not say of which experiment they are
         return
     label = "located"
@@ -195,7 +195,7 @@ def _zoom(view: _View) -> Drawing:
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "zoom", "Recording and simulations, a stretch of it")
-    which = "unseen" if track.unseen[part].any() else "fitted"
+    which = "held-out" if track.unseen[part].any() else "fitted"
     caption = f"The stretch of the {which} part in which the calibrated plant is furthest off."
     if view.tracks[-1].experiment > 1:
         caption += f" Experiment {track.experiment}."

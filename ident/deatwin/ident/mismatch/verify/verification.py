@@ -195,7 +195,7 @@ class Verification(Described):
         axes.set_yticks(places, [name for name, _, _ in rows])
         axes.invert_yaxis()
         axes.set_xlim(left=0.0)
-        axes.set_xlabel(axis_label("rms residual, unseen", unit))
+        axes.set_xlabel(axis_label("rms residual on held-out data", unit))
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
 
