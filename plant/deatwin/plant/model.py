@@ -19,8 +19,7 @@ from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigfaults import users_code
-from deatwin.plant.rigs.base import Rig
+from deatwin.plant.rigs.base import Rig, written
 from deatwin.plant.rigs.catalogue import rig_kind
 from deatwin.plant.simulate import Progress, Runner, Simulator
 from deatwin.plant.simulation import Simulation
@@ -420,9 +419,8 @@ class _Structure:
 def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
-    build.share_sampling(plant.rig)
-    with users_code(f"the rig {plant.rig.kind}"):
-        return build.finish(plant.rig.write(build), [reading.name for reading in plant.rig.further])
+    with written(plant.rig, build) as reading:
+        return build.finish(reading, [further.name for further in plant.rig.further])
 
 
 @lru_cache(maxsize=64)
