@@ -32,7 +32,7 @@ LOST = (CRASHED, TOO_LONG)
 class Call:
     """Arguments of a foreign model: numbers, or arrays of shape (n,), by name; `time` (n,)."""
 
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, float | Array]
     inputs: Mapping[str, Array]
     time: Array
     output: str
