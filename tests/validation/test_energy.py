@@ -32,12 +32,12 @@ def audited(plant: Plant) -> Equations:
     reading = plant.rig.write(build)
     film, velocity, voltage = build.signal("film"), build.signal("velocity"), build.signal("film_voltage")
     mass = build.own("mass")
-    held = film.stored + mass * velocity**2 / 2 - mass * GRAVITY * build._states["deflection"][0]
+    held = film.stored + mass * velocity**2 / 2 - mass * GRAVITY * build.written.states["deflection"][0]
     build.watch("held", held + film.capacitance * voltage**2 / 2)
     build.watch("charge", film.capacitance * voltage)
     # A branch loses what its spring loses where it flows, ∂E/∂ξ ξ'; lumped it has one ξ, fine two at each point.
-    flows = {name: rate for name, rate in build._rates.items() if name.startswith("branch")}
-    viscous = ca.vertcat(*(build._states[name][0] for name in flows))
+    flows = {name: rate for name, rate in build.written.rates.items() if name.startswith("branch")}
+    viscous = ca.vertcat(*(build.written.states[name][0] for name in flows))
     speeds = ca.vertcat(*(rate / mass_ for rate, mass_ in flows.values()))
     losses = {
         "by_damper": build.own("damping") * velocity**2,

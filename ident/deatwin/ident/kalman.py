@@ -38,31 +38,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filtered:
-    """State that the filter knows after each sample.
-
-    Parameters
-    ----------
-    model : StateSpace
-        The model.
-    states : ndarray, shape (n, n_states)
-        Mean of the state given the measurements up to and with each sample.
-    roots : ndarray, shape (n, n_states, n_states)
-        Roots S of its covariance S S'.
-    innovations : ndarray, shape (n_outputs, n)
-        Measurement minus its prediction from all before it (at the same sample: from the outputs of lower number);
-        NaN where the measurement is missing.
-    innovation_variances : ndarray, shape (n_outputs, n)
-        Their variances, all positive.
-    gains : ndarray, shape (n_outputs, n, n_states)
-        How the state moves with each innovation.
-    """
+    """State that the filter knows after each sample."""
 
     model: StateSpace
-    states: Array
-    roots: Array
+    states: Array  # shape (n, n_states): Mean given the measurements up to and with each sample
+    roots: Array  # shape (n, n_states, n_states): Roots S of its covariance S S'
     innovations: Array
-    innovation_variances: Array
-    gains: Array
+    """Measurement minus its prediction from all before it (at the same sample: from the outputs of lower number),
+    shape (n_outputs, n); NaN where the measurement is missing."""
+    innovation_variances: Array  # shape (n_outputs, n), all positive
+    gains: Array  # shape (n_outputs, n, n_states): How the state moves with each innovation
 
     @cached_property
     def n_measured(self) -> int:
@@ -100,24 +85,12 @@ class Filtered:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Smoothed:
-    """State given all measurements.
+    """State given all measurements."""
 
-    Parameters
-    ----------
-    states : ndarray, shape (n, n_states)
-        Means.
-    covariances : ndarray, shape (n, n_states, n_states)
-        Covariances.
-    gains : ndarray, shape (n - 1, n_states, n_states)
-        How the state at each sample but the last moves with that at the next one.
-    log_likelihood : float
-        That of the filter.
-    """
-
-    states: Array
-    covariances: Array
-    gains: Array
-    log_likelihood: float
+    states: Array  # shape (n, n_states): Means
+    covariances: Array  # shape (n, n_states, n_states)
+    gains: Array  # shape (n - 1, n_states, n_states): How the state at a sample moves with that at the next one
+    log_likelihood: float  # That of the filter
 
     @property
     def std(self) -> Array:
@@ -129,21 +102,7 @@ class Smoothed:
 def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
     """Run the filter over one record; records that start anew are filtered one by one, their likelihoods add.
 
-    Parameters
-    ----------
-    model : StateSpace
-        The model.
-    outputs : array_like, shape (n_outputs, n) or (n,)
-        Measurements, in the outputs' units; NaN where one is missing.
-
-    Returns
-    -------
-    Filtered
-
-    Raises
-    ------
-    ModelError
-        If the outputs do not suit the model, or a measurement was certain beforehand.
+    Shapes: `outputs` (n_outputs, n) or (n,), NaN where a measurement is missing.
     """
     p, n, _ = model.rows.shape
     measured = np.atleast_2d(np.asarray(outputs, dtype=np.float64))
@@ -165,22 +124,7 @@ def adjoint(filtered: Filtered) -> tuple[Array, Array]:
 
 
 def kalman_smoother(filtered: Filtered) -> Smoothed:
-    """Return mean and covariance of every state given the whole record [4]_.
-
-    Parameters
-    ----------
-    filtered : Filtered
-        Result of `kalman_filter`.
-
-    Returns
-    -------
-    Smoothed
-
-    Raises
-    ------
-    ModelError
-        If the filter was a fading one.
-    """
+    """Return mean and covariance of every state given the whole record [4]_."""
     _require_no_fading(filtered.model)
     states, covariances, gains = smooth(filtered.model, filtered.states, filtered.roots)
     return Smoothed(states=states, covariances=covariances, gains=gains, log_likelihood=filtered.log_likelihood)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from multiprocessing import active_children, current_process
 from typing import Any, TypeVar
 
 import numpy as np
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
 Result = TypeVar("Result")
 PARENT = os.getppid()
@@ -94,7 +93,7 @@ def stream_jobs(
 
     results: Any = None
     try:
-        with _interrupts_held():
+        with interrupts_held():
             results = Parallel(n_jobs=workers, return_as="generator")(
                 delayed(_in_worker)(function, task) for task in tasks
             )
@@ -117,31 +116,12 @@ def end_workers() -> None:
         pool.shutdown(wait=False)  # whoever goes on gets another one
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: they inherit the mask, so that theirs never comes; ours comes at the end.
-
-    The threads that start more workers later, and hand out jobs, are started here and inherit it too.
-    """
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    resource_tracker.ensure_running()  # its start would let the signal through
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
     """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
     if current_process().name != "MainProcess":
         if os.getppid() != PARENT:
             os._exit(1)
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        ignore_interrupts()
     return _alone(function, task)
 
 

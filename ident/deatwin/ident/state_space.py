@@ -17,46 +17,19 @@ _NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this ar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StateSpace:
-    """A linear, time-varying state-space model over one record.
+    """A linear, time-varying state-space model over one record; one set of all that varies, or one for each sample."""
 
-    Parameters
-    ----------
-    rows : array_like, shape (n_outputs, n, n_states) or (n, n_states)
-        Measurement rows h_ik; in units of the output per unit of the state.
-    noise_variance : array_like, shape (n_outputs,) or ()
-        Variances R_i of the measurement noise, uncorrelated between outputs, in squared units of the outputs.
-    start : array_like, shape (n_states,)
-        Mean of the state at the first sample, before its measurement.
-    start_cov : array_like, shape (n_states, n_states)
-        Covariance of it; zero where it is known exactly.
-    transition : array_like, shape (n_states, n_states) or (n - 1, n_states, n_states), optional
-        F_k from sample k to k + 1; the identity by default.
-    added : array_like, shape (n - 1, n_states), optional
-        c_k, what known inputs add to the state between samples k and k + 1; nothing by default.
-    process_cov : array_like, shape (n_states, n_states) or (n - 1, n_states, n_states), optional
-        Q_k, the covariance of what is added between samples k and k + 1; zero by default.
-    intervals : array_like, shape (n - 1,), optional
-        Factors on Q_k: the number of sample intervals between samples k and k + 1, for a random walk over a gap;
-        1 by default.
-    fading : float
-        Forgetting factor in (0, 1]: the covariance is divided by it in each step, so that the past counts less and
-        less (recursive least squares with forgetting). Below 1 the likelihood and the smoother have no meaning.
-
-    Raises
-    ------
-    ModelError
-        If shapes do not fit together, or a covariance is not one.
-    """
-
-    rows: Array
-    noise_variance: Array
-    start: Array
-    start_cov: Array
-    transition: Array | None = None
-    added: Array | None = None
-    process_cov: Array | None = None
-    intervals: Array | None = None
+    rows: Array  # h_ik, output unit by unit of the state, shape (n_outputs, n, n_states) or (n, n_states)
+    noise_variance: Array  # R_i of the noise, uncorrelated between outputs, shape (n_outputs,) or ()
+    start: Array  # shape (n_states,): Mean of the state at the first sample, before its measurement
+    start_cov: Array  # shape (n_states, n_states): Its covariance; zero where it is known exactly
+    transition: Array | None = None  # F_k from sample k to k + 1, shape ([n - 1,] n_states, n_states); identity if None
+    added: Array | None = None  # shape (n - 1, n_states): c_k, what known inputs add to the state after sample k
+    process_cov: Array | None = None  # Q_k of what is added after sample k, shape as `transition`; zero if None
+    intervals: Array | None = None  # shape (n - 1,): Factors on Q_k, for a random walk over a gap; 1 if None
     fading: float = 1.0
+    """Forgetting factor in (0, 1], by which the covariance is divided in each step (recursive least squares with
+    forgetting). Below 1 the likelihood and the smoother have no meaning."""
 
     def __post_init__(self) -> None:
         rows = np.asarray(self.rows, dtype=np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -15,14 +15,9 @@ from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
-from deatwin.plant.rigfaults import known, not_a_number, number, size, unknown_symbols
+from deatwin.plant.rigfaults import known, number, size
 from deatwin.plant.safe_read import clipped
-
-if TYPE_CHECKING:
-    from deatwin.plant.rigs.base import Rig
-
-
-Symbol = Any  # casadi.SX
+from deatwin.plant.written import State, Symbol, Written, is_same
 
 
 class Builder:
@@ -37,26 +32,13 @@ class Builder:
     """
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
-        self._parameters = parameters
         self._effects = tuple(sorted(effects, key=lambda e: (e.order, e.name)))
-        self._symbols = {name: ca.SX.sym(name) for name in parameters}
-        self._states: dict[str, tuple[Symbol, float, Symbol | None]] = {}
-        self._rates: dict[str, tuple[Symbol, Symbol]] = {}
-        self._coordinates: dict[str, tuple[Symbol, float]] = {}
-        self._balances: list[Symbol] = []
-        self._guesses: dict[str, Symbol] = {}
-        self._held: dict[str, tuple[Symbol, Symbol]] = {}
-        self._constants: list[tuple[Symbol, np.ndarray]] = []
-        self._watched: dict[str, Symbol] = {}
         self._shared: dict[str, Any] = {}
-        self._measured: dict[str, tuple[Symbol, Symbol, Symbol]] = {}
         self._offered: set[tuple[Enum, str]] = set()
-        self._past: list[Symbol] = []
-        self._channels: dict[str, tuple[Symbol, float]] = {}
-        self._displaced: list[tuple[Symbol, Symbol]] = []
-        self._parts: Parts | None = None
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
+        symbols = {name: ca.SX.sym(name) for name in parameters}
+        self.written = Written(parameters=parameters, symbols=symbols, command=self.command, time=self.time)
 
     def own(self, name: str) -> Symbol:
         """Return the symbol of a parameter, which no effect has rewritten.
@@ -70,8 +52,8 @@ class Builder:
         -------
         casadi.SX
         """
-        self._parameters[name]
-        return self._symbols[name]
+        self.written.parameters[name]
+        return self.written.symbols[name]
 
     def reach(self, name: str) -> float:
         """Return the upper end of a parameter's range.
@@ -86,7 +68,7 @@ class Builder:
         float
             SI; the equations hold up to it, and are written anew where a value beyond it widens the range.
         """
-        return self._parameters[name].upper
+        return self.written.parameters[name].upper
 
     def parameter(self, name: str) -> Symbol:
         """Return a parameter after the effects at the place *parameter* have rewritten it.
@@ -118,7 +100,7 @@ class Builder:
         """
         numbers = known(value, f"the constant {name}")
         symbol = ca.SX.sym(name, numbers.size)
-        self._constants.append((symbol, numbers))
+        self.written.constants.append((symbol, numbers))
         return symbol
 
     def past_commands(self, count: int) -> list[Symbol]:
@@ -134,9 +116,9 @@ class Builder:
         list of casadi.SX, length 1 + count
             Command of this sample first, then those before it. Before the first sample the command is the one at rest.
         """
-        while len(self._past) < count:
-            self._past.append(ca.SX.sym(f"command_{len(self._past) + 1}_ago"))
-        return [self.command, *self._past[:count]]
+        while len(self.written.past) < count:
+            self.written.past.append(ca.SX.sym(f"command_{len(self.written.past) + 1}_ago"))
+        return [self.command, *self.written.past[:count]]
 
     @property
     def sample_start(self) -> Symbol:
@@ -166,16 +148,16 @@ class Builder:
         RigError
             If the sample is already divided.
         """
-        if self._parts is not None:
+        if self.written.parts is not None:
             raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
         # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
-        self._parts = Parts(
+        self.written.parts = Parts(
             first=number(first, "the first part of a sample"),
             start=self.sample_start,
             middle=self.channel(STEP_MIDDLE, np.inf),
             width=self.sample_time,
         )
-        return self._parts
+        return self.written.parts
 
     def channel(self, name: str, default: float) -> Symbol:
         """Add a further measured input, such as the temperature.
@@ -191,9 +173,12 @@ class Builder:
         -------
         casadi.SX
         """
-        if name not in self._channels:
-            self._channels[name] = (ca.SX.sym(name), float(known(default, f"the value without the channel {name}")[0]))
-        return self._channels[name][0]
+        if name not in self.written.channels:
+            self.written.channels[name] = (
+                ca.SX.sym(name),
+                float(known(default, f"the value without the channel {name}")[0]),
+            )
+        return self.written.channels[name][0]
 
     def state(self, name: str, *, scale: float, start: Symbol | None = None) -> Symbol:
         """Add a differential state.
@@ -213,7 +198,7 @@ class Builder:
         """
         symbol = self._unknown(name)
         first = None if start is None else number(start, f"the start of state {name}")
-        self._states[name] = (symbol, size(scale, f"the scale of state {name}"), first)
+        self.written.states[name] = State(symbol, size(scale, f"the scale of state {name}"), first)
         return symbol
 
     def displace(self, owner: str, state: Symbol, displaced: Callable[[Symbol], Symbol]) -> None:
@@ -228,14 +213,9 @@ class Builder:
         displaced : callable
             Returns, for that parameter, the value that the state would have at rest, in terms of the value that it has.
         """
-        name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self._parameters), None)
+        name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self.written.parameters), None)
         if name is not None:
-            self._displaced.append((state, displaced(self.own(name))))
-
-    def _unknown(self, name: str) -> Symbol:
-        if name in self._states or name in self._coordinates:
-            raise RigError(f"two unknowns are called {name}: give each state and coordinate a name of its own")
-        return ca.SX.sym(name)
+            self.written.displaced.append((state, displaced(self.own(name))))
 
     def rate(self, state: Symbol, value: Symbol, *, mass: Symbol = 1.0) -> None:
         """Set ``mass * d(state)/dt = value``.
@@ -247,12 +227,15 @@ class Builder:
         value, mass : symbol or float
             Right side, and factor of the rate; `mass` depends on parameters only.
         """
-        name = next((n for n, (symbol, _, _) in self._states.items() if _same(symbol, state)), None)
+        name = next((n for n, (symbol, _, _) in self.written.states.items() if is_same(symbol, state)), None)
         if name is None:
             raise RigError(f"a rate is given for {clipped(state)}, which build.state did not return")
-        if name in self._rates:
+        if name in self.written.rates:
             raise RigError(f"state {name} has two rates; give the sum of what moves it in one build.rate")
-        self._rates[name] = (number(value, f"the rate of state {name}"), number(mass, f"the mass of state {name}"))
+        self.written.rates[name] = (
+            number(value, f"the rate of state {name}"),
+            number(mass, f"the mass of state {name}"),
+        )
 
     def coordinate(self, name: str, *, scale: float) -> Symbol:
         """Add an algebraic coordinate; each needs one `balance`.
@@ -269,7 +252,7 @@ class Builder:
         casadi.SX
         """
         symbol = self._unknown(name)
-        self._coordinates[name] = (symbol, size(scale, f"the scale of coordinate {name}"))
+        self.written.coordinates[name] = (symbol, size(scale, f"the scale of coordinate {name}"))
         return symbol
 
     def balance(self, value: Symbol) -> None:
@@ -280,7 +263,7 @@ class Builder:
         value : symbol
             Residual of the algebraic equation.
         """
-        self._balances.append(number(value, f"balance {1 + len(self._balances)}"))
+        self.written.balances.append(number(value, f"balance {1 + len(self.written.balances)}"))
 
     def guess(self, unknown: Symbol, value: Symbol) -> None:
         """Set the start value of an unknown in the search for rest.
@@ -292,11 +275,11 @@ class Builder:
         value : symbol or float
             Start value, an expression of parameters and constants.
         """
-        known = {n: s for n, (s, *_) in (*self._states.items(), *self._coordinates.items())}
-        name = next((n for n, symbol in known.items() if _same(symbol, unknown)), None)
+        known = {n: s for n, (s, *_) in (*self.written.states.items(), *self.written.coordinates.items())}
+        name = next((n for n, symbol in known.items() if is_same(symbol, unknown)), None)
         if name is None:
             raise RigError(f"a guess is given for {clipped(unknown)}, which is neither a state nor a coordinate")
-        self._guesses[name] = number(value, f"the guess of {name}")
+        self.written.guesses[name] = number(value, f"the guess of {name}")
 
     def at_rest(self, name: str, value: Symbol) -> Symbol:
         """Return the value that an expression has at rest, held for the whole experiment.
@@ -313,7 +296,7 @@ class Builder:
         casadi.SX
         """
         symbol = ca.SX.sym(name)
-        self._held[name] = (symbol, number(value, f"the value of {name} at rest"))
+        self.written.held[name] = (symbol, number(value, f"the value of {name} at rest"))
         return symbol
 
     def place(self, place: Enum, name: str, signal: Any) -> Any:
@@ -355,7 +338,7 @@ class Builder:
             `value`, unchanged.
         """
         number(value, f"the watched signal {name}")
-        self._watched[name] = value
+        self.written.watched[name] = value
         return value
 
     def share(self, name: str, value: Any) -> Any:
@@ -391,21 +374,7 @@ class Builder:
             Factor of that rate.
         """
         parts = (level, stored, share)
-        self._measured[name] = tuple(number(part, f"the reading {name}") for part in parts)
-
-    def share_sampling(self, rig: Rig) -> None:
-        """Make a rig's ``sample_time``, ``follows_at_once`` and known ``series_resistance`` available to effects.
-
-        Parameters
-        ----------
-        rig : Rig
-            Rig whose equations are written.
-        """
-        self.share("sample_time", rig.sample_time)
-        self.share("follows_at_once", rig.follows_at_once)
-        for reading in rig.further:
-            if reading.name == "current":
-                self.share("series_resistance", reading.series_resistance)
+        self.written.measured[name] = tuple(number(part, f"the reading {name}") for part in parts)
 
     def signal(self, name: str, otherwise: Any = None) -> Any:
         """Return a watched or shared signal, for effects that need more than the one they rewrite.
@@ -426,7 +395,7 @@ class Builder:
         RigError
             If the rig does not have the signal (yet) and `otherwise` is not given.
         """
-        known = {**self._watched, **self._shared}
+        known = {**self.written.watched, **self._shared}
         try:
             return known[name]
         except KeyError:
@@ -454,110 +423,6 @@ class Builder:
             If an effect acts on a signal that the rig does not have, a further reading is of no signal of it, or
             equations are missing.
         """
-        self._check()
-        output = number(output, "what write returns, the reading,")
-        x = _column(*(s for s, _, _ in self._states.values()))
-        z = _column(*(s for s, _ in self._coordinates.values()))
-        d = _column(*(s for s, _ in self._held.values()))
-        p = _column(*(self._symbols[n] for n in self._parameters.free))
-        known = [n for n in self._parameters if n not in self._parameters.free]
-        c = _column(*(self._symbols[n] for n in known), *(s for s, _ in self._constants))
-        f = _column(*(self._rates[n][0] for n in self._states))
-        g = _column(*self._balances)
-        mass = _column(*(self._rates[n][1] for n in self._states))
-        u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
-        arguments = [x, z, d, u, self.time, p, c]
-        rows = self._rows(further)
-        self._check_symbols(arguments, output)
-        moving = f if self._parts is None else self._parts.speed * f
-        unknowns = {**{n: s[0] for n, s in self._states.items()}, **{n: s[0] for n, s in self._coordinates.items()}}
-        guess = _column(*(self._guesses.get(n, 0.0) for n in unknowns))
-        return Equations(
-            states=tuple(self._states),
-            coordinates=tuple(self._coordinates),
-            held=tuple(self._held),
-            signals=tuple(self._watched),
-            scale=np.array([s[1] for s in (*self._states.values(), *self._coordinates.values())]),
-            constants=np.concatenate([self._parameters.array(known), *(v for _, v in self._constants)]),
-            parameters=self._parameters,
-            dynamics=ca.Function("dynamics", arguments, [self._on_the_clock(ca.vertcat(moving, g))]),
-            mass=ca.Function("mass", [p, c], [mass]),
-            output=ca.Function("output", arguments, [self._on_the_clock(output)]),
-            further=ca.Function("further", arguments, [ca.densify(self._on_the_clock(rows))]) if further else None,
-            watched=ca.Function("watched", arguments, [self._on_the_clock(_column(*self._watched.values()))]),
-            rest=ca.Function("rest", [x, z, u, p, c], [self._rest_residual(f, g, d)]),
-            guess=ca.Function("guess", [p, c], [guess]),
-            hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
-            history=len(self._past),
-            channels={name: default for name, (_, default) in self._channels.items()},
-        )
-
-    def _rows(self, further: Sequence[str]) -> Symbol:
-        """Rows of the further readings: all levels, then all stored quantities, then their shares."""
-        offered = {**{name: (value, 0.0, 1.0) for name, value in self._watched.items()}, **self._measured}
-        for name in further:
-            if name not in offered:
-                known = ", ".join(sorted(offered))
-                raise RigError(f'this rig has no reading "{name}"{nearest(name, offered)} (it offers {known})')
-            if list(further).count(name) > 1:
-                raise RigError(f'two readings of the rig are called "{name}": give each a name of its own')
-        return _column(
-            *(ca.SX(part) for parts in zip(*(offered[name] for name in further), strict=True) for part in parts)
-        )
-
-    def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
-        """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""
-        rates = {f"the rate of state {n}": rate for n, (rate, _) in self._rates.items()}
-        balances = {f"balance {k}": value for k, value in enumerate(self._balances, start=1)}
-        watched = {f"the watched signal {n}": value for n, value in self._watched.items()}
-        fixed = {
-            **{f"the mass of state {n}": mass for n, (_, mass) in self._rates.items()},
-            **{f"the guess of {n}": value for n, value in self._guesses.items()},
-        }
-        moving = {**rates, **balances, **watched, "the reading": output}
-        x, z, d, u, _, p, c = arguments
-        held = {f"the value of {n} at rest": value for n, (_, value) in self._held.items()}
-        starts = {f"the start of state {n}": s for n, (_, _, s) in self._states.items() if s is not None}
-        if fault := unknown_symbols(arguments, moving):
-            raise RigError(f"{fault}take states, coordinates, parameters and constants from the builder")
-        if fault := unknown_symbols([p, c], fixed):
-            raise RigError(f"{fault}parameters and constants are all it may depend on")
-        for equations, allowed in ((held, [x, z, self.time, p, c]), (starts, [x, z, d, u, self.time, p, c])):
-            if fault := unknown_symbols(allowed, equations):
-                raise RigError(f"{fault}states, coordinates, parameters and constants are all it may depend on")
-        if what := not_a_number({**moving, **fixed, **held, **starts}):
-            raise RigError(
-                f"{what} contains a constant that is not a number (NaN), as NumPy or casadi.DM makes of an expression "
-                "that it cannot evaluate"
-            )
-        coordinates = _column(*(symbol for symbol, _ in self._coordinates.values()))
-        balanced = ca.which_depends(_column(*self._balances), coordinates, 1, False)
-        if missing := [n for n, found in zip(self._coordinates, balanced, strict=True) if not found]:
-            raise RigError(f"no balance depends on coordinate {', '.join(missing)}: nothing decides its value")
-
-    def _on_the_clock(self, value: Symbol) -> Symbol:
-        """Replace the time by the clock time, which runs unevenly over the parts of a divided sample."""
-        return value if self._parts is None else ca.substitute(value, self.time, self._parts.clock(self.time))
-
-    def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
-        rows = [
-            self._at_rest(symbol, f[row]) if start is None else symbol - start
-            for row, (symbol, _, start) in enumerate(self._states.values())
-        ]
-        residual = _column(*rows, g)
-        return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
-
-    def _at_rest(self, state: Symbol, rate: Symbol) -> Symbol:
-        """The equation of rest of a state: its rate, were no memory displaced."""
-        if not any(_same(symbol, state) for symbol, _ in self._displaced):
-            return rate
-        symbols, others = zip(*self._displaced, strict=True)
-        return ca.substitute([rate], list(symbols), list(others))[0]
-
-    def _held_at_start(self) -> Symbol:
-        return ca.substitute(_column(*(v for _, v in self._held.values())), self.time, 0.0)
-
-    def _check(self) -> None:
         for effect in self._effects:
             if (effect.place, effect.signal) not in self._offered:
                 names = [n for place, n in self._offered if place is effect.place]
@@ -565,18 +430,9 @@ class Builder:
                     f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
                     f"rig does not have{nearest(effect.signal, names)}"
                 )
-        if missing := set(self._states) - set(self._rates):
-            raise RigError(f"no rate is given for state {', '.join(sorted(missing))}")
-        if len(self._balances) != len(self._coordinates):
-            raise RigError(
-                f"{len(self._coordinates)} algebraic coordinates need as many balances, {len(self._balances)} are given"
-            )
+        return self.written.equations(output, further)
 
-
-def _same(symbol: Symbol, other: Any) -> bool:
-    return isinstance(other, ca.SX) and other.shape == (1, 1) and bool(ca.is_equal(symbol, other))
-
-
-def _column(*parts: Symbol) -> Symbol:
-    """Stack the parts in one column, without rows if there are none."""
-    return ca.vertcat(ca.SX(0, 1), *parts)
+    def _unknown(self, name: str) -> Symbol:
+        if name in self.written.states or name in self.written.coordinates:
+            raise RigError(f"two unknowns are called {name}: give each state and coordinate a name of its own")
+        return ca.SX.sym(name)

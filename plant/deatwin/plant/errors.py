@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterable
 
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.safe_read import clipped
 
 
@@ -11,7 +12,19 @@ class DeatwinError(Exception):
 
 
 class DataError(DeatwinError, ValueError):
-    """Error in a recording, a data file or a value; the text names file, row and column."""
+    """Error in a recording, a data file or a value; the text names file, row and column.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    offers : ReadOptions
+        Options with which the file may be read, as the text says too; none by default.
+    """
+
+    def __init__(self, text: str, offers: ReadOptions = NO_OPTIONS) -> None:
+        super().__init__(text)
+        self.offers = offers
 
 
 class RigError(DeatwinError, ValueError):

@@ -29,3 +29,27 @@ def obeying() -> Iterator[None]:
     except MISTAKEN:
         obey()
         raise
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back while workers start: they inherit the mask, so that theirs never comes; ours comes at the end.
+
+    The threads that start more workers later, and hand out jobs, are started here and inherit it too.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # its start would let the signal through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that waits for this one: for workers where no mask holds it back."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -12,22 +12,8 @@ MATERIALS = PUBLISHED
 
 
 def material(name: str | Material) -> Material:
-    """Return the material of a name.
-
-    Parameters
-    ----------
-    name : str or Material
-        Key of `MATERIALS`; the name of an energy of `deatwin.plant.laws`, such as "neo-Hookean", for a film of which
-        nothing else is known; or the material itself.
-
-    Returns
-    -------
-    Material
-
-    Raises
-    ------
-    RigError
-        If the name is unknown.
+    """Return the material of a name: a key of `MATERIALS`, or an energy of `deatwin.plant.laws`, such as
+    "neo-Hookean", for a film of which nothing else is known; a material itself is returned.
 
     Examples
     --------

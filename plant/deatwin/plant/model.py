@@ -4,26 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
-from threading import RLock
+from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
-from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.catalogue import rig_kind
 from deatwin.plant.simulate import Progress, Runner, Simulator
 from deatwin.plant.simulation import Simulation
+from deatwin.plant.structure import Structure
 from deatwin.plant.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -161,17 +158,17 @@ class Plant:
                 f"the equations of a {self.rig.kind} model are unknown: it can be simulated, fitted and diagnosed as a "
                 "whole, but not linearised, exported or put into a control loop"
             )
-        return _equations(_Structure(self))
+        return self._structure.equations
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Names of the watched signals."""
-        return _equations(_Structure(self)).signals
+        return self._structure.equations.signals
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the inputs besides the command."""
-        return tuple(_equations(_Structure(self)).channels)
+        return tuple(self._structure.equations.channels)
 
     def accepts(self, effect: Effect) -> bool:
         """Tell if an effect can be added to this plant.
@@ -199,18 +196,17 @@ class Plant:
     @property
     def runner(self) -> Runner:
         """Return what simulates this plant as a whole."""
-        return self.rig.runner(self._compiled, self.parameters)
+        return self.rig.runner(self._structure.simulator, self.parameters)
 
     @property
     def simulator(self) -> Simulator:
         """Return the compiled equations, which all plants of the same structure in this process share."""
         self.equations  # noqa: B018  (which must be known)
-        return self._compiled
+        return self._structure.simulator
 
     @property
-    def _compiled(self) -> Simulator:
-        with SIMULATOR_LOCK:  # threads that start together would each write and compile the same equations
-            return _simulator(_Structure(self), compiler())
+    def _structure(self) -> Structure:
+        return Structure.of(self.rig, self.effects, self.parameters)
 
     @property
     def free_values(self) -> np.ndarray:
@@ -375,57 +371,3 @@ class Plant:
         except (TypeError, KeyError, ValueError) as error:
             raise RigError(f"malformed parameters: {error!r}; each needs a number under 'value'") from None
         return cls(rig=rig, effects=effects, values=values)
-
-
-SIMULATOR_LOCK = RLock()
-NOT_IN_EQUATIONS = frozenset(
-    {
-        "reading",
-        "noise",
-        "model_error",
-        "command_range",
-        "ball_is_known",
-        "prestretch_is_known",
-        "zero_is_known",
-        "chain",
-    }
-)
-"""Statements of a rig about itself besides its equations."""
-
-
-class _Structure:
-    """A plant as the key of its equations: values that a fit can move do not count."""
-
-    def __init__(self, plant: Plant) -> None:
-        self.plant = plant
-        known = {p.name: p.value for p in plant.parameters.values() if p.known}
-        rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
-        rig |= {"further": [(reading.name, reading.series_resistance) for reading in plant.rig.further]}
-        # The classes themselves: two that share a name may write different equations.
-        # Functions too: an energy of somebody's own is only named in the plain data.
-        energy = getattr(getattr(plant.rig, "material", None), "energy", None)
-        classes = (type(plant.rig), energy, *(type(e) for e in plant.effects))
-        reach = {p.name: p.upper for p in plant.parameters.values() if p.widest is not None}
-        named = sorted(rig.items()), [e.entry for e in plant.effects], sorted(known.items()), sorted(reach.items())
-        self._key = (classes, repr(named))
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Structure) and self._key == other._key
-
-
-@lru_cache(maxsize=256)
-def _equations(structure: _Structure) -> Equations:
-    plant = structure.plant
-    build = Builder(plant.parameters, plant.effects)
-    build.share_sampling(plant.rig)
-    with users_code(f"the rig {plant.rig.kind}"):
-        return build.finish(plant.rig.write(build), [reading.name for reading in plant.rig.further])
-
-
-@lru_cache(maxsize=64)
-def _simulator(structure: _Structure, program: str | None) -> Simulator:
-    """Cached simulator for the compiler in use, which is part of the key only."""
-    return Simulator(_equations(structure))

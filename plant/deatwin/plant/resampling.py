@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant.decimation import decimate, low_pass_gain
 from deatwin.plant.errors import DataError
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -130,10 +131,12 @@ def plan_resampling(
         )
     usual = float(np.median(steps))
     if usual > _FINEST * (1.0 + _SAME) * sample_time:
+        options = resampling_options(timepts)
         raise DataError(
             f"{where(0)}: rows every {usual:g} s cannot tell a clock of {sample_time:g} s: "
             f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
-            f"{resampling_options(timepts)}"
+            f"{options or ''}",
+            options or NO_OPTIONS,
         )
     # If the new clock is slower than a step, nothing is missing between two new rows.
     long = steps > max(_GAP * usual, _FOLDED * sample_time)
@@ -142,7 +145,8 @@ def plan_resampling(
         raise DataError(
             f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, where {usual:g} s is usual: "
             f"readings interpolated across more than {_GAP:g} usual steps would be invented; split the record there "
-            "(--allow-gaps, in Python allow_gaps=True)"
+            "(--allow-gaps, in Python allow_gaps=True)",
+            ReadOptions(allow_gaps=True),
         )
     factor = 1 if sample_time <= _FOLDED * usual else math.ceil(sample_time / usual * (1.0 - _SAME))
     edges = [0, *(np.flatnonzero(long) + 1), len(timepts)]
@@ -162,24 +166,24 @@ def plan_resampling(
     )
 
 
-def resampling_options(timepts: Floats, usual: float | None = None) -> str:
-    """Return the options of a command that bring rows at uneven times onto an even clock.
+def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptions | None:
+    """Return the options that bring rows at uneven times onto an even clock; None where none do.
 
     Examples
     --------
-    >>> resampling_options(np.array([0.0, 0.019, 0.041, 0.06]))
+    >>> str(resampling_options(np.array([0.0, 0.019, 0.041, 0.06])))
     '--resample 0.019'
     """
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
-        return ""
+        return None
     step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")
-    for more, allow_gaps in (("", False), (" --allow-gaps", True)):
+    for allow_gaps in (False, True):
         try:
             plan_resampling(timepts, step, str, allow_gaps=allow_gaps)
         except DataError:
             continue
-        return f"--resample {step:g}{more}"
-    return ""
+        return ReadOptions(resample=step, allow_gaps=allow_gaps)
+    return None
 
 
 def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Floats:

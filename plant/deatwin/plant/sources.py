@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError, RigError, nearest
-from deatwin.plant.foreign.modelfile import model_file_of, read_model_file
+from deatwin.plant.foreign.modelfile import ModelFile
 from deatwin.plant.imported import RAISED, imported
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.bow_tie import BowTie
@@ -19,9 +19,10 @@ from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.film_actuator import FilmActuator
 from deatwin.plant.rigs.planar import Planar
 from deatwin.plant.rigs.pressure import Pressure
-from deatwin.plant.rigs.rigfile import RigFile, read_rig
+from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
+from deatwin.plant.rigs.tomlfile import TomlFile
 
 KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
     {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure)}
@@ -29,14 +30,14 @@ KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
 """Rigs that a rig file can describe, by their kind."""
 
 
-def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
+def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> CalibratedPlant:
     """Load a plant from a rig file, a model file or a Python function.
 
     Parameters
     ----------
-    source : str, path or RigFile
-        Rig file (``.toml``), as a path or already read; a file (``.toml``) that names a model written elsewhere, or
-        the FMU (``.fmu``) beside which it lies; a ``model.json``; or ``module:function``, a function that returns a
+    source : str, path, RigFile or ModelFile
+        Rig file or file that names a model written elsewhere (``.toml``), as a path or already read; the FMU
+        (``.fmu``) beside which such a file lies; a ``model.json``; or ``module:function``, a function that returns a
         Plant. Modules are also looked for in the working folder.
 
     Returns
@@ -49,24 +50,32 @@ def load_plant(source: str | os.PathLike[str] | RigFile) -> CalibratedPlant:
     RigError, ModelError
         If the source does not describe a plant.
     """
-    if isinstance(source, RigFile):
-        return _of_rig_file(source)
+    if isinstance(source, RigFile | ModelFile):
+        return _of_file(source)
     text = os.fspath(source)
     if text.endswith(".json"):
         return CalibratedPlant.load(text)
     if ":" in text and not Path(text).exists():
         return CalibratedPlant.nominal(_call(text))
-    if (described := model_file_of(text)) is not None:
-        return CalibratedPlant.nominal(read_model_file(described))
     if not text.endswith(".toml") and not Path(text).is_file():
         beside = [entry.name for entry in Path().glob("*.*") if entry.suffix in (".toml", ".fmu", ".json")]
         raise RigError(
             f"{text}: no such rig; give a rig file (.toml), an FMU (.fmu), a model.json or module:function{nearest(text, beside, likeness=0.8)}"
         )
-    return _of_rig_file(read_rig(text))
+    return _of_file(read_described(text))
 
 
-def _of_rig_file(described: RigFile) -> CalibratedPlant:
+def read_described(source: str) -> RigFile | ModelFile:
+    """Read the file that describes a plant: a rig file or a model file; that of an FMU lies beside it."""
+    if source.endswith(".fmu"):
+        return ModelFile.beside(Path(source))
+    file = TomlFile.read(source)
+    return ModelFile.of(file) if "model" in file.data else RigFile.of(file)
+
+
+def _of_file(described: RigFile | ModelFile) -> CalibratedPlant:
+    if isinstance(described, ModelFile):
+        return CalibratedPlant.nominal(described.read())
     try:
         kind = KINDS[described.kind]
         return CalibratedPlant.nominal(Plant(rig=kind.from_rig_file(described)))

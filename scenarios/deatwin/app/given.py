@@ -12,11 +12,10 @@ from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
-from deatwin.plant.foreign.modelfile import model_file_of
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
-from deatwin.plant.rigs.rigfile import RigFile, read_rig
-from deatwin.plant.sources import load_plant
+from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.sources import load_plant, read_described
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,13 +43,13 @@ class GivenPlant:
         resample: float | None = None,
     ) -> GivenPlant:
         """Load the plant."""
-        described = read_rig(source) if source.endswith(".toml") and model_file_of(source) is None else None
+        described = read_described(source) if source.endswith(".toml") else None
         model = load_plant(described or source)
         rig = model.plant.rig
         return cls(
             source=source,
             model=model,
-            described=described,
+            described=described if isinstance(described, RigFile) else None,
             input_column=input_column or _own_column(rig.input_name, rig.input_unit),
             output_column=output_column or _own_column(rig.output_name, rig.output_unit),
             dt=dt,

@@ -259,6 +259,7 @@ FRONT_DOOR = (
     "plant/deatwin/plant/documents.py",
     "plant/deatwin/plant/checks.py",
     "plant/deatwin/plant/rigs/rigfile.py",
+    "plant/deatwin/plant/rigs/tomlfile.py",
     "plant/deatwin/plant/rigs/rigmistakes.py",
     "plant/deatwin/plant/files/*.py",
     "plant/deatwin/plant/files/formats/*.py",

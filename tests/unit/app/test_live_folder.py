@@ -18,6 +18,7 @@ from deatwin.app.live.verdicts import Verdict
 from deatwin.ident.look import look_at
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.files import read_recordings
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 
 ROWS = [f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3\n" for k in range(40)]
 TABLE = "time_s,command_V,displacement_mm\n" + "".join(ROWS)
@@ -192,16 +193,16 @@ def test_a_bad_recording_is_refused_in_the_words_of_the_command_line(
 
 def test_other_columns_are_read_as_they_are_named(root: Path) -> None:
     content = TABLE.replace("command_V", "U").encode()
-    columns = {"input_column": "U", "output_column": "displacement_mm", "time_column": "#1"}
-    assert keep_upload(root, "other.csv", content, most_bytes=10_000, **columns) == "other.csv"
+    columns = ReadOptions(input_column="U", output_column="displacement_mm", time_column="#1")
+    assert keep_upload(root, "other.csv", content, most_bytes=10_000, asked=columns) == "other.csv"
 
 
 def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(root: Path) -> None:
     content = TABLE.replace("command_V", "Eingang").encode()
     assert keep_upload(root, "other.csv", content, most_bytes=10_000) == "other.csv"
-    found = glance(root, "other.csv", {})
+    found = glance(root, "other.csv", NO_OPTIONS)
     assert found.refused.startswith('other.csv: no column "command_V"')
-    assert found.further == {"input_column": "Eingang"}
+    assert found.further == ReadOptions(input_column="Eingang")
     assert [(column.header, column.role) for column in found.columns[:2]] == [("time_s", "time"), ("Eingang", "input")]
 
 
@@ -211,7 +212,7 @@ def test_a_glance_shows_what_look_says(root: Path) -> None:
     np.savetxt(
         root / "long.csv", np.c_[0.02 * n, u, y], delimiter=",", comments="", header="time_s,command_V,displacement_mm"
     )
-    found = glance(root, "long.csv", {})
+    found = glance(root, "long.csv", NO_OPTIONS)
     assert not found.refused and found.lines == look_at(read_recordings(root / "long.csv")).lines
     page = html.unescape(found.html())
     assert all(line in page for line in found.lines)
@@ -220,8 +221,8 @@ def test_a_glance_shows_what_look_says(root: Path) -> None:
 
 def test_a_file_without_times_asks_for_its_sample_time(root: Path) -> None:
     (root / "bare.csv").write_text("command_V,displacement_mm\n" + "1.0,0.1\n2.0,0.2\n" * 20, encoding="utf-8")
-    assert glance(root, "bare.csv", {}).needs_sample_time
-    assert not glance(root, "bare.csv", {"dt": 0.02}).needs_sample_time
+    assert glance(root, "bare.csv", NO_OPTIONS).needs_sample_time
+    assert not glance(root, "bare.csv", ReadOptions(dt=0.02)).needs_sample_time
 
 
 # Verdicts side by side

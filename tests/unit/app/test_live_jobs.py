@@ -19,6 +19,7 @@ from deatwin.app.live import jobs, worker
 from deatwin.app.live.desk import Desk
 from deatwin.app.live.jobs import MOST_RUNNING, Board, Diagnosing, Job, Planning, State
 from deatwin.plant.errors import DataError
+from deatwin.plant.readoptions import ReadOptions
 
 SLOW = """
 import json, signal, sys, time
@@ -81,7 +82,7 @@ def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
 
 def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
     asked = order(
-        recordings=("-a.csv", "b.csv"), reading={"input_column": "-U", "dt": 0.02, "allow_gaps": True}, seed=3
+        recordings=("-a.csv", "b.csv"), reading=ReadOptions(input_column="-U", dt=0.02, allow_gaps=True), seed=3
     )
     words = "diagnose rig.toml ./-a.csv b.csv --out found --seed 3 --input-column=-U --dt=0.02 --allow-gaps"
     assert asked.arguments == words.split()
@@ -93,7 +94,7 @@ def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:
 
 @pytest.mark.parametrize(("commands", "files"), [("-a.csv", "rig.toml ./-a.csv"), ("", "rig.toml")])
 def test_a_plan_reads_commands_only(commands: str, files: str) -> None:
-    asked = Planning(rig="rig.toml", out="planned", commands=commands, reading={"output_column": "y", "dt": 0.02})
+    asked = Planning(rig="rig.toml", out="planned", commands=commands, reading=ReadOptions(output_column="y", dt=0.02))
     assert asked.arguments == f"plan {files} --out planned --seed 0 --dt=0.02".split()
     parsed = worker._parse(asked.arguments)
     assert str(parsed["commands"] or "") == commands

@@ -29,8 +29,8 @@ def rates(stretches, viscous):
     """Rates of both viscous stretches, 1/s, and the branch's energy in J."""
     build = Builder(ParameterSet([]), ())
     film = sheet(build, stretches).with_branch("branch", MODULUS, TIME, build)
-    unknowns = [build._states[f"branch_stretch_0_{axis}"][0] for axis in (1, 2)]
-    values = [build._rates[symbol.name()][0] / TIME for symbol in unknowns]
+    unknowns = [build.written.states[f"branch_stretch_0_{axis}"][0] for axis in (1, 2)]
+    values = [build.written.rates[symbol.name()][0] / TIME for symbol in unknowns]
     zeros = ca.vertcat(*film.points[0].virtual)
     function = ca.Function("rates", [*unknowns, zeros], [*values, film.relaxing])
     return [float(v) for v in function(*viscous, [0.0, 0.0])]

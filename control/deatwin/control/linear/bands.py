@@ -64,15 +64,9 @@ class Modes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FamilyBands(Described):
-    """Gain and modes of a family of linear models.
+    """Gain and modes of a family of linear models."""
 
-    Parameters
-    ----------
-    family : LinearFamily
-        Its first sample is the model itself; the bands are those of the samples after it.
-    """
-
-    family: LinearFamily
+    family: LinearFamily  # Its first sample is the model itself; the bands are those of the samples after it
 
     ALONG: ClassVar[str]  # The dimension of its dataset
     DERIVED: ClassVar[Mapping[str, Metadata]] = {

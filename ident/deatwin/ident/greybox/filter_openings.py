@@ -16,7 +16,7 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, ParameterSet
-from deatwin.plant.rigfaults import users_code
+from deatwin.plant.rigs.base import written
 
 STATE = "state"
 """The place of a state's own equation, where the rig declares no better one."""
@@ -61,9 +61,8 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
     ]
     parameters = ParameterSet([*plant.parameters.values(), *added])
     build = _Opened(parameters, plant.effects, built_in)
-    build.share_sampling(plant.rig)
-    with users_code(f"the rig {plant.rig.kind}"):
-        return build.finish(plant.rig.write(build))
+    with written(plant.rig, build) as reading:
+        return build.finish(reading)
 
 
 class _Listener(Builder):
@@ -89,10 +88,8 @@ def _is_number(signal: Any) -> bool:
 
 def _heard(plant: Plant) -> list[tuple[str, str]]:
     build = _Listener(plant.parameters, plant.effects)
-    build.share_sampling(plant.rig)
-    with users_code(f"the rig {plant.rig.kind}"):
-        plant.rig.write(build)
-    return build.heard
+    with written(plant.rig, build):
+        return build.heard
 
 
 class _Opened(Builder):

@@ -19,7 +19,7 @@ from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
 from deatwin.ident.greybox.watch import Progress, Watch, unwatched
-from deatwin.ident.greybox.wording import described
+from deatwin.ident.greybox.wording import described, known_together
 from deatwin.plant.calibrated import TWO_SIDED_95
 from deatwin.plant.checks import check_units
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
@@ -114,7 +114,18 @@ class Calibration(Described):
     }
 
     def __str__(self) -> str:
-        return described(self)
+        if not self.status.ok:
+            return self.fault
+        agree = f"; {self.agreed} of {self.starts} starts agree" if self.starts > 1 else ""
+        unit = f" {self.plant.rig.output_unit}" if self.plant.rig.output_unit not in ("", "1") else ""
+        rows = [f"rms {self.rms:.4g}{unit} after {self.evaluations} simulations: {self.status.value}{agree}"]
+        for k, (name, parameter) in enumerate(zip(self.names, _fitted(self), strict=True)):
+            interval = self.interval(name) if self.is_determined(name) else None
+            bound = ", on a bound of its range" if name in self.at_bound else ""
+            rows.append(f"  {described(parameter, interval, [values[k] for values in self.equals], bound)}")
+        if together := known_together(self.names, self.covariance):
+            rows.append(f"  known together better than alone: {', '.join(together)}")
+        return "\n".join(rows)
 
     @property
     def rms(self) -> float:

@@ -1,6 +1,7 @@
 """A look at recordings before any model is made of them."""
 
-from deatwin.ident.look.best_linear import BestLinearApproximation, best_linear_approximation
+from deatwin.ident.look.approximation import BestLinearApproximation
+from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.look.look import Look, look_at
 
 __all__ = ["BestLinearApproximation", "Look", "best_linear_approximation", "look_at"]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.look.best_linear import BestLinearApproximation, best_linear_approximation
+from deatwin.ident.look.approximation import BestLinearApproximation
+from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
 from deatwin.ident.mismatch.gate.noise import noise_level

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,9 +95,17 @@ class Unstable:
         return f"{told}: trust that one" if apart else told
 
 
-def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording]) -> str:
+Recorded = Callable[[], RecordedPole | None]
+
+
+def recorded_once(model: NarxModel, recordings: Sequence[Recording]) -> Recorded:
+    """Return the pole of recordings for a model, to be computed when it is first asked for, and then kept."""
+    return cache(partial(recorded_pole, recordings, _first_lag(model)))
+
+
+def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording], recorded: Recorded) -> str:
     """Return a sentence if recordings surely have an unstable pole, which a model whose free run is bounded lacks."""
-    found = recorded_pole(recordings, _first_lag(model))
+    found = recorded()
     if found is None or not _surely_outside(found, recordings) or np.any(np.abs(poles_at(model, recordings)) > 1.0):
         return ""
     return (
@@ -135,7 +144,9 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
     return f"|z| = {abs(pole):.{digits}f} (95 % interval {interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
 
 
-def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverged: bool) -> Unstable | None:
+def unstable_model(
+    model: NarxModel, recordings: Sequence[Recording], recorded: Recorded, *, diverged: bool
+) -> Unstable | None:
     """Return the unstable pole of a model, or None if it is not certainly unstable.
 
     The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, as
@@ -149,7 +160,7 @@ def unstable_model(model: NarxModel, recordings: Sequence[Recording], *, diverge
     ):
         return None
     nonlinear = bool(model.table.functions) or any(term.degree > 1 for term in model.terms)
-    found = recorded_pole(recordings, _first_lag(model))
+    found = recorded()
     if nonlinear and not diverged and (found is None or not _surely_outside(found, recordings)):
         return None
     growing = round(1.0 / float(np.log(abs(poles[0]))))

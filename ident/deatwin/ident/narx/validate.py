@@ -16,7 +16,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
-from deatwin.ident.narx.unstable import Unstable, stable_model_of_unstable, unstable_model
+from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -370,10 +370,11 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
     inputs = [record.inputs[:, response.first :] for record, response in zip(chosen, predicted, strict=True)]
     rows = range(model.n_outputs)
     diverged = tuple((i, r.failed_at_s) for i, r in enumerate(simulated) if r.failed_at_s is not None)
-    unstable = unstable_model(model, chosen, diverged=any(not run.status.ok for run in simulated))
+    recorded = recorded_once(model, chosen)
+    unstable = unstable_model(model, chosen, recorded, diverged=any(not run.status.ok for run in simulated))
     bounded = not diverged and unstable is None
     gain = gain_error(simulated) if bounded and model.n_outputs == 1 else None
-    lacking = stable_model_of_unstable(model, chosen) if bounded and not exact else ""
+    lacking = stable_model_of_unstable(model, chosen, recorded) if bounded and not exact else ""
     return Validation(
         one_step=Fit.of(predicted),
         free_run=Fit.of(simulated),

@@ -30,6 +30,7 @@ from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
+from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
@@ -103,9 +104,10 @@ def recordings_of(
     except DataError as error:
         if times is None or not ticks:
             raise
+        offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
         raise DataError(
-            f'{error}; where the column "{table.shown(times)}" is not in seconds, state its unit: --time-column '
-            f'"{table.unmistakable(times)}=ms"'
+            f'{error}; where the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
+            offers | error.offers,
         ) from None
     if rig is not None:
         for recording in recordings:
@@ -284,7 +286,9 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
         try:
             made.append(decimate(fine, plan.factor, reading=reading))
         except DataError as error:  # too short for the filter
-            raise DataError(f"{source.table.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}") from None
+            raise DataError(
+                f"{source.table.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}", error.offers
+            ) from None
     return tuple(made)
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.rounded import Rounded, each_as_often, rounded_clock
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.resampling import resampling_options
 
 Floats = NDArray[np.float64]
@@ -116,21 +117,20 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
     at = np.flatnonzero(steps <= 0.0) + 1
     row = int(at[0])
     more = f" ({len(at)} such rows in all)" if len(at) > 1 else ""
-    advice = "take the rows out that stand twice, or correct their times"
+    advice, offers = "take the rows out that stand twice, or correct their times", NO_OPTIONS
     if (back := steps < 0.0).any():
         row = int(np.argmax(back)) + 1
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
         advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
     elif rounded := rounded_clock(timepts):
-        advice = (
-            "they are printed too coarsely; where the rows are evenly sampled, state their sample time: "
-            f"--dt {rounded.sample_time:.9g}"
-        )
+        offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
+        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: {offers}"
     elif (steps == 0.0).mean() > 0.5:
         advice = "they are stored too coarsely to tell the sample time; where the rows are evenly sampled, state it: --dt SECONDS"
     return DataError(
-        f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}"
+        f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}",
+        offers,
     )
 
 
@@ -196,9 +196,11 @@ def _sample_time(
             f"{where(sample)}: the times do not keep the stated sample time of {stated:g} s; they go on by "
             f"{fitted:.9g} s; correct one of the two"
         )
+    options = resampling_options(timepts, fitted)
     raise DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
-        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(timepts, fitted)}"
+        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(options)}",
+        options or NO_OPTIONS,
     )
 
 
@@ -216,7 +218,8 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     return DataError(
         f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, missing samples of {usual:g} s: "
         f"{round((after - before) / usual) - 1}{more}; "
-        "fill it, or split the record there (--allow-gaps, in Python allow_gaps=True)"
+        "fill it, or split the record there (--allow-gaps, in Python allow_gaps=True)",
+        ReadOptions(allow_gaps=True),
     )
 
 
@@ -225,16 +228,17 @@ def _odd_step(
 ) -> DataError:
     """Return the error that names the first row that comes too late or too early after the one before."""
     sample = int(np.argmax(odd)) + 1
-    step = timepts[sample] - timepts[sample - 1]
+    step, options = timepts[sample] - timepts[sample - 1], resampling_options(timepts, meant)
     return DataError(
         f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
-        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(timepts, meant)}"
+        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(options)}",
+        options or NO_OPTIONS,
     )
 
 
-def _advice(timepts: Floats, usual: float) -> str:
+def _advice(options: ReadOptions | None) -> str:
     """Return advice for uneven times."""
-    if not (options := resampling_options(timepts, usual)):
+    if options is None:
         return "resample the record evenly"
-    step, gaps = options.split()[1], ", allow_gaps=True" if "--allow-gaps" in options else ""
-    return f"resample the record onto an even clock: {options}, in Python resample={step}{gaps}"
+    gaps = ", allow_gaps=True" if options.allow_gaps else ""
+    return f"resample the record onto an even clock: {options}, in Python resample={options.resample:g}{gaps}"

@@ -13,6 +13,7 @@ from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.files.wanted import in_units, require_known_units, split_stated
 from deatwin.plant.readings import Reading
+from deatwin.plant.readoptions import NO_OPTIONS
 from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
@@ -72,12 +73,15 @@ def _twice(
     role, busy = free[0], {column, *_others(table, free[0], asked)}
     fits = partial(holds_times, table) if role == "time" else partial(works, table, unit=units.get(role))
     other = next((k for k in range(len(table.headers)) if k not in busy and fits(k)), None)
-    way = "" if other is None else f'--{role}-column "{table.unmistakable(other)}"'
-    way = times_options(table, other) if role == "time" and other is not None else way
+    way = NO_OPTIONS
+    if other is not None:
+        named = way.with_column(role, table.unmistakable(other))
+        way = times_options(table, other) if role == "time" else named
     hint = f", for example {way}" if way else f": --{role}-column"
     return DataError(
         f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
-        f"{role}{hint}"
+        f"{role}{hint}",
+        way,
     )
 
 
@@ -132,11 +136,15 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     times = next(iter(likely_times(table, set())), None)
     places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
     pairs = [pair for pair in zip(("input", "output"), places, strict=False) if pair[0] in roles]
-    said = [f'--{role}-column "{place}"' for role, place in pairs]
-    timed = "--dt SECONDS" if times is None else f"{times_options(table, times)} (or --dt SECONDS)"
+    said = NO_OPTIONS
+    for role, place in pairs:
+        said = said.with_column(role, place)
+    timed = NO_OPTIONS if times is None else times_options(table, times)
+    clock = f"{timed} (or --dt SECONDS)" if timed else "--dt SECONDS"
     return DataError(
         f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
-        f"{' '.join([*said, timed])}, or put a header above: {header_line(len(table.headers), table.delimiter, times)}"
+        f"{f'{said} {clock}'.strip()}, or put a header above: {header_line(len(table.headers), table.delimiter, times)}",
+        said | timed,
     )
 
 

@@ -15,6 +15,7 @@ from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.files.wanted import split_stated
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.resampling import resampling_options
 from deatwin.plant.safe_read import clipped
 
@@ -45,7 +46,7 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
-    first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == "" else []
+    first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
     found = usual or named or stamped or timed or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
@@ -53,10 +54,8 @@ def time_column(
         found = [column for column in found if holds_times(table, column)] or found
     if len(found) > 1 and needed:
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
-        raise DataError(
-            f"{table.path}: the columns {listed} may all be the times; name one: --time-column "
-            f'"{table.unmistakable(found[0])}"'
-        )
+        one = ReadOptions(time_column=table.unmistakable(found[0]))
+        raise DataError(f"{table.path}: the columns {listed} may all be the times; name one: {one}", one)
     return (found[0], table.units[found[0]]) if len(found) == 1 else (None, "")
 
 
@@ -105,11 +104,10 @@ def likely_times(table: Table, taken: set[int]) -> list[int]:
     return [k for k, way in ways.items() if not way] or list(ways)
 
 
-def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> str:
-    """Return the options of a command that take a column as the times."""
-    more = _uneven(table, column, unit, step)
-    stated = f"={unit}" if unit else ""
-    return f'--time-column "{table.unmistakable(column)}{stated}"{f" {more}" if more else ""}'
+def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions:
+    """Return the options that take a column as the times."""
+    named = ReadOptions(time_column=table.unmistakable(column) + (f"={unit}" if unit else ""))
+    return named | (_uneven(table, column, unit, step) or NO_OPTIONS)
 
 
 def unit_of_steps(step: float, sample_time: float) -> str:
@@ -117,7 +115,7 @@ def unit_of_steps(step: float, sample_time: float) -> str:
     return min(("s", "ms", "us", "ns"), key=lambda unit: abs(math.log(step / UNITS[unit].denominator / sample_time)))
 
 
-def _uneven(table: Table, column: int, unit: str = "", step: float | None = None) -> str | None:
+def _uneven(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions | None:
     """Return the options that a column needs to be the times, empty where its clock is even; None where it cannot."""
     own = table.units[column]
     if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
@@ -129,8 +127,8 @@ def _uneven(table: Table, column: int, unit: str = "", step: float | None = None
     try:
         even_pieces(times, table.where, allow_gaps=False, stated=step)
     except DataError:
-        return resampling_options(times, step) or None
-    return ""
+        return resampling_options(times, step)
+    return NO_OPTIONS
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
@@ -144,10 +142,11 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; leave ={order} out')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
-        either = " or ".join(f'--time-column "{table.unmistakable(column)}={order}"' for order in ORDERS)
+        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
         raise DataError(
             f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
-            f"none of them tells; state it: {either}"
+            f"none of them tells; state it: {' or '.join(map(str, either))}",
+            either[0],
         )
     return replace(table, units=units, scales={column: scale} if scale else {})
 
@@ -157,17 +156,19 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     or of MATLAB: as many days as since 1900 or since the year 0, in steps that as seconds would be very short.
     """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
-    option = f'--time-column "{table.unmistakable(column)}'
+    options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in ("s", "day")}
     if said := "" if table.units[column] else table.own_unit(column):
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is no known unit of time; state one, such as '
-            f'{option}=s" (known are {", ".join(TIME_UNITS)})'
+            f"{options['s']} (known are {', '.join(TIME_UNITS)})",
+            options["s"],
         )
     steps = np.diff(times)
     if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):
         raise DataError(
-            f'{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: {option}=day" or '
-            f'{option}=s"'
+            f"{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: "
+            f"{options['day']} or {options['s']}",
+            options["day"],
         )
 
 
@@ -175,16 +176,20 @@ def no_times(table: Table, taken: set[int]) -> DataError:
     """Return the error of a file that says nothing about its times."""
     if table.nameless:
         others = likely_times(table, taken)
-        example = times_options(table, others[0]) if others else "--time-column PLACE"
+        offers = times_options(table, others[0]) if others else NO_OPTIONS
         return DataError(
             f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
-            f"place ({example}), or give the sample time in seconds: --dt, in Python dt"
+            f"place ({offers or '--time-column PLACE'}), or give the sample time in seconds: --dt, in Python dt",
+            offers,
         )
     likely = likely_times(table, taken)
-    named = times_options(table, likely[0]) if len(likely) == 1 else "--time-column NAME"
+    offers = times_options(table, likely[0]) if len(likely) == 1 else NO_OPTIONS
     advice = (
-        f"the times need this name, or a unit: (s) behind or below their name; or name them: {named}; "
+        f"the times need this name, or a unit: (s) behind or below their name; or name them: "
+        f"{offers or '--time-column NAME'}; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )
     near = table.near(USUAL_TIMES, lambda column: column in likely)
-    return DataError(f'{table.path}: no column "{USUAL_TIMES}"; the file has {table.listing()}{near} ({advice})')
+    return DataError(
+        f'{table.path}: no column "{USUAL_TIMES}"; the file has {table.listing()}{near} ({advice})', offers
+    )

@@ -2,11 +2,9 @@
 
 import re
 import shlex
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.columns import chosen_columns, data_columns, extra_columns, works
@@ -14,13 +12,12 @@ from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
 from deatwin.plant.files.timecolumns import likely_times, time_column
 from deatwin.plant.files.wanted import split_stated, with_stated_units
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-_OPTION = re.compile(r'--(input-column|output-column|time-column|resample|dt) ("[^"]+"|[^\s";,()]+)|--(allow-gaps)\b')
-_PLACEHOLDER = re.compile(r"[A-Z]{4,}")  # NAME, PLACE, SECONDS: for the user to fill in
-_REPAIRS = 8
-"""There are seven options, so that more rounds than this add nothing."""
+_REPAIRS = 7
+"""There are six options, so that more rounds than this add nothing."""
 _LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
 _USUAL_WORDS = {
@@ -55,58 +52,25 @@ class Understood:
     recordings: tuple[Recording, ...] = ()  # None where no options were found that read it
     refused: str = ""  # The error that ends a command without the further options
     remaining: str = ""  # That which ends it with all options that were found
-    asked: Mapping[str, Any] = field(default_factory=dict)  # By the names of `read_recordings`
-    further: Mapping[str, Any] = field(default_factory=dict)  # What has to be asked for, too
+    asked: ReadOptions = NO_OPTIONS
+    further: ReadOptions = NO_OPTIONS  # What has to be asked for, too
     placeholders: tuple[str, ...] = ()  # Options whose values only the user knows
 
     @property
     def options(self) -> tuple[str, ...]:
         """Words of a command that read the file."""
-        return (*_words({**self.asked, **self.further}), *self.placeholders)
+        return (*(self.asked | self.further).words, *self.placeholders)
 
     def with_column(self, role: str, place: int) -> tuple[str, ...]:
         """Return words of a command that read another column, by its place from 1, as ``input`` or ``output``."""
-        return _words({**self.asked, **self.further, f"{role}_column": f"#{place}"})
+        return (self.asked | self.further).with_column(role, f"#{place}").words
 
 
-def flags_of(options: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Return flags of the command line, each with its value if it takes one, that ask for options of `read_recordings`."""
-    found: list[tuple[str, ...]] = []
-    for name, value in options.items():
-        flag = f"--{name.replace('_', '-')}"
-        if value is True:
-            found.append((flag,))
-        elif value is not None and value is not False:
-            found.append((flag, f"{value:.12g}" if isinstance(value, float) else str(value)))
-    return found
-
-
-def _words(options: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(word for flag in flags_of(options) for word in flag)
-
-
-def understand(
-    path: str | Path,
-    *,
-    input_column: str | None = None,
-    output_column: str | None = None,
-    time_column: str | None = None,
-    allow_gaps: bool = False,
-    dt: float | None = None,
-    resample: float | None = None,
-) -> Understood:
-    """Read a file with the options of `read_recordings`, and where that refuses it, look for options that read it.
+def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS) -> Understood:
+    """Read a file with the options that are asked for, and where that refuses it, look for options that read it.
 
     Every option that is found was tried.
     """
-    asked = {
-        "input_column": input_column,
-        "output_column": output_column,
-        "time_column": time_column,
-        "allow_gaps": allow_gaps,
-        "dt": dt,
-        "resample": resample,
-    }
     found = Understood(path=str(path), asked=asked)
     try:
         table = table_of_file(path)
@@ -114,11 +78,10 @@ def understand(
         return replace(found, refused=str(error))
     for _ in range(_REPAIRS):
         try:
-            read = _read(table, {**asked, **found.further})
+            read = _read(table, asked | found.further)
         except DataError as error:
-            refused = found.refused or str(error)
-            more = _repair(table, str(error), {**asked, **found.further})
-            found = replace(found, refused=refused, further={**found.further, **more})
+            more = _repair(table, error.offers, asked | found.further)
+            found = replace(found, refused=found.refused or str(error), further=found.further | more)
             if not more:
                 return _unread(table, found, str(error))
         else:
@@ -128,53 +91,45 @@ def understand(
 
 def _unread(table: Table, found: Understood, remaining: str) -> Understood:
     """Return what is told of a file that cannot be read: only its sample time may be what is missing."""
-    if found.asked["dt"] is None:
+    if found.asked.dt is None:
         try:
-            _read(table, {**found.asked, **found.further, "dt": 1.0})
+            _read(table, replace(found.asked | found.further, dt=1.0))
         except DataError:
             pass
         else:
             found = replace(found, placeholders=("--dt", "SECONDS"))
             return replace(found, columns=_columns(table, found))
-    words = shlex.join(_words(found.further))
+    words = shlex.join(found.further.words)
     remaining = f"with {words}: {remaining}" if words else ""
-    return replace(found, columns=_columns(table, found), further={}, remaining=remaining)
+    return replace(found, columns=_columns(table, found), further=NO_OPTIONS, remaining=remaining)
 
 
-def _read(table: Table, options: Mapping[str, Any]) -> tuple[Recording, ...]:
+def _read(table: Table, options: ReadOptions) -> tuple[Recording, ...]:
     return recordings_of_table(
         table,
         _roles(options),
         {"input": None, "output": None},
-        allow_gaps=options["allow_gaps"],
-        dt=options["dt"],
-        resample=options["resample"],
+        allow_gaps=options.allow_gaps,
+        dt=options.dt,
+        resample=options.resample,
         reading=ReadingTime.END_OF_HOLD,
         rig=None,
     )
 
 
-def _roles(options: Mapping[str, Any]) -> dict[str, str | None]:
-    return {role: options[f"{role}_column"] for role in ("input", "output", "time")}
+def _roles(options: ReadOptions) -> dict[str, str | None]:
+    return {"input": options.input_column, "output": options.output_column, "time": options.time_column}
 
 
-def _repair(table: Table, error: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOptions:
     """Return options that an error offers, else guessed columns, of those that nobody has asked for yet."""
-    offered: dict[str, Any] = {}
-    for name, value, flag in _OPTION.findall(error):
-        key = (flag or name).replace("-", "_")
-        if options[key] or key in offered or _PLACEHOLDER.fullmatch(value.strip('"').partition("=")[0]):
-            continue
-        try:
-            offered[key] = True if flag else value.strip('"') if key.endswith("column") else float(value)
-        except ValueError:
-            continue
-    if "time_column" in offered:  # instead of a sample time, and what it needs itself is told then
-        offered = {key: value for key, value in offered.items() if key not in ("dt", "resample")}
-    return offered or _guessed(table, options)
+    new = offered.without(*options.given)
+    if new.time_column:  # instead of a sample time, and what it needs itself is told then
+        new = new.without("dt", "resample")
+    return new or _guessed(table, options)
 
 
-def _guessed(table: Table, options: Mapping[str, Any]) -> dict[str, str]:
+def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     """Return columns for the roles that no header gives, by the names that people use, else in their order."""
     bare, asked = with_stated_units(table, _roles(options))
     known: dict[str, int] = {}
@@ -183,18 +138,18 @@ def _guessed(table: Table, options: Mapping[str, Any]) -> dict[str, str]:
             (known[role],) = data_columns(bare, role, asked[role])
         except (DataError, ValueError):
             if asked[role]:
-                return {}  # what the user names is not replaced
+                return NO_OPTIONS  # what the user names is not replaced
     times = _times(table, set(known.values()), asked["time"])
     left = [k for k in range(len(table.headers)) if k not in times and k not in known.values()]
     # A column with a single bad cell is meant all the same: the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
     free = [k for k in free if not _counts(table, k)] or free
-    found = {}
+    found = NO_OPTIONS
     for role in (role for role in ("input", "output") if role not in known and free):
         other = _WORDS["output" if role == "input" else "input"]
         best = min(free, key=lambda k: (_rank(table, k, _WORDS[role]), -_rank(table, k, other), k))
         free.remove(best)
-        found[f"{role}_column"] = table.unmistakable(best)
+        found = found.with_column(role, table.unmistakable(best))
     return found
 
 
@@ -228,8 +183,7 @@ def _times(table: Table, taken: set[int], wanted: str | None) -> set[int]:
 
 def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
     """Return all columns with what they were taken for."""
-    options = {**found.asked, **found.further}
-    roles = _roles(options)
+    roles = _roles(found.asked | found.further)
     try:
         read, bare = with_stated_units(table, roles)
         chosen = chosen_columns(read, bare, {"input": None, "output": None})
@@ -255,9 +209,8 @@ def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
 def _how(table: Table, role: str, found: Understood) -> str:
     """Say what gave a column its role, and its unit if an option did."""
     key = f"{role}_column"
-    value = found.further.get(key) or found.asked.get(key)
-    if value:
-        said = "guessed" if key in found.further else f"named by --{role}-column"
+    if value := _roles(found.asked | found.further)[role]:
+        said = "guessed" if key in found.further.given else f"named by --{role}-column"
         return f"{said}, unit by the option" if split_stated(table, value)[1] else said
     if role != "time" and table.declared.signals:
         return "declared by the file"

@@ -9,6 +9,7 @@ from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import for_name, is_misspelt, split_unit, without_unit
 from deatwin.plant.files.units import UNITS, Unit, find_unit, same_kind
 from deatwin.plant.files.usual import COLUMNS, usual_unit
+from deatwin.plant.readoptions import ReadOptions
 from deatwin.plant.safe_read import clipped
 
 
@@ -79,10 +80,11 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
     shown = split_unit(COLUMNS["displacement"])[1] if wanted == usual_unit("displacement") else wanted
     likes, name = units_like(wanted), table.names[column]
     also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
+    offers = ReadOptions(output_column=f"{table.unmistakable(column)}={shown}")
     raise DataError(
         f'{table.path}: the column "{table.shown(column)}" gives no unit, and the plant takes it in {wanted}: it needs a '
-        f'header with the unit, as in "{header_like(name, shown)}"{also}; or state it: --output-column '
-        f'"{table.unmistakable(column)}={shown}"'
+        f'header with the unit, as in "{header_like(name, shown)}"{also}; or state it: {offers}',
+        offers,
     )
 
 

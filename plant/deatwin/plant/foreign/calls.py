@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import multiprocessing
 import os
-import signal
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ LOST = (CRASHED, TOO_LONG)
 class Call:
     """Arguments of a foreign model: numbers, or arrays of shape (n,), by name; `time` (n,)."""
 
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, float | Array]
     inputs: Mapping[str, Array]
     time: Array
     output: str
@@ -150,7 +150,6 @@ class _Workers:
             return self._pool.submit(function, *arguments)
         except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
             self._pool = _pool(self._count)
-            self._pool.submit(abs, 0).result()  # the start of a process is no part of a call
             return self._pool.submit(function, *arguments)
 
     def _result(self, future: Any, longest: float) -> Answer:
@@ -171,12 +170,11 @@ def _pool(count: int) -> Any:
     from joblib.externals.loky import ProcessPoolExecutor
 
     one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-    return ProcessPoolExecutor(max_workers=count, env=one_thread, initializer=_ignore_interrupts)
-
-
-def _ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that waits for the answers."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    pool = ProcessPoolExecutor(max_workers=count, env=one_thread, initializer=ignore_interrupts)
+    with interrupts_held():
+        started = pool.submit(abs, 0)
+    started.result()  # the start of a process is no part of a call
+    return pool
 
 
 _WORKERS: dict[int, _Workers] = {}

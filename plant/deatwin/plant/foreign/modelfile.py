@@ -22,7 +22,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +39,8 @@ from deatwin.plant.imported import imported
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import ReadingTime
-from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
+from deatwin.plant.rigs.tomlfile import TomlFile
+from deatwin.plant.safe_read import clipped
 
 KEYS: Mapping[str, tuple[str, ...]] = {
     "model": ("file", "function", "kind"),
@@ -49,25 +49,6 @@ KEYS: Mapping[str, tuple[str, ...]] = {
     "time": ("sample_rate_Hz", "period_s", "reading"),
 }
 OF_PARAMETER = ("value", "lower", "upper", "unit", "logarithmic", "known", "varying")
-
-
-def model_file_of(source: str | os.PathLike[str]) -> Path | None:
-    """The model file of a source: itself, or for an FMU the one beside it; None for another kind of source."""
-    path = Path(source)
-    if path.suffix == ".fmu" and path.is_file():
-        beside = path.with_suffix(".toml")
-        if not beside.is_file():
-            raise RigError(
-                f"{path}: an FMU needs a file {beside.name} beside it, which names input, output and parameters; "
-                "the page on models written elsewhere shows one"
-            )
-        return beside
-    if path.suffix != ".toml" or not path.is_file():
-        return None
-    try:
-        return path if "model" in _table(path) else None
-    except RigError:
-        return None  # a rig file tells its mistakes better
 
 
 def read_model_file(path: str | os.PathLike[str]) -> Plant:
@@ -87,33 +68,41 @@ def read_model_file(path: str | os.PathLike[str]) -> Plant:
     RigError
         If the file or the model that it names cannot be read, or a key is missing, unknown or wrong.
     """
-    try:
-        return _File(path=Path(path), data=_table(path)).plant()
-    except DeatwinError as error:
-        said = str(error)
-        raise RigError(said if said.startswith(str(path)) else f"{path}: {said}") from error
-
-
-def _table(path: str | os.PathLike[str]) -> dict[str, Any]:
-    try:
-        content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
-        return tomllib.loads(content.decode("utf-8-sig"))
-    except OSError as error:
-        raise RigError(f"{path}: the model file cannot be read: {error.strerror}") from None
-    except RigError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise RigError(f"{path}: not TOML: {clipped(error, 200)}") from None
+    return ModelFile.of(TomlFile.read(path, "model file")).read()
 
 
 @dataclass(frozen=True, kw_only=True)
-class _File:
+class ModelFile:
     """The content of a model file."""
 
     path: Path
     data: Mapping[str, Any]
 
-    def plant(self) -> Plant:
+    @classmethod
+    def of(cls, file: TomlFile) -> ModelFile:
+        """Make it from a file that was read."""
+        return cls(path=Path(file.path), data=file.data)
+
+    @classmethod
+    def beside(cls, fmu: Path) -> ModelFile:
+        """Read the model file that lies beside an FMU."""
+        path = fmu.with_suffix(".toml")
+        if not path.is_file():
+            raise RigError(
+                f"{fmu}: an FMU needs a file {path.name} beside it, which names input, output and parameters; "
+                "the page on models written elsewhere shows one"
+            )
+        return cls.of(TomlFile.read(path, "model file"))
+
+    def read(self) -> Plant:
+        """The plant; an error names the file."""
+        try:
+            return self._plant()
+        except DeatwinError as error:
+            said = str(error)
+            raise RigError(said if said.startswith(str(self.path)) else f"{self.path}: {said}") from error
+
+    def _plant(self) -> Plant:
         self._require_known()
         reading = self._reading()
         command, read = self._text("input", "name"), self._text("output", "name")

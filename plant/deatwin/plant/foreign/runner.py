@@ -7,19 +7,16 @@ the model is called; in a second run its readings, linear within a sample, pass 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.foreign.calls import Answer, Call, answers
+from deatwin.plant.foreign.calls import Answer, Call, Model, answers
 from deatwin.plant.parameters import Parameter, ParameterSet, Scale
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
-
-if TYPE_CHECKING:
-    from deatwin.plant.foreign.rig import ForeignRig
 
 Array = NDArray[np.float64]
 
@@ -33,11 +30,20 @@ OF_RANGE = 0.1
 """Share of its range that is the size of a parameter near zero: ranges of effects are some ten times what is typical."""
 
 
+@dataclass(frozen=True, kw_only=True)
 class ForeignRunner:
-    """Runs a plant of a foreign model; `simulator` has the equations around it."""
+    """Runs a plant of a foreign model; `simulator` has the equations around it, and a `ForeignRig` explains the rest."""
 
-    def __init__(self, rig: ForeignRig, simulator: Simulator, parameters: ParameterSet) -> None:
-        self._rig, self._simulator, self._parameters = rig, simulator, parameters
+    model: Model
+    own: tuple[Parameter, ...]  # Parameters of the model
+    channels: tuple[tuple[str, float], ...]
+    input_name: str
+    output_name: str
+    reading: ReadingTime
+    step: float
+    longest: float
+    simulator: Simulator
+    parameters: ParameterSet  # Those of the whole plant
 
     def run(
         self,
@@ -55,7 +61,7 @@ class ForeignRunner:
         called = around.call(values)
         if isinstance(called, Run):
             return called
-        (answer,) = answers(self._rig.model, [called], self._rig.longest)
+        (answer,) = answers(self.model, [called], self.longest)
         return around.read(answer, values, called)
 
     def run_with_sensitivities(
@@ -75,14 +81,14 @@ class ForeignRunner:
             return base
         digest = base.digest()
         moved: dict[tuple[int, int], tuple[Array, Call]] = {}
-        for number, name in enumerate(self._parameters.free):
-            for side, value in enumerate(self._ends(self._parameters[name], float(values[number]))):
+        for number, name in enumerate(self.parameters.free):
+            for side, value in enumerate(self._ends(self.parameters[name], float(values[number]))):
                 there = np.array(values, dtype=float)
                 there[number] = value
                 called = around.call(there)
                 if isinstance(called, Call) and called.digest() != digest:
                     moved[number, side] = (there, called)
-        first, *others = answers(self._rig.model, [base, *(call for _, call in moved.values())], self._rig.longest)
+        first, *others = answers(self.model, [base, *(call for _, call in moved.values())], self.longest)
         run = around.read(first, values, base, sensitive=True)
         if not run.status.ok or run.sensitivities is None:
             return run
@@ -103,10 +109,10 @@ class ForeignRunner:
 
     def _ends(self, parameter: Parameter, value: float) -> tuple[float, float]:
         """Values on either side of one, inside the range."""
-        width = self._rig.step * abs(value)
+        width = self.step * abs(value)
         if parameter.scale is Scale.LINEAR and np.isfinite(parameter.upper - parameter.lower):
-            width = max(width, self._rig.step * OF_RANGE * (parameter.upper - parameter.lower))
-        width = width or self._rig.step
+            width = max(width, self.step * OF_RANGE * (parameter.upper - parameter.lower))
+        width = width or self.step
         return max(value - width, parameter.lower), min(value + width, parameter.upper)
 
 
@@ -122,35 +128,35 @@ class _Around:
         rest_command: float,
         channels: Mapping[str, np.ndarray],
     ) -> None:
-        self._rig, self._simulator, self._parameters = runner._rig, runner._simulator, runner._parameters
+        self._runner, self._simulator, self._parameters = runner, runner.simulator, runner.parameters
         self._commands, self._channels = commands, channels
         self._clock: dict[str, Any] = {"start": start, "sample_time": sample_time, "rest_command": rest_command}
         self._time: Array = start + sample_time * np.arange(commands.size, dtype=float)
 
     def call(self, values: np.ndarray) -> Call | Run:
         """Arguments of the model; the run that failed if there are none."""
-        rig = self._rig
+        runner = self._runner
         numbers = dict(zip(self._parameters.free, values, strict=True))
-        parameters = {p.name: float(numbers.get(p.name, p.value)) for p in rig.parameters}
-        inputs = {name: self._channel(name, default) for name, default in rig.channels}
-        inputs = {rig.input_name: np.asarray(self._commands, dtype=float), **inputs}
+        parameters = {p.name: float(numbers.get(p.name, p.value)) for p in runner.own}
+        inputs = {name: self._channel(name, default) for name, default in runner.channels}
+        inputs = {runner.input_name: np.asarray(self._commands, dtype=float), **inputs}
         if self._simulator.equations.signals:
             run = self._simulator.run(self._commands, **self._clock, values=values, channels=self._channels)
             if not run.status.ok or run.watched is None:
                 return replace(run, outputs=run.outputs[:0], watched=None, failed_at=None)
             for name, signal in zip(self._simulator.equations.signals, run.watched, strict=True):
                 if name == APPLIED:
-                    inputs[rig.input_name] = self._mean(signal)
+                    inputs[runner.input_name] = self._mean(signal)
                 elif name.startswith(VARYING):
                     parameters[name.removeprefix(VARYING)] = signal
-        return Call(parameters=parameters, inputs=inputs, time=self._time, output=rig.output_name)
+        return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
 
     def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
         """The run in which the sensor reads an answer; with derivatives by what acts behind the model if asked for."""
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings
-        if self._rig.reading is ReadingTime.END_OF_HOLD:
+        if self._runner.reading is ReadingTime.END_OF_HOLD:
             before, after = np.concatenate([readings[:1], readings[:-1]]), readings
         else:
             before, after = readings, np.concatenate([readings[1:], readings[-1:]])
@@ -169,7 +175,7 @@ class _Around:
         if watched is None or APPLIED not in self._simulator.equations.signals:
             return watched
         row = self._simulator.equations.signals.index(APPLIED)
-        return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._rig.input_name], axis=0)
+        return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._runner.input_name], axis=0)
 
     def _mean(self, integral: np.ndarray) -> Array:
         return np.diff(integral, prepend=0.0) / self._clock["sample_time"]

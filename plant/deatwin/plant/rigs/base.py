@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -14,6 +15,7 @@ from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import Reading, readings_from
+from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.stated import require_stated
 from deatwin.plant.substance import Material
 
@@ -262,3 +264,15 @@ class Rig(ABC):
     def rivals(self) -> tuple[Rig, ...]:
         """Return other rigs that fit what the experimenter stated; this rig is not among them."""
         return ()
+
+
+@contextmanager
+def written(rig: Rig, build: Builder) -> Iterator[Any]:
+    """Let a rig write its equations and give its reading; what its code raises here becomes one line."""
+    build.share("sample_time", rig.sample_time)
+    build.share("follows_at_once", rig.follows_at_once)
+    for reading in rig.further:
+        if reading.name == "current":
+            build.share("series_resistance", reading.series_resistance)
+    with users_code(f"the rig {rig.kind}"):
+        yield rig.write(build)

@@ -1,6 +1,5 @@
 """Rig files in TOML: what the experimenter knows of a rig. `deatwin.plant.rigs.rigkinds` has the keys of each kind."""
 
-import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
@@ -9,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.errors import RigError
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
 from deatwin.plant.rigs.rigreadings import readings_of
-from deatwin.plant.rigs.toml_hints import slip_of
-from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
+from deatwin.plant.rigs.tomlfile import TomlFile
 from deatwin.plant.substance import Material
 
 
@@ -70,6 +68,11 @@ class RigFile:
         """Make a rig from the sections and keys of a rig file."""
         return _checked(data, source)
 
+    @staticmethod
+    def of(file: TomlFile) -> "RigFile":
+        """Make a rig from a file that was read; the error lists all mistakes with their lines."""
+        return _checked(file.data, file.path, file.text)
+
     def to_dict(self) -> dict[str, Any]:
         """Return sections, keys and values of a rig file, in its units, ready for JSON."""
         return deepcopy(dict(self.stated))
@@ -117,24 +120,7 @@ def read_rig(path: str | Path) -> RigFile:
     RigError
         If the file is missing or not TOML, or a key or value is wrong; the text lists all mistakes with their lines.
     """
-    try:
-        content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
-        text = content.decode("utf-8-sig")
-        data = tomllib.loads(text)
-    except OSError as error:
-        # Stricter than usual: equal endings are no likeness.
-        beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
-        hint = nearest(Path(path).name, beside, likeness=0.8) if isinstance(error, FileNotFoundError) else ""
-        raise RigError(f"{path}: the rig file cannot be read: {error.strerror}{hint}") from None
-    except UnicodeDecodeError as error:
-        raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None
-    except RigError:
-        raise
-    except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
-        raise RigError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
-    except RecursionError:
-        raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
-    return _checked(data, str(path), text)
+    return RigFile.of(TomlFile.read(path))
 
 
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:

@@ -34,7 +34,9 @@ class RigKind:
     film: Keys
     load: Keys = field(default_factory=dict)
     below: tuple[Pair, ...] = ()  # Numbers that must be below others, since one part cannot hold the other otherwise
-    absent: Mapping[str, Any] = field(default_factory=dict)  # Fields of the rig where the file does not have their key
+    absent: Mapping[str, float] = field(
+        default_factory=dict
+    )  # Fields of the rig where the file does not have their key
     examples: Mapping[str, float | str] = field(default_factory=dict)  # Values of a template
 
     @property

@@ -14,7 +14,7 @@ from deatwin.control.checking.verdict import late_rms_error
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.drawing import envelope
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.panels import Hue, filled
 from deatwin.studies.report.svg import draw
 
 if TYPE_CHECKING:
@@ -158,30 +158,24 @@ def _run_columns(view: View, run: ClosedLoop) -> Columns:
     }
 
 
-def _step_columns(view: View, steps: ClosedLoop) -> Columns:
-    """Over the whole reference where there is a prediction; a run that failed before is filled up with NaN."""
-    predicted = view.check.predicted
-    if predicted is None:
-        return {"time_s": steps.timepts, **_run_columns(view, steps)}
-    n, unit, scale = predicted.timepts.size, view.unit, view.size
+def _step_columns(view: View, steps: ClosedLoop) -> Mapping[str, Array]:
+    """Over the whole reference where there is a prediction; a run that failed before ends in gaps."""
+    columns = {"time_s": steps.timepts, **_run_columns(view, steps)}
+    if (predicted := view.check.predicted) is None:
+        return columns
+    unit, scale = view.unit, view.size
+    whole = {"time_s": predicted.timepts, header("reference", unit): predicted.reference / scale}
     band = {
         header("predicted", unit): predicted.middle / scale,
         header("low", unit): (predicted.middle - predicted.half_width) / scale,
         header("high", unit): (predicted.middle + predicted.half_width) / scale,
     }
-    run = {name: _filled(values, n) for name, values in _run_columns(view, steps).items()}
-    run[header("reference", unit)] = predicted.reference / scale
-    return {"time_s": predicted.timepts, **run, **band}
+    return filled({**columns, **whole, **band})
 
 
-def _other_columns(view: View, others: Mapping[str, ClosedLoop], longest: ClosedLoop) -> Columns:
-    n = longest.timepts.size
+def _other_columns(view: View, others: Mapping[str, ClosedLoop], longest: ClosedLoop) -> Mapping[str, Array]:
     columns = {"time_s": longest.timepts, header("reference", view.unit): longest.reference / view.size}
     for name, run in others.items():
-        columns[header(f"achieved_{name}", view.unit)] = _filled(run.output / view.size, n)
-        columns[header(f"command_{name}", view.check.operating.input_unit)] = _filled(run.command, n)
-    return columns
-
-
-def _filled(values: Array, count: int) -> Array:
-    return np.concatenate([values, np.full(count - values.size, np.nan)])
+        columns[header(f"achieved_{name}", view.unit)] = run.output / view.size
+        columns[header(f"command_{name}", view.check.operating.input_unit)] = run.command
+    return filled(columns)

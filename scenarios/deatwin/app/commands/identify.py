@@ -340,11 +340,12 @@ def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
     """Validate the model on held-out parts, or give the reason why that is not possible."""
     from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import validate
-    from deatwin.ident.narx.unstable import unstable_model
+    from deatwin.ident.narx.unstable import recorded_once, unstable_model
     from deatwin.plant.errors import ModelError
 
     try:
         return Tested(validation=validate(model, unseen))
     except ModelError as error:
         diverged = any(not model.simulate(part).status.ok for part in unseen)
-        return Tested(why_not=str(error), unstable=unstable_model(model, unseen, diverged=diverged))
+        unstable = unstable_model(model, unseen, recorded_once(model, unseen), diverged=diverged)
+        return Tested(why_not=str(error), unstable=unstable)

@@ -25,6 +25,7 @@ from deatwin.studies.voice import Voice, complain
 if TYPE_CHECKING:
     from deatwin.app.look_next import Next, Seen
     from deatwin.ident.look import Look
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.folder import ResultFolder
 
 
@@ -76,6 +77,7 @@ def look(
     from contextlib import nullcontext
 
     from deatwin.app.look_next import next_step
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord, hashes
     from deatwin.studies.report.story import end_run
@@ -89,8 +91,14 @@ def look(
         )
     voice = Voice(as_json=as_json, quiet=quiet)
     record = RunRecord(command=context.obj or [], inputs=hashes(files), seed=0, jobs=1)
-    asked: dict[str, Any] = {"input_column": input_column, "output_column": output_column, "time_column": time_column}
-    asked |= {"allow_gaps": allow_gaps, "dt": dt, "resample": resample}
+    asked = ReadOptions(
+        input_column=input_column,
+        output_column=output_column,
+        time_column=time_column,
+        allow_gaps=allow_gaps,
+        dt=dt,
+        resample=resample,
+    )
     with nullcontext() if out is None else ResultFolder(out) as folder:
         seen = [_seen(path, asked, voice) for path in files]
         following = next_step(seen, None if place is None else str(place))
@@ -107,7 +115,7 @@ def look(
             raise typer.Exit(1)
 
 
-def _seen(path: Path, asked: dict[str, Any], voice: Voice) -> Seen:
+def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
     """Read a file and look at it, and say both."""
     import shlex
 
@@ -116,7 +124,7 @@ def _seen(path: Path, asked: dict[str, Any], voice: Voice) -> Seen:
     from deatwin.plant.errors import DeatwinError
     from deatwin.plant.files.understood import understand
 
-    file = understand(path, **asked)
+    file = understand(path, asked)
     voice.say(str(path))
     for column in file.columns:
         unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""

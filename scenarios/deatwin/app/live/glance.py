@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from deatwin.app.live.desk import inside
 from deatwin.app.live.drawing import DRAWING
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.understood import Column, Understood, understand
+from deatwin.plant.readoptions import ReadOptions
 
 SIZE = (5.4, 6.4)
 
@@ -24,7 +23,7 @@ class Glance:
     lines: tuple[str, ...]  # What is in it, one fact a line
     picture: str  # SVG in the report's colours; empty where nothing could be read
     refused: str  # Why it cannot be read as it was asked for; empty if it can
-    further: Mapping[str, Any]  # Options with which it can be read, by the names of `read_recordings`
+    further: ReadOptions  # Options with which it can be read
     needs_sample_time: bool  # True if only that is missing
 
     def html(self) -> str:
@@ -34,9 +33,9 @@ class Glance:
         return templates("deatwin.app.live").get_template("glance.html.j2").render(glance=self)
 
 
-def glance(root: Path, name: str, asked: Mapping[str, Any]) -> Glance:
+def glance(root: Path, name: str, asked: ReadOptions) -> Glance:
     """Look at a file of the folder with the options that were asked for."""
-    file = understand(inside(root, name), **asked)
+    file = understand(inside(root, name), asked)
     fault = file.refused
     try:
         lines, picture = _looked(name, file) if file.recordings else ((), "")

@@ -10,16 +10,16 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import IO, Any
 
 from deatwin.app.live.desk import inside, safe_name
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.understood import flags_of
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.studies.partial import holds_only_partial
 
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
@@ -46,7 +46,7 @@ class Order:
 
     rig: str  # Rig file or ``model.json`` in the folder
     out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
-    reading: Mapping[str, Any] = field(default_factory=dict)  # Options of the readers that were asked for
+    reading: ReadOptions = NO_OPTIONS
     seed: int = 0
 
     @property
@@ -64,7 +64,7 @@ class Order:
 
     def _arguments(self, command: str) -> list[str]:
         files = [f"./{name}" if name.startswith("-") else name for name in self.files]
-        return [command, *files, "--out", self.out, "--seed", str(self.seed), *map("=".join, flags_of(self.reading))]
+        return [command, *files, "--out", self.out, "--seed", str(self.seed), *map("=".join, self.reading.flags)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +98,7 @@ class Planning(Order):
 
     @property
     def arguments(self) -> list[str]:
-        known = {k: v for k, v in self.reading.items() if k not in ("output_column", "allow_gaps")}
-        return replace(self, reading=known)._arguments("plan")
+        return replace(self, reading=self.reading.without("output_column", "allow_gaps"))._arguments("plan")
 
     def require(self) -> None:
         if not self.rig:

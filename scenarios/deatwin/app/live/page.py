@@ -27,6 +27,7 @@ from deatwin.app.live.jobs import Board, Diagnosing, Job, Order, Planning, State
 from deatwin.app.live.uploads import MEGABYTE, UPLOADS, keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
+from deatwin.plant.readoptions import ReadOptions
 
 REFRESH = 0.5
 """Seconds between two looks at the jobs."""
@@ -167,7 +168,7 @@ class View:
         try:
             content = await event.file.read()
             name = await run.io_bound(
-                keep_upload, self.board.root, event.file.name, content, most_bytes=self.most_bytes, **self.asked()
+                keep_upload, self.board.root, event.file.name, content, most_bytes=self.most_bytes, asked=self.asked()
             )
         except (DeatwinError, OSError) as error:
             self.complain(_told(error))
@@ -179,15 +180,17 @@ class View:
         else:
             self.recordings.set_value([*self.recordings.value, name])  # and so it is shown
 
-    def asked(self) -> dict[str, Any]:
+    def asked(self) -> ReadOptions:
         """Options of the readers that the fields ask for."""
         named = {role: field.value or None for role, field in self.columns.items()}
         for role, field in self.units.items():
             column = named[role] or self._place(role)
             if field.value and column:
                 named[role] = f"{column}={field.value}"
-        clock = {name: float(field.value) if field.value else None for name, field in self.clock.items()}
-        return {**named, **clock, "allow_gaps": bool(self.allow_gaps.value)}
+        clock: dict[str, Any] = {
+            name: float(field.value) if field.value else None for name, field in self.clock.items()
+        }
+        return ReadOptions(**named, **clock, allow_gaps=bool(self.allow_gaps.value))
 
     def _place(self, role: str) -> str | None:
         """The column that was last read in a role, by its place."""
@@ -211,12 +214,12 @@ class View:
         headers = [column.header for column in found.columns]
         for role, field in self.columns.items():
             field.set_autocomplete(headers)
-            if found.further.get(role):
-                field.set_value(found.further[role])
+            if column := getattr(found.further, role):
+                field.set_value(column)
         for option, number in self.clock.items():
-            if found.further.get(option):
-                number.set_value(found.further[option])
-        self.allow_gaps.set_value(self.allow_gaps.value or bool(found.further.get("allow_gaps")))
+            if value := getattr(found.further, option):
+                number.set_value(value)
+        self.allow_gaps.set_value(self.allow_gaps.value or found.further.allow_gaps)
         if found.refused:
             self.details.open()
         self.seen.set_content(f"<p><strong>{escape(name)}</strong></p>{found.html()}")

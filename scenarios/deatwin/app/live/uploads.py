@@ -7,10 +7,10 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from deatwin.app.live.desk import RECORDINGS, safe_name
 from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 
 MEGABYTE = 1_000_000
 UPLOADS = (*RECORDINGS, ".toml")
@@ -22,7 +22,7 @@ def keep_upload(
     content: bytes,
     *,
     most_bytes: int,
-    **asked: Any,
+    asked: ReadOptions = NO_OPTIONS,
 ) -> str:
     """Keep a rig file that reads, or a recording that reads as it was asked for or with options that can be found."""
     kept = safe_name(name)
@@ -43,7 +43,7 @@ def keep_upload(
         if suffix == ".toml":
             read_rig(path)
             return
-        found = understand(path, **asked)
+        found = understand(path, asked)
         if not found.recordings and not found.placeholders:
             raise DataError(found.refused)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,12 +53,33 @@ class Case:
     stated: tuple[tuple[float, bool], ...]  # Probability of each cause, and whether it is right
 
 
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """A fitted parameter beside the true one."""
+
+    name: str
+    true: float
+    low: float  # End of its 95 % interval
+    high: float
+
+    @property
+    def covered(self) -> bool:
+        """True if the interval holds the true value."""
+        return self.low <= self.true <= self.high
+
+
+def held_of(result: Mapping[str, Any]) -> Iterator[Held]:
+    """Yield the parameters of a result that have a true value."""
+    for row in result.get("parameters", ()):
+        yield Held(**{name: row[name] for name in ("name", "true", "low", "high")})
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
     """A study with its key: all that has been run of it."""
 
     cases: tuple[Case, ...]
-    intervals: tuple[Mapping[str, Any], ...]
+    intervals: tuple[Held, ...]
     failures: Mapping[str, str]  # Messages of the cases and fits that ended in an error
     seconds: tuple[float, ...]  # Processor time of each case
     planned: int  # Cases and fits that the key has
@@ -90,7 +111,7 @@ def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
     fits = [result for spec, result in results if spec["kind"] == "interval"]
     return Opened(
         cases=tuple(_case(spec, result, key["names"]["key"]) for spec, result in cases),
-        intervals=tuple(row for result in fits for row in result.get("parameters", ())),
+        intervals=tuple(held for result in fits for held in held_of(result)),
         failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
         seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
         planned=len(key["cases"]),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
+from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened, held_of
 from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.story import Measure
@@ -55,7 +54,7 @@ def score(study: Opened) -> list[Goal]:
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
     strong, distant = f"ratio {STRONG} or more", f"d² to the nearest rival {FAR:g} or more"
-    fine = (row for case in study.cases for row in case.result.get("parameters", ()))
+    fine = (held.covered for case in study.cases for held in held_of(case.result))
     return [
         _at_most(
             "false alarm: a cause named on clean data", [bool(c.causes) for c in clean], 1 / 150, "0 of 150, at most 1"
@@ -89,7 +88,7 @@ def score(study: Opened) -> list[Goal]:
         _at_least("error on held-out data ahead of every baseline, named cases", [_ahead(c) for c in named], 0.9),
         _points("naming ahead of the sparse dynamics (pysindy)", inside, 0.3),
         _covered(study),
-        _rate("95 % intervals cover, fine plant, where both have the parameter", REPORTED, map(_holds, fine), None),
+        _rate("95 % intervals cover, fine plant, where both have the parameter", REPORTED, fine, None),
         _calibration(study),
     ]
 
@@ -119,10 +118,6 @@ def gaps_closed(study: Opened) -> list[float]:
     return closed
 
 
-def _holds(row: Mapping[str, Any]) -> bool:
-    return bool(row["low"] <= row["true"] <= row["high"])
-
-
 def _ahead(case: Case) -> bool:
     others = [case.errors[name] for name in ("pysindy", "gaussian_process", "narx") if name in case.errors]
     return "diagnosis" in case.errors and all(case.errors["diagnosis"] < error for error in others)
@@ -140,10 +135,11 @@ def _harm(study: Opened) -> Goal:
 
 
 def _covered(study: Opened) -> Goal:
-    rate = Rate.of(map(_holds, study.intervals))
+    covered = [held.covered for held in study.intervals]
+    rate = Rate.of(covered)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
     measure = "95 % intervals of added parameters cover, data of the reduced plant"
-    return _rate(measure, f"92 to 98 % of at least {LEAST_PARAMETERS}", map(_holds, study.intervals), met)
+    return _rate(measure, f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
 
 
 def _calibration(study: Opened) -> Goal:

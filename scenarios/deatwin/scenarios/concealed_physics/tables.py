@@ -270,9 +270,7 @@ def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
     """Write every count as CSV, by the name of the file."""
     numbers = [(g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals]
     cases = [[cell(case) for cell in _COLUMNS.values()] for case in study.cases]
-    held = [
-        (r["name"], r["true"], r["low"], r["high"], int(r["low"] <= r["true"] <= r["high"])) for r in study.intervals
-    ]
+    held = [(h.name, h.true, h.low, h.high, int(h.covered)) for h in study.intervals]
     return {
         "goals.csv": csv_text(("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met"), numbers),
         "cases.csv": csv_text(tuple(_COLUMNS), cases),

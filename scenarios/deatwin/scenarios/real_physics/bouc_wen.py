@@ -29,8 +29,10 @@ from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import hdf5_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 RATE = 750.0
 """Hz."""
@@ -151,15 +153,7 @@ def case(folder: Path) -> Case:
         scale=1e-6,
         files=(train, test),
         law=lambda amended: _law(amended, motion, force),
-        notes=(
-            "A simulated benchmark. Diagnosed: the first two periods of the training multisine, from rest. Judged: "
-            "the official test signals, a multisine and a swept sine.",
-            "The plant is a mass between a linear spring and a damper. The catalogue's hysteresis has a force that "
-            "levels off; the rig brings Bouc's and Wen's two terms free of each other, since the benchmark's spring "
-            "hardens without a limit as it is strained.",
-            "The benchmark has a mass of 2 kg, 10 N s/m and 5·10⁴ N/m, and in the plant's terms a hysteretic force of "
-            "62.5 N over 1.25 mm with a hardening of 1.375.",
-        ),
+        notes=WORDS.texts("bouc_wen.notes"),
     )
 
 
@@ -184,7 +178,5 @@ def _law(amended: Plant, motion: Array, force: Array) -> Law:
         force="force on the mass (N)",
         measured=(x, mass * a + damping * v + stiffness * x - force[later]),
         modelled=(run["displacement"][later], run["missing"][later]),
-        caption="A period of the training record that was not diagnosed: what its acceleration needs beyond drive, "
-        f"spring and damper, each differentiated up to {BAND:g} Hz; the amended plant: the force of the effect that "
-        "was built in.",
+        caption=WORDS.text("bouc_wen.law", band=BAND),
     )

@@ -28,7 +28,10 @@ from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data
 from deatwin.studies.public.sources import data_folder
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
+
+WORDS = Words(__package__)
 
 
 class TankPlace(Enum):
@@ -151,16 +154,7 @@ def case(folder: Path) -> Case:
         scale=1.0,
         files=data.files,
         law=lambda amended: _law(amended, judged),
-        notes=(
-            "Diagnosed: the estimation record, 1024 samples of 4 s. Judged: the validation record, which begins at "
-            "the same unknown levels.",
-            "The plant has the documented four constants of two tanks that empty through their outlets, a pump that "
-            "lifts nothing below a threshold, and no brim. Its own error is taken as 10 % of the motion. An overflow "
-            "of both tanks, part of it caught by the lower one, is an effect that the rig brings itself, beside the "
-            "catalogue's at the rig's sizes.",
-            "Each time the level falls through some 5.5 V the reading drops by 0.4 V within one sample, in both "
-            "records, and never when it rises: no effect here has that, and it stays in what is left.",
-        ),
+        notes=WORDS.texts("cascaded_tanks.notes"),
     )
 
 
@@ -175,7 +169,5 @@ def _law(amended: Plant, judged: Experiment) -> Law:
         force="missing inflow of the lower tank (V/s)",
         measured=(signals["upper_level"], np.gradient(level, amended.rig.sample_time) - flow),
         modelled=(signals["upper_level"], signals["missing"]),
-        caption="Held-out recording: the rate of the measured level less the flows through the outlets; the level of "
-        "the upper tank, which nobody measured, is the amended plant's. Amended plant: what the lower tank catches "
-        "and spills.",
+        caption=WORDS.text("cascaded_tanks.law"),
     )

@@ -28,8 +28,10 @@ from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 FITTED = 13_000
 """Samples: two strokes out and back."""
@@ -126,21 +128,7 @@ def case(folder: Path) -> Case:
         files=files,
         loop="closed loop",
         law=lambda amended: _law(amended, validation, files[1]),
-        notes=(
-            f"Diagnosed: the first {FITTED / 1000:g} s of the estimation record, from rest, at 1 kHz. Judged: the "
-            "validation record, in which force pulses disturb the carriage, and the rest of the estimation record.",
-            "The controller is in the loop: the reference goes in, the position comes out, and friction shows in the "
-            "micrometres by which the stiff controller lets it. The plant has the controller's gains from the file, "
-            "viscous friction and a force offset. The reference is held at the middle of each sample, and the "
-            "controller is taken as continuous, so that its delay is found as less mass.",
-            "So all errors here are of closed-loop runs, in which the controller corrects what the model gets wrong. "
-            "They must not be compared with published errors of open-loop runs, from the motor force to the position, "
-            "which are some thousand times larger.",
-            "The pulses are called newtons in the file; the recorded motor voltage jumps by 5 V with each, and the "
-            "carriage by 5 V over the gains, so they act as volts at the motor, and the plant takes them so.",
-            "Black boxes get the reference's velocity and predict the deviation from the reference, 100 times a "
-            "second; they have one input, and so know nothing of the pulses.",
-        ),
+        notes=WORDS.texts("emps.notes", seconds=FITTED / 1000),
     )
 
 
@@ -199,7 +187,5 @@ def _law(amended: Plant, judged: Recording, file: Path) -> Law:
         force="force on the carriage (N)",
         measured=(velocity[inside], force[inside]),
         modelled=(signals["velocity"], signals["missing"]),
-        caption="Held-out recording: inertia and viscous friction less the recorded motor force, all up to "
-        f"{SMOOTH:g} Hz; no part of this is used by the fit, which sees positions only. Amended plant: the force of "
-        "the effect that was built in.",
+        caption=WORDS.text("emps.law", band=SMOOTH),
     )

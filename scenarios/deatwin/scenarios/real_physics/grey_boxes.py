@@ -37,8 +37,10 @@ from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 AVERAGED = 5
 """Samples of 1 ms that make one of EMPS: the mean voltage keeps the impulse, and friction needs no finer ones."""
@@ -177,7 +179,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "reached on the test parts; " + "; ".join(f"{j.task.name} {j.error:.3g} {j.task.unit}" for j in found) + ".",
         rows=rows,
         figures=[_drawn(number, one) for number, one in enumerate(found, start=1)],
-        notes=[Note(title="How it was judged", paragraphs=NOTES)],
+        notes=[Note(title="How it was judged", paragraphs=WORDS.texts("grey_boxes.notes"))],
         tables=[_table(found), *(_parameters(one) for one in found)],
     )
     return finish(setting.folder, record, page, errors={one.task.name: one.error for one in found})
@@ -187,19 +189,6 @@ def calibrated(data: Path | None, jobs: int) -> list[Judged]:
     """Return all plants, calibrated."""
     tasks = (*_tanks(data), *_emps(data), *_bouc_wen(data))
     return run_jobs(_judged, [(task,) for task in tasks], workers=jobs)
-
-
-NOTES = (
-    "Forms were chosen and parameters fitted on the training parts alone: outlets of the tanks by a power of the level, "
-    "rather than Torricelli's with a laminar share, because a fit to the first part of the training record then ran "
-    "better over the rest; the friction of EMPS with a difference between the directions for the same reason.",
-    "The test parts of the tanks and of EMPS were looked at twice before this page was written: with these forms, and "
-    "with the simpler ones that others have published (tanks 0.298 V; EMPS below). That of Bouc-Wen judges another "
-    "story, too.",
-    "Published figures are quoted second-hand: look at their sources before citing them.",
-    "EMPS runs in open loop: from the recorded voltage of the motor to the position, so that a small error of force "
-    "grows with time. The voltage is averaged over 5 ms.",
-)
 
 
 def _row(one: Judged) -> Measure:

@@ -28,8 +28,10 @@ from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.studies.public.records import silverbox as black_box_data
 from deatwin.studies.public.sources import data_folder
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 FITTED = slice(40_540, 57_900)
 """Two realisations of the multisine, each after some hundred samples of rest."""
@@ -104,14 +106,7 @@ def case(folder: Path) -> Case:
         scale=1e-3,
         files=data.files,
         law=lambda amended: _law(amended, table, judged),
-        notes=(
-            f"Diagnosed: two realisations of the multisine (samples {FITTED.start:,} to {FITTED.stop:,}), from rest. "
-            "Judged: the arrow-head (the first 40,000 samples), whose amplitude grows beyond theirs. The black boxes "
-            "learned from all ten realisations.",
-            "The plant is a mass between a spring and a damper, driven in proportion to the input; its noise is not "
-            "stated, so that the top of the spectrum shows it, and its own error is taken as 2 % of the motion. The "
-            "input is band-limited: it is turned into held samples that have its spectrum up to half the rate.",
-        ),
+        notes=WORDS.texts("silverbox.notes", first=FITTED.start, last=FITTED.stop),
     )
 
 
@@ -125,6 +120,5 @@ def _law(amended: Plant, table: Array, judged: HeldOut) -> Law:
         force="force (V/s²)",
         measured=(x, a + c * v + k * x - b * table[ARROW_HEAD, 0]),
         modelled=(signals["displacement"], signals["missing"]),
-        caption="Held-out recording: what its acceleration needs beyond drive, spring and damper, each differentiated "
-        f"up to {BAND:g} Hz; the amended plant: the force of the effect that was built in.",
+        caption=WORDS.text("silverbox.law", band=BAND),
     )

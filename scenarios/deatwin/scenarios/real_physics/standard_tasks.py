@@ -30,8 +30,10 @@ from deatwin.studies.public.records import (
 )
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 METHODS = (LINEAR, REFINED, GROWN)
 PLANT = "calibrated plant"
 """Recipes that stand for deatwin are the last method and the plants; the others stand beside them."""
@@ -42,13 +44,6 @@ SHOWN = 50
 """First samples of a test part that start a run and do not count; of EMPS 20 of 1 ms, which is one here."""
 EMPS_STEP = 20
 """Samples of 1 ms that make one of a black box."""
-NOTES = (
-    "Recipes are fixed: the candidates are those of the other stories, structure and parameters come from the training "
-    "part alone. The test parts of Silverbox and of the tanks had been run over in other stories before, those of EMPS "
-    "in open loop and of Bouc-Wen as the scenario grey-boxes says.",
-    "Published figures are quoted second-hand, from lists of those in Champneys et al., arXiv 2405.10779, and in the "
-    "sources that it names: look there before citing them. For EMPS the lists differ (dynoNet: 2.64 or 0.452 mm).",
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,7 +101,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         sentence=f"The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
         figures=[],
-        notes=[Note(title="Rules", paragraphs=NOTES)],
+        notes=[Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))],
         tables=[_table(rows)],
     )
     return finish(setting.folder, record, page, errors=[_plain(row) for row in rows])

@@ -54,10 +54,17 @@ class Words:
 
     def text(self, name: str, /, **numbers: Any) -> str:
         """A text by its dotted name."""
+        return _filled(self._found(name), numbers)
+
+    def texts(self, name: str, /, **numbers: Any) -> tuple[str, ...]:
+        """Several texts by their dotted name."""
+        return tuple(_filled(text, numbers) for text in self._found(name))
+
+    def _found(self, name: str) -> Any:
         found: Any = self._words
         for part in name.split("."):
             found = found[part]
-        return _filled(found, numbers)
+        return found
 
     def measure(self, name: str, passed: bool, /, **numbers: Any) -> Measure:
         """A measure beside its goal."""

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from deatwin.ident.narx import NarxModel, validate
 from deatwin.ident.narx.recorded_pole import recorded_pole
-from deatwin.ident.narx.unstable import stable_model_of_unstable
+from deatwin.ident.narx.unstable import recorded_once, stable_model_of_unstable
 from deatwin.plant.recording import Recording
 
 
@@ -93,7 +93,8 @@ def test_no_stable_plant_is_called_unstable():
         pole = 1.0 if seed % 10 == 0 else rng.uniform(0.5, 0.999)
         y = lfilter([0.0, 0.1], [1.0, -pole], u)
         y = y + (0.0 if seed % 4 == 3 else 0.05) * y.std() * rng.normal(size=800)
-        assert stable_model_of_unstable(model, [Recording.from_arrays(u, y, 0.1)]) == ""
+        records = [Recording.from_arrays(u, y, 0.1)]
+        assert stable_model_of_unstable(model, records, recorded_once(model, records)) == ""
 
 
 def held_back(seed, n=420):
@@ -121,7 +122,7 @@ def test_a_resampled_integrator_that_stands_still_is_not_called_unstable(step):
         even = np.arange(0.0, times[-1], step)
         held = commands[np.clip(np.searchsorted(times, even, side="right") - 1, 0, None)]
         record = Recording.from_arrays(held, np.interp(even, times, level), step)
-        assert stable_model_of_unstable(model, [record]) == ""
+        assert stable_model_of_unstable(model, [record], recorded_once(model, [record])) == ""
 
 
 def test_a_pole_that_grows_too_fast_for_any_loop_is_none():

@@ -8,6 +8,7 @@ import pytest
 
 from deatwin.plant.files import read_recordings
 from deatwin.plant.files.understood import understand
+from deatwin.plant.readoptions import ReadOptions
 
 Write = Callable[[str, str], Path]
 ROWS = "\n".join(f"{0.1 * k:.1f},{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40))
@@ -48,9 +49,9 @@ FILES = {
 def test_options_that_are_told_read_the_file(kind: str, write: Write) -> None:
     name, text, further = FILES[kind]
     found = understand(write(name, text))
-    assert further.items() <= found.further.items()
+    assert further.items() <= found.further.given.items()
     assert bool(found.refused) == bool(further)
-    again = read_recordings(write(name, text), **{**found.asked, **found.further})
+    again = read_recordings(write(name, text), **(found.asked | found.further).given)
     assert [record.n_samples for record in again] == [record.n_samples for record in found.recordings]
 
 
@@ -63,7 +64,7 @@ def test_what_is_refused_says_what_other_commands_say(write: Write) -> None:
 
 def test_columns_with_their_units_and_what_tells_them(write: Write) -> None:
     text = "Zeit (ms);U_cmd (V);Weg (mm);Raum\n" + "\n".join(f"{20 * k};{k % 7},5;{k % 5},25;1" for k in range(40))
-    found = understand(write("lab.csv", text), output_column="Weg (mm)")
+    found = understand(write("lab.csv", text), ReadOptions(output_column="Weg (mm)"))
     assert [(c.role, c.unit, c.si, c.how) for c in found.columns] == [
         ("time", "ms", "s", "by its header"),
         ("input", "V", "V", "guessed"),
@@ -77,7 +78,7 @@ def test_a_sample_time_that_only_the_user_knows(write: Write) -> None:
     path = write("a.csv", "u,y\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)))
     found = understand(path)
     assert found.recordings == () and found.options[-2:] == ("--dt", "SECONDS")
-    assert understand(path, dt=0.1).recordings[0].sample_time == 0.1
+    assert understand(path, ReadOptions(dt=0.1)).recordings[0].sample_time == 0.1
 
 
 def test_a_sample_time_in_one_cell_is_passed_over_beside_a_stated_one(write: Write) -> None:
@@ -104,7 +105,7 @@ def test_what_nothing_reads_is_one_line_without_options(write: Write, name: str,
 
 
 def test_what_the_user_names_is_not_replaced(write: Write) -> None:
-    found = understand(write("a.csv", f"time_s,u,y\n{ROWS}"), input_column="volts")
+    found = understand(write("a.csv", f"time_s,u,y\n{ROWS}"), ReadOptions(input_column="volts"))
     assert found.recordings == () and 'no column "volts"' in found.refused
 
 

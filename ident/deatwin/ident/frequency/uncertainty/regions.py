@@ -36,21 +36,11 @@ _MOST_POINTS = 300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertain(Described, Frozen, ABC):
-    """Frequency response with its uncertainty.
+    """Frequency response with its uncertainty."""
 
-    Parameters
-    ----------
-    response : FrequencyResponse
-        Frequency response at the model's own parameters.
-    level : float
-        Default probability of regions and bands.
-    dof : float
-        Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
-    """
-
-    response: FrequencyResponse = field(metadata=nested())
-    level: float = field(metadata=attribute())
-    dof: float = field(metadata=attribute())
+    response: FrequencyResponse = field(metadata=nested())  # At the model's own parameters
+    level: float = field(metadata=attribute())  # Default probability of regions and bands
+    dof: float = field(metadata=attribute())  # Of the parameters' Student-t law; infinite for a normal law
 
     linearised: ClassVar[bool]
 

@@ -1,0 +1,205 @@
+"""A best linear approximation: response, noise, odd and even nonlinear distortions, in words and in a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.frequency.frozen import Frozen
+from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.drawing import written_unit
+from deatwin.plant.prefixes import with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Lines = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BestLinearApproximation(Frozen):
+    """Response of the linear system nearest to a recorded one, and what of the output it leaves.
+
+    Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT); the rms of a part is the root of
+    twice the sum of their squares.
+
+    Parameters
+    ----------
+    frequencies : ndarray, shape (n_lines,)
+        Excited lines, Hz.
+    response : ndarray of complex, shape (n_lines,)
+        Best linear approximation, output unit by input unit.
+    variance : ndarray, shape (n_lines,)
+        Variance of `response`, E|G - E G|^2, by noise and distortion.
+    noise_variance : ndarray, shape (n_lines,)
+        The part of it that noise causes, which more periods would lower.
+    dof : float
+        Degrees of freedom of `variance`.
+    complete : bool
+        True if `variance` includes the distortion; False if neither several realisations nor detection lines show it.
+    all_frequencies : ndarray, shape (n_all,)
+        All lines of a period between 0 and half the sampling rate, Hz.
+    excited, odd : ndarray of bool, shape (n_all,)
+        Which lines are excited, and which are odd harmonics of the period.
+    output : ndarray, shape (n_all,)
+        Amplitude of the output, rms over the realisations.
+    noise : ndarray, shape (n_all,)
+        Standard deviation of the output's mean over the periods of one realisation.
+    distortion_variance : ndarray, shape (n_all,)
+        Power of the nonlinear distortion, unbiased, so that it may fall below zero where there is none; NaN where it
+        cannot be told.
+    realisations : int
+        Number of different inputs.
+    periods : int
+        Number of periods that were used, of all realisations.
+    left_out : int
+        Number of periods before the steady state, which were not used.
+    input_unit, output_unit : str
+        Units of the channels; empty if unknown.
+    noise_rms : float
+        Standard deviation of a single reading's noise, output unit.
+    """
+
+    frequencies: Array
+    response: Complex
+    variance: Array
+    noise_variance: Array
+    dof: float
+    complete: bool
+    all_frequencies: Array
+    excited: Lines
+    odd: Lines
+    output: Array
+    noise: Array
+    distortion_variance: Array
+    realisations: int
+    periods: int
+    left_out: int
+    input_unit: str
+    output_unit: str
+    noise_rms: float
+
+    @property
+    def separates(self) -> bool:
+        """True if only odd lines are excited, so that even distortions show on even lines and odd ones on odd lines."""
+        return bool(self.odd[self.excited].all())
+
+    @property
+    def even_rms(self) -> float:
+        """Root mean square of the even distortion over time, output unit; NaN where it cannot be told from the odd."""
+        return self._rms(~self.odd) if self.separates else float("nan")
+
+    @property
+    def odd_rms(self) -> float:
+        """Root mean square of the odd distortion over time, output unit; NaN where it cannot be told."""
+        return self._rms(self.odd) if self.separates else float("nan")
+
+    def _rms(self, lines: Lines) -> float:
+        return float(np.sqrt(2.0 * np.maximum(np.sum(self.distortion_variance[lines]), 0.0)))
+
+    def radius(self, probability: float = 0.95) -> Array:
+        """Return the radius of the disc about each value of `response` that holds the true one.
+
+        Parameters
+        ----------
+        probability : float
+            Probability that it does, between 0 and 1.
+
+        Returns
+        -------
+        ndarray, shape (n_lines,)
+            In output unit by input unit.
+        """
+        from scipy.special import fdtri
+
+        return np.asarray(np.sqrt(self.variance * fdtri(2.0, self.dof, probability)))
+
+    def __str__(self) -> str:
+        def size(value: float) -> str:
+            return f"{with_unit(value, self.output_unit)} rms" if np.isfinite(value) else "unknown"
+
+        drawn = f"{self.realisations} realisation{'s' if self.realisations > 1 else ''}, {self.periods} periods"
+        text = f"best linear approximation at {self.frequencies.size} lines from {drawn}"
+        if self.left_out:
+            text += f", without {self.left_out} in which the output settles"
+        text += f": noise {size(self.noise_rms)}"
+        if self.separates:
+            return text + f", even distortion {size(self.even_rms)}, odd distortion {size(self.odd_rms)}"
+        if self.complete:
+            return text + f", nonlinear distortion {size(self._rms(np.isfinite(self.distortion_variance)))}"
+        return text + ", nonlinear distortion unknown: excite odd harmonics only, some left out, or several phases"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the approximation as plain data for JSON; frequencies in Hz, values in the channels' units.
+
+        Returns
+        -------
+        dict
+        """
+
+        def number(value: float) -> float | None:
+            return float(value) if np.isfinite(value) else None
+
+        return {
+            "realisations": self.realisations,
+            "periods": self.periods,
+            "left_out": self.left_out,
+            "noise_rms": self.noise_rms,
+            "even_rms": number(self.even_rms),
+            "odd_rms": number(self.odd_rms),
+            "distortion_known": self.complete,
+            "frequency_Hz": self.frequencies.tolist(),
+            "gain": np.abs(self.response).tolist(),
+            "phase_deg": np.degrees(np.angle(self.response)).tolist(),
+            "std": np.sqrt(self.variance).tolist(),
+            "noise_std": np.sqrt(self.noise_variance).tolist(),
+        }
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw the gain with its standard deviations, and the output's lines with noise and distortions.
+
+        Parameters
+        ----------
+        axes : sequence of two matplotlib Axes, optional
+            Axes to draw on; created if omitted.
+
+        Returns
+        -------
+        sequence of matplotlib Axes
+        """
+        gain, output = chosen = panels_or_new(axes, 2, height=2.6)
+        gain.plot(
+            self.frequencies, np.abs(self.response), ".", color="C0", markersize=3, label="best linear approximation"
+        )
+        named = "noise and distortion" if self.complete else "noise alone: distortion is not told"
+        gain.plot(
+            self.frequencies, np.sqrt(self.variance), color="C3", linewidth=1.0, label=f"standard deviation, {named}"
+        )
+        gain.plot(self.frequencies, np.sqrt(self.noise_variance), color="0.5", linewidth=1.0, label="of noise")
+        units = f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
+        gain.set(ylabel=f"gain ({written_unit(units)})" if units else "gain", yscale="log", xlabel="frequency (Hz)")
+        parts = [(self.excited, ".", "C0", "output, excited lines")]
+        if self.separates:
+            parts += [
+                (~self.excited & self.odd, "^", "C3", "odd distortion"),
+                (~self.odd, "o", "C2", "even distortion"),
+            ]
+        else:
+            parts += [(~self.excited, "^", "C3", "detection lines")]
+        for lines, marker, colour, name in parts:
+            if lines.any():
+                output.plot(
+                    self.all_frequencies[lines], self.output[lines], marker, color=colour, markersize=3, label=name
+                )
+        output.plot(self.all_frequencies, self.noise, color="0.5", linewidth=1.0, label="standard deviation of noise")
+        unit = written_unit(self.output_unit)
+        output.set(ylabel=f"amplitude ({unit})" if unit else "amplitude", yscale="log", xlabel="frequency (Hz)")
+        for panel in chosen:
+            panel.legend(fontsize="small", ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+        return chosen

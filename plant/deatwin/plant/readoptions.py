@@ -1,0 +1,64 @@
+"""Options that say how a file is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """Options of `read_recordings`, by its names; None and False where one is not given."""
+
+    input_column: str | None = None
+    output_column: str | None = None
+    time_column: str | None = None
+    dt: float | None = None
+    resample: float | None = None
+    allow_gaps: bool = False
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Those that are given."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None and value is not False}
+
+    def __bool__(self) -> bool:
+        return bool(self.given)
+
+    def __or__(self, other: ReadOptions) -> ReadOptions:
+        """Both; where both give an option, the other's."""
+        return replace(self, **other.given)
+
+    def with_column(self, role: str, column: str) -> ReadOptions:
+        """These with another column as ``input``, ``output`` or ``time``."""
+        named: dict[str, Any] = {f"{role}_column": column}
+        return replace(self, **named)
+
+    def without(self, *names: str) -> ReadOptions:
+        """The others."""
+        return ReadOptions(**{name: value for name, value in self.given.items() if name not in names})
+
+    @property
+    def flags(self) -> list[tuple[str, ...]]:
+        """Flags of the command line, each with its value if it takes one."""
+        found: list[tuple[str, ...]] = []
+        for name, value in self.given.items():
+            flag = f"--{name.replace('_', '-')}"
+            shown = f"{value:.12g}" if isinstance(value, float) else str(value)
+            found.append((flag,) if value is True else (flag, shown))
+        return found
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Words of the command line."""
+        return tuple(word for flag in self.flags for word in flag)
+
+    def __str__(self) -> str:
+        """Return them as an error text shows them, with the columns in quotes."""
+        return " ".join(
+            f'{flag[0]} "{flag[1]}"' if flag[0].endswith("-column") else " ".join(flag) for flag in self.flags
+        )
+
+
+NO_OPTIONS = ReadOptions()

@@ -1,0 +1,41 @@
+"""TOML files of users: rig files, and files that name a model written elsewhere."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from deatwin.plant.errors import RigError, nearest
+from deatwin.plant.rigs.toml_hints import slip_of
+from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
+
+
+@dataclass(frozen=True, kw_only=True)
+class TomlFile:
+    """A TOML file, read but not yet checked."""
+
+    path: str
+    text: str
+    data: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], what: str = "rig file") -> "TomlFile":
+        """Read a file; errors call it `what`."""
+        try:
+            text = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}")).decode("utf-8-sig")
+            return cls(path=str(path), text=text, data=tomllib.loads(text))
+        except OSError as error:
+            # Stricter than usual: equal endings are no likeness.
+            beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
+            hint = nearest(Path(path).name, beside, likeness=0.8) if isinstance(error, FileNotFoundError) else ""
+            raise RigError(f"{path}: the {what} cannot be read: {error.strerror}{hint}") from None
+        except UnicodeDecodeError as error:
+            raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the {what} as UTF-8") from None
+        except RigError:
+            raise
+        except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
+            raise RigError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
+        except RecursionError:
+            raise RigError(f"{path}: not a {what}: lists in lists, too deep") from None

@@ -1,0 +1,79 @@
+"""What plants of one structure share: their equations, and the simulator that these are compiled to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from threading import RLock
+from typing import Any
+
+from deatwin.plant.builder import Builder
+from deatwin.plant.effects.base import Effect
+from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.parameters import ParameterSet
+from deatwin.plant.rigs.base import Rig, written
+from deatwin.plant.simulate import Simulator
+
+NOT_IN_EQUATIONS = frozenset(
+    {
+        "reading",
+        "noise",
+        "model_error",
+        "command_range",
+        "ball_is_known",
+        "prestretch_is_known",
+        "zero_is_known",
+        "chain",
+    }
+)
+"""Statements of a rig about itself besides its equations."""
+_LOCK = RLock()
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A plant, equal to others with the same equations: values that a fit can move do not count."""
+
+    rig: Rig = field(compare=False)
+    effects: tuple[Effect, ...] = field(compare=False)
+    parameters: ParameterSet = field(compare=False)
+    key: tuple[Any, str]
+
+    @classmethod
+    def of(cls, rig: Rig, effects: tuple[Effect, ...], parameters: ParameterSet) -> Structure:
+        """Return the structure of a rig with effects."""
+        known = {p.name: p.value for p in parameters.values() if p.known}
+        stated = {k: v for k, v in rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
+        stated |= {"further": [(reading.name, reading.series_resistance) for reading in rig.further]}
+        # The classes themselves: two that share a name may write different equations.
+        # Functions too: an energy of somebody's own is only named in the plain data.
+        energy = getattr(getattr(rig, "material", None), "energy", None)
+        classes = (type(rig), energy, *(type(e) for e in effects))
+        reach = {p.name: p.upper for p in parameters.values() if p.widest is not None}
+        named = sorted(stated.items()), [e.entry for e in effects], sorted(known.items()), sorted(reach.items())
+        return cls(rig, effects, parameters, (classes, repr(named)))
+
+    @property
+    def equations(self) -> Equations:
+        """The equations, written when they are first asked for."""
+        return _equations(self)
+
+    @property
+    def simulator(self) -> Simulator:
+        """The simulator, compiled when it is first asked for."""
+        with _LOCK:  # threads that start together would each write and compile the same equations
+            return _simulator(self, compiler())
+
+
+@lru_cache(maxsize=256)
+def _equations(structure: Structure) -> Equations:
+    build = Builder(structure.parameters, structure.effects)
+    with written(structure.rig, build) as reading:
+        return build.finish(reading, [further.name for further in structure.rig.further])
+
+
+@lru_cache(maxsize=64)
+def _simulator(structure: Structure, program: str | None) -> Simulator:
+    """Cached simulator for the compiler in use, which is part of the key only."""
+    return Simulator(structure.equations)
