@@ -67,6 +67,19 @@ def test_an_interrupt_that_became_an_error_is_no_result(
         running.run_case("tiny", clean)
 
 
+def test_a_case_is_diagnosed_and_compared_with_what_was_concealed() -> None:
+    """Two of the tiny study: what is concealed at 2.8 times the noise is named, and nothing where there is nothing."""
+    specs = {each.name: each for each in running.labels("tiny", TINY_SEED)}
+    for name, verdict, causes in (
+        ("quadratic-damping-01", "named", ["quadratic_damping"]),
+        ("clean-001", "parameters", []),
+    ):
+        result = running.run_case("tiny", specs[name])
+        found = result["diagnosis"]
+        assert (result["status"], found["verdict"]) == ("done", verdict)
+        assert [cause["effect"] for cause in found["causes"]] == causes
+
+
 @pytest.mark.study
 def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
     command = [
