@@ -13,35 +13,14 @@ from typing import Any
 import pytest
 
 from deatwin.app.cli import main
-from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.results import open_key
-from deatwin.scenarios.concealed_physics.seal import DECIDING, Seal, Store
-from deatwin.studies.sweep.constants import constants
+from deatwin.scenarios.concealed_physics.seal import Store
 
 TINY_SEED = 1001
 
 
 # --- the seal -------------------------------------------------------------------------------------------------------
-
-
-def test_thresholds_are_the_constants_of_the_engine() -> None:
-    from deatwin.ident.mismatch import excess
-
-    found = constants(DECIDING)
-    assert found["deatwin.ident.mismatch.excess.SIGNIFICANCE"] == excess.SIGNIFICANCE
-    assert all(name.startswith(("deatwin.ident.mismatch.", "deatwin.ident.greybox.")) for name in found)
-
-
-def test_a_moved_threshold_changes_the_seal(monkeypatch: pytest.MonkeyPatch) -> None:
-    from deatwin.ident.mismatch import excess
-
-    before = Seal.of("tiny", 0, {})
-    monkeypatch.setattr(excess, "SIGNIFICANCE", 0.5)
-    after = Seal.of("tiny", 0, {})
-    assert after.hash != before.hash
-    with pytest.raises(DataError, match=r"thresholds \(deatwin.ident.mismatch.excess.SIGNIFICANCE\)"):
-        after.require_same(before, Path("there"))
 
 
 # --- running --------------------------------------------------------------------------------------------------------
@@ -88,6 +67,20 @@ def test_an_interrupt_that_became_an_error_is_no_result(
         running.run_case("tiny", clean)
 
 
+def test_a_case_is_diagnosed_and_compared_with_what_was_concealed() -> None:
+    """Two of the tiny study: what is concealed at 2.8 times the noise is named, and nothing where there is nothing."""
+    specs = {each.name: each for each in running.labels("tiny", TINY_SEED)}
+    for name, verdict, causes in (
+        ("quadratic-damping-01", "named", ["quadratic_damping"]),
+        ("clean-001", "parameters", []),
+    ):
+        result = running.run_case("tiny", specs[name])
+        found = result["diagnosis"]
+        assert (result["status"], found["verdict"]) == ("done", verdict)
+        assert [cause["effect"] for cause in found["causes"]] == causes
+
+
+@pytest.mark.study
 def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
     command = [
         "scenario",

@@ -21,7 +21,7 @@ from deatwin.scenarios.control_check import study as running
 from deatwin.scenarios.control_check import trials
 from deatwin.scenarios.control_check.matters import QUANTITIES, Interval, Matter, Matters, Promise
 from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tables import judge, tables, trials_csv, verdicts_seen
+from deatwin.scenarios.control_check.tables import judge, trials_csv, verdicts_seen
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import (
     NO_MODEL,
@@ -62,15 +62,6 @@ def outcome(number=0, verdict="pass", inside=1.0, sound=True, *, design="LQG", c
 
 def put(trials: Trials, one: Outcome) -> None:
     trials.put(name_of(one.number), asdict(one))
-
-
-@pytest.mark.parametrize(
-    "one", [outcome(3), outcome(4, NO_MODEL, None, None), outcome(5, "marginal", 0.987654321, False)]
-)
-def test_an_outcome_comes_back_from_its_file(tmp_path: Path, one: Outcome) -> None:
-    trials = Trials(tmp_path, seed=7)
-    put(trials, one)
-    assert trials.outcomes([one.number]) == (one,)
 
 
 def test_a_study_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -324,16 +315,6 @@ def test_promises_are_counted_where_there_is_a_design() -> None:
     assert [p.kept for p in every] == [True, True, False, True]
     assert every[3].achieved == pytest.approx(7.5)  # µm
     assert every[1].predicted.high == pytest.approx(4.0)  # %
-
-
-def test_tables_are_rectangular() -> None:
-    for table in tables(made(outcomes=MIXED)):
-        assert {len(row) for row in table.rows} <= {len(table.columns)}, table.title
-    cells = [cell for table in tables(made(outcomes=MIXED)) for row in table.rows for cell in row]
-    assert "no design: the model is unstable" in cells
-    assert [row[0] for row in tables(made(outcomes=MIXED))[-1].rows] == ["2", "3", "4"]  # passed, and did not keep it
-    assert len(tables(made())) == len(tables(made(outcomes=MIXED))) - 1
-    assert "6.5" in cells[[c.startswith("5 (4 to 6)") for c in cells].index(True)]
 
 
 def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

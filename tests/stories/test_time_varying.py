@@ -15,7 +15,7 @@ from deatwin.scenarios import time_varying
 from deatwin.scenarios.time_varying import known, study
 from deatwin.scenarios.time_varying.known import covered, follow, frozen_run
 from deatwin.scenarios.time_varying.measures import judge
-from deatwin.scenarios.time_varying.study import STRUCTURE, Driven, Study, analyse
+from deatwin.scenarios.time_varying.study import Driven, Study, analyse
 from deatwin.studies.stories import Setting
 
 
@@ -68,13 +68,6 @@ def test_walks_are_covered_or_not() -> None:
     held = covered(rng, np.array([5.0, 15.0]), np.array([0.5, 2.0, 8.0]))
     assert {order: each.shape for order, each in held.items()} == {1: (2, 3), 2: (2, 3)}
     assert all(each.dtype == bool for each in held.values())
-
-
-def test_the_series_of_the_structure_ends_with_the_fifth_order() -> None:
-    assert len(STRUCTURE) == 22 and len(set(STRUCTURE)) == 22
-    assert max(term.degree for term in STRUCTURE) == 5
-    with_output = [term for term in STRUCTURE if any(v.kind == "y" for v, _ in term.factors)]
-    assert list(map(str, with_output)) == ["y(k-1)"]
 
 
 @pytest.fixture(scope="module")

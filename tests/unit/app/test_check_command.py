@@ -203,30 +203,6 @@ def test_what_cannot_be_met_is_an_answer(
     assert "<svg" not in page and "No controller could be designed" in page and 'class="verdict bad"' in page
 
 
-def test_a_free_run_that_diverges_on_the_recording_is_an_answer(
-    at_desk: Path, capsys: pytest.CaptureFixture[str], validate: Callable[[str, Path], dict[str, Any]]
-) -> None:
-    """0.5 y = 10 y³ + 0.028 u has no root above u = 1.54: there y grows without end. The job was done: status 0."""
-    model = NarxModel.load(at_desk / "narx.json")
-    grows = NarxModel.from_terms(
-        {"y(k-1)": 0.5, "y(k-1)^3": 10.0, "u(k)": 0.028},
-        sample_time=model.sample_time,
-        provenance=model.provenance,
-        operating=replace(
-            model.operating, output_min=np.zeros(1), output_max=np.full(1, 0.15), output_centre=np.full(1, 0.08)
-        ),
-    )
-    grows.save(at_desk / "grows.json")
-    given = ["grows.json", *PLANT, "--recording", "noise.csv", *COLUMNS, "--operating-input", "1.3"]
-    assert main(["check", *given, "--out", "grown"]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("fail: the model's free run fails on the recording: the free run diverged"), said
-    found = validate("check", at_desk / "grown" / "check.json")
-    assert found["worst_case"] == "model" and found["controller"] is None
-    page = (at_desk / "grown" / "report.html").read_text(encoding="utf-8")
-    assert "free run fails on the recording" in page and 'class="verdict bad"' in page
-
-
 def test_an_interrupt_leaves_nothing_half_written(
     at_desk: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

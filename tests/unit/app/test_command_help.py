@@ -24,7 +24,6 @@ from deatwin.app.options import complete_effects, fold_experiments
 from deatwin.app.stories import stories
 from deatwin.plant.effects import catalogue
 from deatwin.studies.stories import Setting, Story
-from deatwin.studies.voice import Voice
 
 COMMANDS: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
 PROGRAM = "import sys; from deatwin.app.cli import main; sys.exit(main())"
@@ -221,9 +220,3 @@ def test_colour_is_for_terminals_that_want_it() -> None:
     assert COLOUR.search(on_a_terminal())
     assert not COLOUR.search(on_a_terminal(NO_COLOR="1"))
     assert "\x1b" not in "\n".join(program("check", "--help"))
-
-
-def test_progress_is_for_terminals(capsys: pytest.CaptureFixture[str]) -> None:
-    with Voice().progress("working") as progress:
-        progress(0.5, "half of it")
-    assert capsys.readouterr() == ("", "")

@@ -19,7 +19,9 @@ def results(bench: Path) -> Path:
     """The results of one diagnosis of two experiments."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(bench)
-        arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out d --quiet"
+        arguments = (
+            "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out d --jobs 2 --quiet"
+        )
         assert main(arguments.split()) == 0
     return bench / "d"
 
@@ -38,10 +40,10 @@ def test_every_file_is_written_and_follows_its_schema(
     assert set(run["outputs"]) == {str(p.relative_to(results)) for p in results.rglob("*") if p.is_file()}
 
 
-def test_equal_runs_differ_in_nothing_but_the_record_of_the_run(
+def test_equal_runs_in_any_number_of_processes_differ_in_nothing_but_the_record_of_the_run(
     results: Path, on_bench: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out e --json"
+    arguments = "diagnose strip_of_mine:strip --experiment pulls.csv --experiment again.csv --out e --jobs 1 --json"
     assert main(arguments.split()) == 0
     assert json.loads(capsys.readouterr().out) == json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
     for path in results.rglob("*"):

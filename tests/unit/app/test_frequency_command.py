@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from made_narx import trained_on
 from numpy.typing import NDArray
-from strips import COLUMNS
 
 from deatwin.app import frequency_report
 from deatwin.app.cli import main
@@ -209,15 +208,6 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     write_responses(replace(found, missing="for a reason"), ResultFolder(tmp_path))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert 'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs: for a reason." in page
-
-
-def test_identified_then_analysed(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["identify", "pulls.csv", *COLUMNS, "--method", "frols", "--out", "found.json"]) == 0
-    assert main(["frequency", "found.json", "--out", "found"]) == 0
-    found = table(on_bench / "found/figures/frequency.csv")
-    assert (found["gain_low"] <= found["gain"]).all()
-    assert (on_bench / "found/figures/frequency.svg").read_text(encoding="utf-8").startswith("<svg")
-    assert "the operating point is stable" in capsys.readouterr().out
 
 
 def test_it_says_where_ellipses_do_not_describe_a_response():

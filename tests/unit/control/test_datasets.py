@@ -120,16 +120,3 @@ def test_limit_cycles_are_a_table_also_where_there_are_none(describing, kept):
     np.testing.assert_allclose(back["loop_imaginary"], (0.3 * shift / (1 - 0.7 * shift)).imag, rtol=1e-9)
     expected = describing(back["amplitude"].values, np.zeros(back["amplitude"].size)).real
     np.testing.assert_allclose(back["describing_real"], expected)
-
-
-def test_the_limit_cycle_of_a_relay_has_its_amplitude(kept):
-    # A double lag: its phase is -180 degrees between the ends, where -N L = 1 gives A = (4/pi) |L|.
-    numerator, denominator = [0.0, 0.0, 0.04], np.polymul([1.0, -0.8], [1.0, -0.8])
-    found = limit_cycles(numerator, denominator, 0.02, relay, np.geomspace(1e-3, 10, 80), np.linspace(1, 157, 200))
-    back = kept(found.to_xarray())
-    assert back.sizes["cycle"] == 1 and back["cycle_stable"].values.tolist() == [True]
-    omega = 2 * np.pi * float(back["cycle_frequency_Hz"][0])
-    shift = np.exp(-1j * omega * 0.02)
-    loop = 0.04 * shift**2 / (1 - 0.8 * shift) ** 2
-    assert loop.imag == pytest.approx(0.0, abs=1e-8) and loop.real < 0.0
-    assert float(back["cycle_amplitude"][0]) == pytest.approx(4 / np.pi * abs(loop), rel=1e-6)

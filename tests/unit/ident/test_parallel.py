@@ -89,7 +89,7 @@ def test_jobs_that_wait_are_not_run_once_their_master_is_killed(tmp_path):
         master.wait()
     done = len(list(tmp_path.iterdir()))
     assert done > 0
-    time.sleep(2.5)
+    time.sleep(1.5)
     assert len(list(tmp_path.iterdir())) <= done + 2  # those that were being run; two more wait at each worker
 
 
@@ -114,7 +114,7 @@ def job(number):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no process groups that a signal reaches")
-@pytest.mark.parametrize("after", [0.0, 0.1, 0.3, 2.0])
+@pytest.mark.parametrize("after", [0.1, 2.0])
 def test_an_interrupt_ends_workers_that_are_still_starting_without_a_word_of_theirs(tmp_path, after):
     (tmp_path / "slow_to_import.py").write_text(SLOW)
     command = [sys.executable, "-c", INTERRUPTED, str(tmp_path)]

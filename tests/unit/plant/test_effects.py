@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from deatwin.plant import Diaphragm, ElectrodeRC, Hysteresis, Plant, RigError, catalogue, effect_named
+from deatwin.plant import Diaphragm, Hysteresis, Plant, RigError, catalogue, effect_named
 from deatwin.plant.excitation import band_limited_noise
 
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
@@ -45,22 +45,6 @@ def test_an_effect_says_what_it_is(effect):
 def test_an_unknown_effect_gets_the_near_one():
     with pytest.raises(RigError, match='did you mean "hysteresis"'):
         effect_named("hysteresys")
-
-
-def test_an_electrode_without_resistance_passes_the_voltage_exactly(base, experiment):
-    plant = base.with_effects(ElectrodeRC(time=0.0))
-    signals = plant.simulate(experiment(NOISE)).require().watched[0]
-    # The unknown is the charge: Newton's last update is below 1e-5 of 1 kV, what is left below its square.
-    np.testing.assert_allclose(signals["film_voltage"], 800.0 * NOISE, rtol=0, atol=1e-7)
-
-
-def test_an_electrode_lags_by_its_time(base, experiment):
-    plant = base.with_effects(ElectrodeRC(time=0.05, film_share=0.0))
-    step = np.r_[np.zeros(50), np.full(50, 2.0)]
-    voltage = plant.simulate(experiment(step)).watched[0]["film_voltage"][50:]
-    exact = 1600.0 * (1 - np.exp(-0.02 * np.arange(1, 51) / 0.05))
-    # five stages: the first coefficient of the error of exp(-0.4) is below 1e-11
-    np.testing.assert_allclose(voltage, exact, rtol=1e-9)
 
 
 def test_a_drift_of_permittivity_leaves_the_rest_alone(base, experiment):

@@ -6,6 +6,7 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from typing import Any
 
 import pytest
 
@@ -68,22 +69,23 @@ def test_the_time_left_grows_by_a_quarter_at_most_while_nothing_is_told() -> Non
     assert progress.line == "fitting, 50 % done, about 16 s left"
 
 
-def test_work_that_is_gone_on_with_is_judged_by_what_this_run_did() -> None:
+@pytest.mark.parametrize(
+    ("begun", "seconds", "told", "line"),
+    [
+        ((0.8, "cases"), 60.0, (0.9, "cases"), "cases, 90 % done, about 60 s left"),  # a tenth a minute, gone on with
+        ((0.0,), 60.0, (1.0, "done"), "done, 100 % done"),
+        ((0.0,), 100.0, (0.5, "5 of 10, about 7 min left"), "5 of 10, about 7 min left, 50 % done"),  # told by the work
+    ],
+)
+def test_the_time_left_is_judged_by_what_this_run_did(
+    begun: tuple[Any, ...], seconds: float, told: tuple[Any, ...], line: str
+) -> None:
     clock = Clock(waits=0)
     progress = PlainProgress("study", clock)
-    progress.tell(0.8, "cases")
-    clock.now += 60.0
-    progress.tell(0.9, "cases")  # a tenth a minute; another tenth is left
-    assert progress.line == "cases, 90 % done, about 60 s left"
-
-
-def test_no_time_is_left_when_all_is_done() -> None:
-    clock = Clock(waits=0)
-    progress = PlainProgress("study", clock)
-    progress.tell(0.0)
-    clock.now += 60.0
-    progress.tell(1.0, "done")
-    assert progress.line == "done, 100 % done"
+    progress.tell(*begun)
+    clock.now += seconds
+    progress.tell(*told)
+    assert progress.line == line
 
 
 def test_no_time_is_guessed_from_nothing() -> None:
@@ -94,15 +96,6 @@ def test_no_time_is_guessed_from_nothing() -> None:
     clock.now += 100.0
     progress.tell(0.02, "calibrating")
     assert progress.line == "calibrating, 2 % done, some minutes left"
-
-
-def test_a_time_that_the_work_itself_tells_is_not_told_twice() -> None:
-    clock = Clock(waits=0)
-    progress = PlainProgress("study", clock)
-    progress.tell(0.0)
-    clock.now += 100.0
-    progress.tell(0.5, "case 5 of 10, about 7 min left")
-    assert progress.line == "case 5 of 10, about 7 min left, 50 % done"
 
 
 def test_control_characters_do_not_pass() -> None:

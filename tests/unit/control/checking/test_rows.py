@@ -1,14 +1,13 @@
 """The table of margins against python-control, loop by loop; what is unstable or not there; quantiles."""
 
 import warnings
-from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
 from made_models import controller_of
 
-from deatwin.control import LinearController, MarginRow
+from deatwin.control import LinearController
 from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.controllers.law import Law
 from deatwin.control.design.pid import PidGains
@@ -131,10 +130,3 @@ def test_the_low_quantile_is_never_above_the_source_itself(drawn):
     numerators[:, 0] *= 3.0
     for row in rows_of_family("model", family(numerators, drawn.denominators), controller()):
         assert row.gain_low <= row.gain
-
-
-def test_times_go_into_the_rows(drawn):
-    rows = rows_of_family("model", drawn, controller(), [5.0, 7.5])
-    assert [row.time for row in rows] == [5.0, 7.5]
-    assert replace(rows[0], time=None) == rows_of_family("model", drawn, controller())[0]
-    assert isinstance(rows[0], MarginRow)

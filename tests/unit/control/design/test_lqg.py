@@ -112,24 +112,6 @@ def test_a_wandering_output_is_followed_faster_than_a_noisy_one(sampled, around)
     assert slowest[0] < slowest[1]
 
 
-def test_it_leaves_its_limit_at_once_when_the_reference_turns(sampled):
-    linear = sampled(1.0, [0.2], delay=1)
-    controller = lqg(linear, command_limits=LIMITS, closed_loop_time=0.3)
-    past, state, commands = np.zeros(linear.denominator.size - 1), controller.start(), []
-    inputs, reference = np.zeros(linear.numerator.size), np.where(np.arange(800) < 500, 9.0, 2.0)
-    for asked in reference:
-        inputs[1:] = inputs[:-1]
-        inputs[0] = commands[-1] - 2.0 if commands else 0.0  # numerator[0] is zero: the command comes after the reading
-        reading = linear.numerator[1:] @ inputs[:-1] - linear.denominator[1:] @ past
-        past = np.append(reading, past[:-1])
-        command, state = controller.command(asked, 1.0 + reading, state)
-        commands.append(float(command))
-    assert commands[499] == 4.0  # 9 is out of reach: 3 is what the limit holds
-    assert commands[500] < 4.0
-    assert 1.0 + reading == pytest.approx(2.0, abs=1e-3)
-    assert commands[-1] == pytest.approx(3.0, abs=1e-3)
-
-
 def test_what_cannot_be_reached_is_refused_with_what_can(sampled):
     linear = sampled(1.0, [2.0, 1.0], [-0.5])  # answers first to the wrong side
     with pytest.raises(ControlError, match=r"cannot be reached: the model allows") as error:

@@ -21,14 +21,6 @@ def test_a_pid_has_the_transfer_function_of_backward_differences():
         np.testing.assert_allclose(found, value, rtol=1e-10)
 
 
-def test_the_name_says_what_is_there():
-    names = [
-        PidGains(proportional=p, integral=1.0, derivative=d, filter_time=0.1).name
-        for p, d in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
-    ]
-    assert names == ["I", "PI", "PID"]
-
-
 def test_held_at_a_limit_the_integral_follows():
     # A - L C has the eigenvalues of what is left: 1 - K_i h/K_p and the derivative's filter.
     law, windup = PID.law(H), PID.windup(H)

@@ -50,12 +50,6 @@ def test_it_has_the_system_s_frequency_response(system):
     np.testing.assert_allclose(linear.static_gain, system.dcgain(), rtol=1e-12)
 
 
-def test_it_steps_as_the_system_does():
-    system = control.tf([0.2, 0.1], [1.0, -1.2, 0.5], H)
-    expected = control.step_response(system, H * np.arange(60)).outputs
-    np.testing.assert_allclose(from_control(system).step_response(60), expected, atol=1e-13)
-
-
 @pytest.mark.parametrize(
     ("system", "status"),
     [

@@ -1,7 +1,6 @@
 """NARX models as nonlinear systems of python-control."""
 
 import control
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from made_models import controller_of
@@ -58,16 +57,6 @@ def test_it_runs_as_the_model_runs_free(terms):
     np.testing.assert_allclose(response.outputs, expected.outputs[:, first:], rtol=1e-12, atol=1e-14)
 
 
-def test_an_identified_model_runs_as_it_runs_free(model, recording):
-    first = model.table.max_lag
-    start = past_state(model, recording.inputs[:, :first], recording.outputs[:, :first])
-    response = control.input_output_response(
-        to_nlsys(model), recording.timepts[first:], recording.inputs[0, first:], start
-    )
-    expected = model.simulate(recording).outputs[0, first:]
-    assert np.abs(response.outputs - expected).max() < 1e-11 * np.ptp(expected)
-
-
 def test_it_carries_the_names_and_only_the_states_that_it_needs():
     model = made(TWO_INPUTS, input_names=("command", "temperature"), output_names=("displacement",))
     system = to_nlsys(model, "film")
@@ -97,12 +86,6 @@ def test_its_functions_take_time_state_input_and_params():
     np.testing.assert_allclose(system.updfcn(0.0, state, command, {}), [25.0, 10.0])
 
 
-def test_a_lag_of_zero_feeds_through_and_a_later_one_does_not():
-    for terms, expected in (({"u(k)": 2.0, "y(k-1)": 0.5}, 2.0), ({"u(k-1)": 2.0, "y(k-1)": 0.5}, 0.0)):
-        system = to_nlsys(made(terms))
-        assert system.output(0.0, np.zeros(system.nstates), 1.0) == pytest.approx(expected)
-
-
 @pytest.mark.parametrize("point", [0.0, 0.5])
 def test_python_control_linearises_it_as_deatwin_does(point):
     model, omega = made(CUBIC), np.array([0.1, 1.0, 10.0, 100.0])
@@ -117,20 +100,6 @@ def test_it_stays_at_rest():
     state = rest_state_of(model, 0.5)
     response = control.input_output_response(to_nlsys(model), H * np.arange(200), 0.5 * np.ones(200), state)
     np.testing.assert_allclose(response.outputs, linearise(model, 0.5).rest_output, rtol=1e-12)
-
-
-def test_a_step_response_is_that_of_the_difference_equation():
-    response = control.step_response(to_nlsys(made({"y(k-1)": 0.5, "u(k)": 1.0})), H * np.arange(20))
-    np.testing.assert_allclose(response.outputs, 2.0 - 0.5 ** np.arange(20), rtol=1e-14)
-
-
-def test_a_linear_model_is_drawn_by_python_control(model):
-    try:
-        for draw in (control.bode_plot, control.nyquist_plot):
-            drawn = draw(linearise(model).system())
-            assert drawn.figure.axes
-    finally:
-        plt.close("all")
 
 
 def test_read_one_sample_later_it_closes_a_loop_without_an_algebraic_one():

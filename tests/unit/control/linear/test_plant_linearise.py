@@ -126,12 +126,6 @@ def test_a_resistance_leaves_the_static_gain_and_adds_its_lag(command):
     )
 
 
-def test_its_step_response_is_that_of_python_control():
-    linear = linearise_plant(thesis_plant().with_effects(ElectrodeRC()), 2.5)
-    response = control.step_response(linear.system(), T=0.02 * np.arange(50))
-    np.testing.assert_allclose(linear.step_response(50), response.outputs, rtol=1e-9)
-
-
 MANY = (Creep(), ElectrodeRC(), Delay(time=0.033), SensorLag(), AmplifierSlew())
 
 

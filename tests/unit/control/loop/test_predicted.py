@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
 from made_models import controller_of, finished
@@ -96,25 +95,6 @@ def test_rows_read_at_the_start_equal_a_loop_written_down():
         integral += 1.5 * H * error
         y.append(0.5 * y[-1] + 0.6 * command + 0.3 * command * y[-2])
     np.testing.assert_allclose(got.outputs[0], outputs, rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("reading", [AT_END, AT_START])
-def test_a_linear_loop_is_that_of_python_control(reading):
-    lags = ("u(k)", "u(k-1)") if reading is AT_END else ("u(k-1)", "u(k-2)")
-    model = NarxModel.from_terms({"y(k-1)": 0.7, lags[0]: 0.4, lags[1]: 0.1, "1": 0.05}, sample_time=H)
-    linear = linearise(model, 0.1).in_loop(reading)
-    controller = replace(pi(), operating_output=linear.operating_output)
-    reference = step_reference(linear.operating_output, 0.2, 50, rise=4)
-    plant = control.ss(linear.system(), inputs=["command"], outputs=["reading"])
-    # The controller of python-control works in absolute values, the linear model in deviations.
-    law = controller.local(0.1).to_control(H)
-    loop = control.interconnect(
-        [control.ss(plant, name="plant"), control.ss(law, name="law")], inputs=["reference"], outputs=["reading"]
-    )
-    timepts = H * np.arange(reference.size)
-    expected = control.input_output_response(loop, timepts, reference - linear.operating_output).outputs
-    got = predicted(model, reading, reference, controller)
-    np.testing.assert_allclose(got.outputs[0] - linear.operating_output, expected, rtol=0, atol=1e-10)
 
 
 def test_a_reading_at_the_start_that_answers_to_its_own_command_is_refused():

@@ -9,8 +9,6 @@ from deatwin.control.errors import ControlError
 from deatwin.control.stability.circle import search
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
-from deatwin.ident.narx.excited import excited_band
-from deatwin.plant import DataError, Recording
 
 H = 0.02
 
@@ -26,22 +24,6 @@ def test_sampled_integrator_with_a_delay_in_closed_form():
     np.testing.assert_allclose(found.delay, phase / crossover * H, rtol=1e-9)
     np.testing.assert_allclose(found.gain, 2 * np.sin(np.pi / 6) / k, rtol=1e-9)
     assert found.stable.all()
-
-
-@pytest.mark.parametrize("delay", [2, 3, 7])
-def test_first_order_and_delay_under_pi_against_python_control(delay):
-    pole = np.exp(-H / 0.3)
-    plant = np.concatenate([np.zeros(delay), [1 - pole]])
-    top, bottom = np.convolve(plant, [0.9 + 2.0 * H, -0.9]), np.convolve([1.0, -pole], [1.0, -1.0])
-    size = max(top.size, bottom.size)
-    loop = control.tf(np.pad(top, (0, size - top.size)), np.pad(bottom, (0, size - bottom.size)), H)
-    # All crossings: python-control may count the integrator itself as one, with a margin of about zero.
-    gains, phases, _, _, crossovers, _ = control.stability_margins(loop, returnall=True, method="poly")
-    found = margins(top, bottom, H)
-    assert found.gain[0] == pytest.approx(gains[gains > 1.0].min(), rel=1e-9)
-    assert found.phase_deg[0] == pytest.approx(phases.min(), rel=1e-9)
-    assert found.delay[0] == pytest.approx((np.radians(phases) / crossovers).min(), rel=1e-9)
-    assert found.stable[0]
 
 
 def test_what_grows_by_its_margin_is_at_the_edge():
@@ -125,17 +107,6 @@ def test_disk_and_modulus_margin_of_a_delayed_gain_in_closed_form():
     np.testing.assert_allclose(found.disk_gain, 1 / k, rtol=1e-9)  # where the disk touches on the real axis
     np.testing.assert_allclose(found.gain, 1 / k, rtol=1e-12)  # half the sampling rate counts as a phase crossing
     np.testing.assert_allclose(np.tan(np.radians(found.disk_phase_deg) / 2), (1 - k) / (1 + k), rtol=1e-9)
-
-
-@pytest.mark.parametrize("delay", [1, 3])
-def test_disk_margin_of_a_sampled_integrator_against_a_dense_grid(delay):
-    top, bottom = np.eye(delay + 1)[delay] * 0.2, [1.0, -1.0]
-    found = margins(top, bottom, H)
-    angle = np.linspace(found.crossover[0] * H * 0.2, np.pi, 4_000_001)
-    loop = 0.2 * np.exp(-1j * delay * angle) / (1 - np.exp(-1j * angle))
-    # Spacing 8e-7, so that the grid is above the least by less than 1e-12 of it.
-    assert found.disk[0] == pytest.approx((2 * abs(1 + loop) / abs(1 - loop)).min(), rel=1e-9)
-    assert found.modulus[0] == pytest.approx(abs(1 + loop).min(), rel=1e-9)
 
 
 def test_disk_margins_against_python_control_on_a_grid_with_the_least():
@@ -246,20 +217,6 @@ def test_an_integrator_that_a_zero_cancels_leaves_the_loop_unstable():
     assert found.disk[0] == 0.0
 
 
-def test_large_controllers_times_large_models():
-    rng = np.random.default_rng(6)
-    spread = 0.85 * np.exp(1j * np.linspace(0.3, 2.8, 5))  # order 10, and order 6
-    controller = np.poly([*spread, *spread.conj()]).real
-    model = np.poly([*(0.7 * spread[:3]), *(0.7 * spread[:3].conj())]).real
-    tops = in_series(rng.normal(size=(40, 7)) * 0.02, rng.normal(size=(40, 11)) * 0.1)
-    bottom = np.convolve(controller, model)
-    found = margins(tops, bottom, H)
-    largest = [abs(np.roots(bottom + top)).max() for top in tops]
-    assert found.stable.tolist() == [value < 1 for value in largest]
-    assert found.stable.sum() > 5
-    assert not any(np.isnan(v).any() for v in vars(found).values())
-
-
 def test_stability_agrees_with_the_roots_near_the_unit_circle():
     rng = np.random.default_rng(9)
     polynomials, expected = [], []
@@ -286,9 +243,3 @@ def test_stability_agrees_with_the_roots_near_the_unit_circle():
 def test_what_is_no_loop_is_refused(top, bottom, sample_time, text):
     with pytest.raises(ControlError, match=text):
         margins(top, bottom, sample_time)
-
-
-def test_excited_band(recording):
-    assert excited_band(recording) == pytest.approx(1.0, abs=0.05)
-    with pytest.raises(DataError, match="constant"):
-        excited_band(Recording.from_arrays(np.ones(100), np.zeros(100), H))

@@ -35,12 +35,6 @@ def near(output, input_centre=0.0, size=2.0):
     )
 
 
-def test_linear_model_has_one_equilibrium():
-    point = equilibrium(NarxModel.from_terms({"y(k-1)": 0.6, "u(k-1)": 2.0, "1": 1.0}, sample_time=1.0), 3.0)
-    np.testing.assert_allclose(point.outputs, [7.0 / 0.4], rtol=1e-14)
-    assert point.is_stable
-
-
 def test_all_equilibria_with_stability_and_the_one_near_the_data():
     """y = 1.5 y - 0.5 y^3: at 0 unstable (slope 1.5), at ±1 stable (slope 0)."""
     terms = {"y(k-1)": 1.5, "y(k-1)^3": -0.5, "u(k-1)": 1.0}
@@ -191,23 +185,6 @@ def test_the_free_run_of_the_deviations_is_that_of_the_model(operating_input):
     np.testing.assert_allclose(
         shifted.simulate(deviations).outputs + ybar, model.simulate(recording).outputs, rtol=0, atol=1e-12
     )
-
-
-def test_deleting_the_constant_instead_is_wrong():
-    """The counterexample: y(k) = 1 + 0.5 y(k-1) - 0.1 y(k-1)^2 + u(k-1), at rest at ybar = 1.531."""
-    model = NarxModel.from_terms({"1": 1.0, "y(k-1)": 0.5, "y(k-1)^2": -0.1, "u(k-1)": 1.0}, sample_time=1.0)
-    deleted = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-1)^2": -0.1, "u(k-1)": 1.0}, sample_time=1.0)
-    shifted = remove_dc(model, 0.0)
-    ybar = equilibrium(model, 0.0).output
-    assert ybar == pytest.approx((-5 + 65**0.5) / 2, rel=1e-13)
-    found = dict(zip(map(str, shifted.terms), shifted.theta, strict=True))
-    assert found == pytest.approx({"y(k-1)": 0.5 - 0.2 * ybar, "u(k-1)": 1.0, "y(k-1)^2": -0.1}, rel=1e-13)
-
-    u = 0.5 * np.sin(0.3 * np.arange(200))
-    truth = model.simulate(Recording.from_arrays(u, np.full(200, ybar), 1.0)).outputs - ybar
-    rest = Recording.from_arrays(u, np.zeros(200), 1.0)
-    np.testing.assert_allclose(shifted.simulate(rest).outputs, truth, rtol=0, atol=1e-13)
-    assert np.abs(deleted.simulate(rest).outputs - truth).max() > 0.3
 
 
 def test_covariance_of_the_deviations_by_differences():

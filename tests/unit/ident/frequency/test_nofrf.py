@@ -110,21 +110,6 @@ def test_the_sum_of_orders_is_the_simulated_spectrum(name):
         assert relative(found.output_spectrum(level).values, simulated) <= 1e-12
 
 
-def test_output_nonlinearity_leaves_a_remainder_that_falls_with_the_level():
-    # What N = 3 orders leave of Y begins with a^4: twice the amplitude, 16 times the remainder, up to the next order,
-    # which is 0.05 of it at the larger amplitude (output_orders: |Y_5| by |Y_4|) and bends the line by about as much.
-    model = model_of(INFINITE["quadratic"])
-    remainders = []
-    for amplitude in (0.05, 0.1):
-        excitation = signal(amplitude)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NofrfWarning)
-            found = nofrf(model, excitation, 3, highest=3)
-        simulated = simulated_spectrum(model, 0.9 * excitation.values)
-        remainders.append(np.linalg.norm(found.output_spectrum(0.9).values - simulated))
-    assert np.log2(remainders[1] / remainders[0]) == pytest.approx(4.0, abs=0.1)
-
-
 @pytest.mark.parametrize("name", INFINITE)
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("signs", ["one sign", "both signs"])
@@ -354,15 +339,6 @@ def test_results_are_copied_and_stay_immutable(copy):
 def test_what_is_no_level_is_said(level, text):
     with pytest.raises(ModelError, match=text):
         nofrf(model_of(FINITE["degree 2"]), signal(), 2).output_spectrum(level)
-
-
-def test_many_parameters_at_once():
-    model = model_of(INFINITE["quadratic"])
-    response = nofrf_exact(model, signal(0.2), 2)
-    thetas = model.theta + 0.01 * np.random.default_rng(0).normal(size=(3, 4))
-    for theta, values in zip(thetas, response.evaluate(thetas).values, strict=True):
-        expected = nofrf_exact(replace(model, theta=theta), signal(0.2), 2).values
-        np.testing.assert_allclose(values, expected, rtol=1e-9)
 
 
 def test_about_an_operating_point():

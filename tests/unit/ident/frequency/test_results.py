@@ -119,16 +119,6 @@ def test_an_evaluation_at_other_points_is_one_clear_error():
         propagate(MODEL, lambda model: wrong)
 
 
-def test_many_models_on_a_grid_are_those_one_by_one():
-    omega = frequency_grid(OMEGA, OMEGA[:2], -OMEGA)
-    thetas = MODEL.theta + np.random.default_rng(2).normal(size=(4, 5)) @ ROOT.T
-    for form in ("symmetric", "recursive"):
-        many = gfrf(MODEL, 3, omega, form=form).evaluate(thetas)
-        for theta, values in zip(thetas, many.values, strict=True):
-            alone = gfrf(replace(MODEL, theta=theta), 3, omega, form=form)
-            np.testing.assert_allclose(values, alone.values, rtol=1e-10, atol=1e-15)
-
-
 # One law for one question
 
 

@@ -7,7 +7,7 @@ import pytest
 from direct import direct_output
 from made_narx import trajectory_of
 
-from deatwin.ident.frequency import equilibrium, gfrf, output_orders, output_spectrum
+from deatwin.ident.frequency import equilibrium, output_orders, output_spectrum
 from deatwin.ident.frequency.output_responses.excitation import design_excitation
 from deatwin.ident.frequency.spectrum import line_frequencies, one_period, spectrum_of
 from deatwin.ident.frequency.varying.along_time import tv_nofrf, tv_output_spectrum
@@ -89,23 +89,6 @@ def test_orders_are_the_powers_of_the_level_in_the_simulated_steady_state(excita
         np.testing.assert_allclose(response.values, separated[order], rtol=0, atol=1e-8 * size)
 
 
-def test_the_sum_of_orders_approaches_the_simulated_output_at_its_order():
-    """What is left out after order N falls with the level to the power N + 1: by 2^(N+1) when it is halved."""
-    excitation = multisine(64, (3, 10, 14))
-    ybar = equilibrium(model(), OPERATING).output
-
-    def left_out(level, order):
-        inputs = OPERATING + level * np.tile(excitation, 8)
-        run = model().simulate(Recording.from_arrays(inputs, np.full(inputs.size, ybar), SAMPLE_TIME))
-        summed = output_spectrum(model(), level * excitation, order, operating_input=OPERATING)
-        assert summed.order == 0 and summed.label == "$Y$"
-        return np.abs(spectrum_of(run.outputs[0, -64:] - ybar) - summed.values).max()
-
-    for order in (1, 2, 3, 4):
-        # The next order adds its share, which falls with the level (and is 0.4 % here).
-        assert left_out(0.1, order) / left_out(0.05, order) == pytest.approx(2 ** (order + 1), rel=0.01)
-
-
 def test_a_square_of_two_tones_by_hand():
     """u^2 of A cos(wt) + B cos(vt): A^2/2 + B^2/2, A^2/2 cos 2wt, B^2/2 cos 2vt, AB cos (v+w)t, AB cos (v-w)t."""
     k = np.arange(20)
@@ -128,14 +111,6 @@ def test_energy_appears_only_at_combinations_of_the_lines():
         size = response.gain.max()
         assert response.gain[silent].max() < 1e-15 * size * n
         assert response.gain[reached].min() > 1e-9 * size
-
-
-def test_the_first_order_is_h1_times_the_input():
-    excitation = EXCITATIONS["noise"]
-    first = output_orders(model(), excitation, 1, operating_input=OPERATING)[0]
-    h1 = gfrf(model(), 1, first.omega, operating_input=OPERATING)
-    # Rounding of the Fourier transforms is that of the largest line.
-    np.testing.assert_allclose(first.values, h1.values * spectrum_of(excitation), rtol=1e-12, atol=1e-16)
 
 
 def test_gradient_against_differences():

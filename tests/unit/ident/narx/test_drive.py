@@ -101,9 +101,3 @@ def test_a_linear_model_runs_from_given_outputs_as_from_recorded_ones(inputs):
         LINEAR.simulate(u, initial=[1.0, 2.0])
     with pytest.raises(ModelError, match="warmup counts recorded outputs"):
         LINEAR.simulate(u, warmup=3)
-
-
-def test_a_linear_arx_model_runs_as_its_narx_model():
-    arx = LinearModel(a=[1, -0.9, 0.3], b=[[0, 0.5]], sample_time=1.0)
-    u, start = np.random.default_rng(3).normal(size=40), np.array([0.5, -0.4, 0.2])
-    assert np.allclose(arx.simulate(u, initial=start).outputs, arx.to_narx().simulate(u, initial=start).outputs)

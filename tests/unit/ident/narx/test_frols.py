@@ -7,10 +7,7 @@ import pytest
 
 from deatwin.ident.narx import Frols, regression
 from deatwin.ident.narx.criteria import criterion_values
-from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.forward import forward_selection
-from deatwin.ident.narx.identifier import FitStatus
-from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.plant.recording import Experiment, Recording
 
@@ -33,17 +30,6 @@ def test_finds_terms_parameters_and_noise():
     assert frols.model_.noise_variance == pytest.approx(1e-4, rel=0.2)
     assert len(frols.path_) == frols.criterion_.size == 10 and frols.err_.size == 3
     assert 0.99 < frols.err_.sum() < 1.0
-
-
-def test_covariance_is_that_of_least_squares():
-    recording = bilinear()
-    model = Frols(degree=2).fit(recording).model_
-    phi = model.table.rows(recording.inputs, recording.outputs, 2, recording.n_samples).T
-    theta, residual, *_ = np.linalg.lstsq(phi, recording.outputs[0, 2:])
-    np.testing.assert_allclose(model.theta, theta, rtol=1e-10)
-    sigma = residual[0] / (phi.shape[0] - phi.shape[1])
-    assert model.noise_variance == pytest.approx(sigma, rel=1e-10)
-    np.testing.assert_allclose(model.theta_cov, sigma * np.linalg.inv(phi.T @ phi), rtol=1e-8)
 
 
 def test_each_recording_starts_with_its_own_lags():
@@ -97,46 +83,6 @@ def test_noise_free_data_do_not_buy_terms_at_rounding_level(criterion):
     true = {"y(k-1)": 0.5, "u(k-2)": 0.8, "y(k-1)u(k-1)": -0.3}
     for term, theta in zip(frols.terms_, frols.model_.theta, strict=True):
         assert theta == pytest.approx(true.get(str(term), 0.0), abs=1e-12)
-
-
-def exact_selection(rows, target, chosen):
-    """Error reduction ratios and parameters of chosen rows, by modified Gram-Schmidt in extended precision."""
-    basis, triangle, err = [], np.eye(len(chosen), dtype=np.longdouble), []
-    output = target.astype(np.longdouble)
-    for j, c in enumerate(chosen):
-        left = rows[c].astype(np.longdouble)
-        for _ in range(3):
-            for i, q in enumerate(basis):
-                along = q @ left
-                triangle[i, j] += along
-                left = left - along * q
-        triangle[j, j] = np.sqrt(left @ left)
-        basis.append(left / triangle[j, j])
-        err.append((basis[-1] @ output) ** 2 / (output @ output))
-    theta = np.array([q @ output for q in basis])
-    for i in reversed(range(len(chosen))):
-        theta[i] = (theta[i] - triangle[i, i + 1 :] @ theta[i + 1 :]) / triangle[i, i]
-    return np.array(err), theta
-
-
-@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="no extended precision on this computer")
-@pytest.mark.parametrize("offset", [0.0, 5.0, 50.0])
-def test_no_digits_are_lost_on_ill_conditioned_regressors(offset):
-    recording = bilinear(300, seed=9, noise=0.05)
-    moved = Recording.from_arrays(recording.inputs + offset, recording.outputs + offset, 0.1)
-    rows, target = Regression.of(moved, output_lags=3, input_lags=3, degree=3).matrix()
-    steps = list(forward_selection(rows.copy(), target, 10))
-    chosen = [step.candidate for step in steps]
-    err, theta = exact_selection(rows, target, chosen)
-    shown = rows[chosen] / np.linalg.norm(rows[chosen], axis=1)[:, None]
-    condition = np.linalg.cond(shown)  # 5, 8e3 and 2e6
-    # Each direction is as exact as the rounding of its regressor over the sine of its angle to those before: digits are
-    # lost in proportion to the condition number. A Gram matrix loses them with its square, 1e-3 at the last offset.
-    unit = np.finfo(float).eps
-    np.testing.assert_allclose([step.err for step in steps], err.astype(float), rtol=10 * unit * condition)
-    exact = theta.astype(float)
-    error = np.abs(least_squares(rows[chosen], target).theta - exact).max() / np.abs(exact).max()
-    assert error < 10 * unit * condition
 
 
 def test_rows_that_are_given_count_as_chosen():
@@ -239,21 +185,6 @@ def test_another_estimator_takes_the_chosen_terms():
     assert plain.terms_ == ridge.terms_
     assert np.abs(ridge.model_.theta).sum() < 0.9 * np.abs(plain.model_.theta).sum()
     assert "Ridge(penalty=1.0)" in ridge.model_.provenance["identifier"]
-
-
-def test_progress_and_interrupt():
-    told = []
-
-    def interrupt(share, doing):
-        told.append((share, doing))
-        if len(told) == 2:
-            raise KeyboardInterrupt
-
-    frols = Frols(max_terms=6, criterion="none").fit(bilinear(), progress=interrupt)
-    assert frols.status_ is FitStatus.INTERRUPTED and len(frols.terms_) == 2
-    assert [share for share, _ in told] == pytest.approx([1 / 6, 2 / 6])
-    again = Frols(max_terms=2, criterion="none").fit(bilinear())
-    np.testing.assert_array_equal(frols.model_.theta, again.model_.theta)
 
 
 def test_the_path_is_drawn():

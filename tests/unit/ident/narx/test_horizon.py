@@ -57,14 +57,6 @@ def test_runs_in_several_blocks_are_those_of_one():
     assert np.allclose(model.predict(recording, steps=5).outputs[:, 9010:], late, rtol=1e-12)
 
 
-def test_the_farthest_prediction_is_the_end_of_the_free_run():
-    model = NarxModel.from_terms({"y(k-1)": 0.5, "y(k-2)": -0.2, "u(k-1)^2": 0.3}, sample_time=0.1)
-    recording = make_recording()
-    response = model.predict(recording, steps=recording.n_samples - 2)
-    assert response.first == recording.n_samples - 1
-    assert response.outputs[0, -1] == pytest.approx(model.simulate(recording).outputs[0, -1], rel=1e-12)
-
-
 def test_an_input_alone_is_predicted_from_the_first_sample_on():
     model = NarxModel.from_terms({"u(k)": 2.0}, sample_time=0.1)
     recording = make_recording()

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Fixed, Frols, Narmax, Semp, SvbNarx
+from deatwin.ident.narx import Fixed, Frols, Grow, Narmax, Semp, SvbNarx
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx
 from deatwin.ident.testing import example_recordings
@@ -88,6 +88,7 @@ def test_a_grid_search_over_a_list_of_recordings_finds_the_structure_of_the_data
         SvbNarx(),
         Semp(output_lags=2, input_lags=2, degree=2),
         Fixed(terms=["y(k-1)", "u(k-2)"]),
+        Grow(degree=1),
     ],
     ids=lambda one: type(one).__name__,
 )

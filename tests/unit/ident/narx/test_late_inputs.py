@@ -17,8 +17,8 @@ def late(lag, seed=0, n=800, noise=0.02, poles=(0.9,), kind="white"):
     )
 
 
-@pytest.mark.parametrize("lag", [4, 25])
-def test_every_estimator_and_validation_says_it(lag):
+def test_every_estimator_and_validation_says_it():
+    lag = 9
     record, unseen = late(lag, n=500), late(lag, 1, n=500)
     fits = (SvbNarx(degree=1), Frols(degree=1), Semp(degree=1), Fixed(terms=["y(k-1)", "u(k-1)"]))
     for identifier in fits:

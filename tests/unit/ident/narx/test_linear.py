@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from deatwin.ident.frequency import frf
 from deatwin.ident.narx import FitStatus, NarxModel
-from deatwin.ident.narx.linear import Armax, Arx, BoxJenkins, LinearModel, Orders, OutputError
+from deatwin.ident.narx.linear import Armax, Arx, BoxJenkins, Orders, OutputError
 from deatwin.ident.narx.linear import search as search_module
 from deatwin.ident.narx.linear.polynomials import is_stable, reflected
 from deatwin.ident.narx.linear.prediction import prediction_errors
@@ -224,14 +224,6 @@ def test_against_peers(estimator, system, published, tolerance):
     assert np.abs(deviations).max() < tolerance
 
 
-def test_standard_errors_against_statsmodels():
-    model = BoxJenkins(nb=2, nc=1, nd=1, nf=0, offset=False).fit(peers_data(*PEERS[3][1])).model_
-    # printed by the same script; both estimate the inverse of the same information from 600 samples
-    np.testing.assert_allclose(
-        np.sqrt(np.diag(model.theta_cov)[:-1]), [0.01630153, 0.01603198, 0.03438848, 0.0269279], rtol=0.05
-    )
-
-
 def test_several_inputs_with_their_own_orders_and_delays():
     rng = np.random.default_rng(7)
     u, e = rng.normal(size=(2, 800)), 0.1 * rng.normal(size=800)
@@ -291,12 +283,6 @@ def test_an_interrupt_keeps_the_best_so_far(monkeypatch):
     assert whole.model_.noise_variance <= cut.model_.noise_variance < 1.05 * whole.model_.noise_variance
 
 
-def test_progress_rises_to_one():
-    told = []
-    Armax().fit(record(np.random.default_rng(11)), progress=lambda share, doing: told.append(share))
-    assert told == sorted(told) and told[0] == 0.0 and told[-1] == 1.0
-
-
 def test_contract():
     estimator = BoxJenkins(nb=(1, 2), nc=1)
     assert type(estimator)(**estimator.get_params()).get_params() == estimator.get_params()
@@ -312,10 +298,3 @@ def test_what_the_data_do_not_determine_is_uncertain():
     u, e = rng.normal(size=(2, 400))
     model = OutputError(nb=1, nf=1).fit(Recording.from_arrays(np.stack([u, u]), 2 * u + 0.1 * e, 1.0)).model_
     assert np.sqrt(model.theta_cov[0, 0]) > 1.0
-
-
-def test_provenance_names_the_estimator():
-    model = Arx(na=1, nb=1).fit(record(np.random.default_rng(13))).model_
-    assert isinstance(model, LinearModel)
-    assert model.provenance["identifier"] == "Arx(na=1, nb=1, nk=1, offset=True)"
-    assert (model.input_names, model.output_units) == (("command",), ("m",))

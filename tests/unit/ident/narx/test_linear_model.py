@@ -141,32 +141,6 @@ def test_python_control_gives_the_same_responses():
     np.testing.assert_allclose(v, lfilter(model.c, np.convolve(model.a, model.d), e), atol=1e-12)
 
 
-def test_covariance_of_the_frequency_response_against_draws_of_the_parameters():
-    model, omega = full_model(), np.array([0.5, 5.0, 20.0])
-    cov = model.theta_cov * 1e-4  # so small that the response is linear in the parameters
-    rng = np.random.default_rng(5)
-    draws = rng.multivariate_normal(model.theta, cov, size=4000)
-    values = []
-    shift = np.exp(-0.1j * omega)
-    for theta in draws:
-        p = model.orders.split(theta)
-        a = np.polyval(p.a[::-1], shift)
-        values.append(
-            [np.polyval(b[::-1], shift) / (a * np.polyval(f[::-1], shift)) for b, f in zip(p.b, p.f, strict=True)]
-        )
-    values = np.array(values)
-    small = LinearModel(
-        a=model.a, b=model.b, c=model.c, d=model.d, f=model.f, offset=model.offset, theta_cov=cov, sample_time=0.1
-    )
-    found = [frf(small, omega, channel=i).covariance for i in range(2)]
-    for i in range(2):
-        for w in range(3):
-            seen = np.cov(np.stack([values[:, i, w].real, values[:, i, w].imag]))
-            # a covariance from 4000 draws deviates by sqrt(2/4000) of its scale; four of them
-            scale = np.sqrt(np.outer(np.diag(seen), np.diag(seen)))
-            assert np.all(np.abs(found[i][w] - seen) < 4 * np.sqrt(2 / 4000) * scale)
-
-
 def test_file(tmp_path):
     model, path = full_model(), tmp_path / "linear.json"
     model.save(path)

@@ -59,15 +59,6 @@ def test_predict_uses_the_measured_past_and_simulate_its_own():
     assert predicted.residuals.shape == (1, 198)
 
 
-def test_several_inputs():
-    rng = np.random.default_rng(2)
-    u, y = rng.normal(size=(2, 50)), np.zeros(50)
-    for k in range(1, 50):
-        y[k] = 0.4 * y[k - 1] + 0.2 * u[0, k - 1] * u[1, k]
-    model = NarxModel.from_terms({"y(k-1)": 0.4, "u1(k-1)u2(k)": 0.2}, sample_time=1.0)
-    np.testing.assert_allclose(model.simulate(Recording.from_arrays(u, y, 1.0)).outputs[0], y, atol=1e-15)
-
-
 def test_divergence_is_a_status_with_its_time():
     recording = make_recording()
     with np.errstate(all="raise"):
@@ -138,17 +129,6 @@ def test_a_malformed_file_is_one_clear_error(tmp_path, change, says):
     with pytest.raises(ModelError, match=says) as caught:
         NarxModel.load(path)
     assert "narx.json" in str(caught.value)
-
-
-def test_a_file_that_is_none(tmp_path):
-    with pytest.raises(ModelError, match="no such file"):
-        NarxModel.load(tmp_path / "absent.json")
-    (tmp_path / "text.json").write_text("not json", encoding="utf-8")
-    with pytest.raises(ModelError, match="JSON"):
-        NarxModel.load(tmp_path / "text.json")
-    (tmp_path / "list.json").write_text("[1]", encoding="utf-8")
-    with pytest.raises(ModelError, match="schema"):
-        NarxModel.load(tmp_path / "list.json")
 
 
 def test_a_recording_that_does_not_suit_is_refused():

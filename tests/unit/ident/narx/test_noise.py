@@ -10,7 +10,6 @@ from scipy.signal import lfilter
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import FitStatus
-from deatwin.ident.narx.linear import Armax
 from deatwin.ident.narx.noise import Narmax
 from deatwin.ident.narx.prediction_error import NoiseStatus, _PredictionErrors, prediction_error_fit
 from deatwin.ident.narx.regression import Regression
@@ -281,27 +280,6 @@ def test_a_resonance_converges_in_200_of_200(case):
     assert all(converged)
     assert np.mean(variances) == pytest.approx(1.0, abs=0.02)
     assert 0.92 < np.mean(held) < 0.97
-
-
-@pytest.mark.parametrize("case", ["on the readings", "coloured"])
-def test_it_agrees_with_armax(case):
-    """Armax takes e = 0 before its start, which differs by far less than a standard deviation of the estimates."""
-    process, noise = CASES[case]
-    for seed in range(3):
-        recording, _ = resonant(seed, process, noise)
-        ours = Narmax(Fixed(terms=process), noise_terms=["e(k-1)", "e(k-2)"]).fit(recording).model_
-        linear = Armax(na=2, nb=2, nc=2, nk=1, offset=False).fit(recording).model_
-        theirs = np.concatenate([-linear.a[1:], linear.b[0][1:], linear.c[1:]])
-        spread = np.sqrt(np.diag(ours.theta_cov))
-        assert np.all(np.abs(ours.theta - theirs) < 0.5 * spread)
-
-
-def test_noise_terms_of_a_resonance_are_chosen():
-    """White noise on the readings: both noise terms, by the criterion, in all of five seeds."""
-    for seed in range(5):
-        recording, _ = resonant(seed, RESONANT, A)
-        narmax = Narmax(Fixed(terms=RESONANT), noise_lags=3, noise_degree=1).fit(recording)
-        assert {"e(k-1)", "e(k-2)"} <= {str(term) for term in narmax.noise_terms_} and narmax.noise_status_.ok
 
 
 def test_an_exact_recording_leaves_no_noise_and_says_so():

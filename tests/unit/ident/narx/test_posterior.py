@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate, stats
 
 from deatwin.ident.narx import NarxModel, SvbNarx
-from deatwin.ident.narx.posterior import ThetaPosterior, covariance_root
+from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -73,12 +73,6 @@ def test_equations_have_a_noise_of_their_own():
     # E[x^2 | tau] = ratio of the own equation; of the other equation's ratio it is independent
     for term, own in ((0, 0), (1, 1), (2, 1)):
         assert np.mean(squares[:, term] / ratio[:, own]) == pytest.approx(1.0, abs=4 * math.sqrt(2 / 20_000))
-
-
-def test_a_singular_covariance_has_a_root():
-    one = np.array([[1.0], [2.0], [0.0]])
-    root = covariance_root(one @ one.T * 1e-20)
-    np.testing.assert_allclose(root @ root.T, one @ one.T * 1e-20, atol=1e-34)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 95])

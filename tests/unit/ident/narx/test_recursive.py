@@ -192,13 +192,6 @@ def test_variances_of_largest_likelihood_recover_the_truth():
     np.testing.assert_allclose(np.mean(drifts, axis=0), std, rtol=0.2)
 
 
-def test_a_parameter_that_stands_still_is_found_to():
-    recording, _ = drifting(6, 1500, (0.0, 0.03, 0.0))
-    found = ThetaSmoother(terms=TERMS).fit(recording).trajectory_
-    contributions = np.sqrt(found.drift_variance * np.mean(regressors(recording)[0] ** 2, axis=0))
-    assert contributions[1] > 10 * contributions[0] and contributions[1] > 10 * contributions[2]
-
-
 def test_common_drift_is_one_variance_in_contributions():
     recording, _ = drifting(7, 500, (0.01, 0.02, 0.02))
     common = ThetaSmoother(terms=TERMS, drift="common").fit(recording).trajectory_

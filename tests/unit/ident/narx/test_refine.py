@@ -104,7 +104,7 @@ def test_the_best_so_far_survives_an_interrupt() -> None:
     assert found.simulate(recording).rms_error < start.simulate(recording).rms_error
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_terms_are_added_until_the_structure_is_whole(seed: int) -> None:
     # The two terms that are missing explain most of what is left; each first gain is hundreds of noise variances.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)
@@ -117,7 +117,7 @@ def test_terms_are_added_until_the_structure_is_whole(seed: int) -> None:
     assert errors[-1] == pytest.approx(0.05, rel=0.07)  # 4 / sqrt(2 n)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_false_terms_are_pruned(seed: int) -> None:
     # Among ten candidates the five true ones stand hundreds of noise variances above the false.
     recording = measured(np.random.default_rng(seed), 2000, 0.05)

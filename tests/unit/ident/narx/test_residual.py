@@ -51,15 +51,6 @@ def test_size_and_memory_of_a_known_process_are_found_beside_white_noise(time):
     assert 0.6 * spread < times.std() / time < 1.5 * spread
 
 
-def test_white_noise_alone_leaves_little():
-    rng = np.random.default_rng(5)
-    found = [left_by(NOISE * rng.standard_normal(3000), rng) for _ in range(20)]
-    # The covariance at lag 1 has a deviation of NOISE²/sqrt(3000); its root by e^(1/2) at the most is left.
-    most = NOISE * np.sqrt(3 / np.sqrt(3000) * np.e)
-    assert max(r.rms for r in found) < most
-    assert np.median([r.rms for r in found]) < 0.5 * most
-
-
 def test_an_exact_model_leaves_nothing():
     found = left_by(np.zeros(400), np.random.default_rng(1))
     assert found.rms == 0.0

@@ -70,12 +70,6 @@ def test_both_go_through_the_file(tmp_path):
     assert NarxModel.load(tmp_path / "noise.json").terms[2].factors[0][0].kind == "e"
 
 
-def test_a_model_of_several_outputs_prints_an_equation_each():
-    assert str(NarxModel.from_terms({"y1": {"y2(k-1)": 0.5}, "y2": {"u(k)": -1.0}}, sample_time=1.0)) == (
-        "y1(k) = 0.5 y2(k-1) + e1(k)\ny2(k) = -1 u(k) + e2(k)"
-    )
-
-
 @pytest.mark.parametrize("identifier", [Frols(), SvbNarx(), Grow(), Semp(), Lasso()], ids=repr)
 def test_estimators_find_every_equation(identifier):
     rng = np.random.default_rng(2)

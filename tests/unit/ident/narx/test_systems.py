@@ -57,13 +57,6 @@ def test_the_true_terms_are_among_the_candidates(name: str) -> None:
     assert system.source
 
 
-def test_the_model_holds_the_noise_terms() -> None:
-    model = SYSTEMS["S5"].model
-    assert [str(term) for term in SYSTEMS["S5"].noise_terms] == ["e(k-1)", "u(k-1)e(k-2)"]
-    assert model.terms == SYSTEMS["S5"].terms + SYSTEMS["S5"].noise_terms
-    assert model.noise_variance == pytest.approx(0.02**2)
-
-
 def test_e1_diverges_in_about_a_sixth_of_the_draws() -> None:
     # Known: 16 of 100 runs of 1000 samples. Of 400 runs here 0.16 would give 64 with a standard deviation of 7.3, and
     # the known rate has one of 0.037 itself; so 0.16 ± 3 sqrt(0.037² + 0.018²) holds in 997 of 1000 cases.

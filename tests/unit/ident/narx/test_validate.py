@@ -51,17 +51,6 @@ def test_correlations_are_the_sums_of_their_definition_within_each_recording():
     np.testing.assert_allclose(correlation(a, b, lags), np.array(sums) / power, rtol=1e-12, atol=1e-15)
 
 
-def test_correlations_of_one_recording_are_those_of_scipy():
-    from scipy.signal import correlate, correlation_lags
-
-    rng = np.random.default_rng(1)
-    a, b = rng.normal(size=(2, 300))
-    lags = correlation_lags(300, 300)
-    expected = correlate(b, a) / math.sqrt((a @ a) * (b @ b))
-    chosen = np.abs(lags) <= 25
-    np.testing.assert_allclose(correlation([a], [b], lags[chosen]), expected[chosen], rtol=0, atol=1e-13)
-
-
 def test_ljung_box_is_that_of_statsmodels():
     # statsmodels 0.15.0, acorr_ljungbox(x, lags=[5, 10, 20]), on the Nile's flow 1871 to 1970 less its mean.
     residuals = [(NILE - NILE.mean())[None]]

@@ -119,14 +119,6 @@ def test_injected_charge_takes_off_the_field(chain):
     assert abs(left) > 0.04 * 1600
 
 
-def test_charge_is_even_over_mirrored_histories_only(chain):
-    effect = ChargeInjection(share=0.08, time=2.0)
-    up, down = (chain(sign * NOISE, effect)["squared_voltage"] for sign in (1, -1))
-    np.testing.assert_allclose(up, down, rtol=1e-12)
-    force = chain(REVERSAL, effect)["squared_voltage"]
-    assert force[300] > 1.25 * force[299]
-
-
 def test_slow_dipoles_give_their_share_in_time(chain):
     effect = DielectricAbsorption(share=0.1, time=2.0)
     voltage, adapted = GAIN * REVERSAL, first_order(REVERSAL, 2.0)
@@ -136,14 +128,6 @@ def test_slow_dipoles_give_their_share_in_time(chain):
     assert force[299] / 1600**2 == pytest.approx(1.0, abs=0.1 * np.exp(-3.0) * 1.01)  # in time,
     assert force[300] / 1600**2 == pytest.approx(1 - 2 * 0.1, abs=0.02)  # at a reversal,
     np.testing.assert_allclose(force[500:], 0.0, atol=1e-6)  # and nothing without a field
-
-
-def test_charge_and_dipoles_tell_by_the_sign_of_their_memory(chain):
-    step = np.full(400, 2.0)
-    charge = chain(step, ChargeInjection(share=0.05, time=2.0))["squared_voltage"]
-    dipoles = chain(step, DielectricAbsorption(share=0.05, time=2.0))["squared_voltage"]
-    assert np.all(np.diff(charge) < 0)
-    assert np.all(np.diff(dipoles) > 0)
 
 
 def test_dipoles_follow_the_field_that_charge_leaves(chain):

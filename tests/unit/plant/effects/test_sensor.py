@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from deatwin.plant.effects.delay import Delay
 from deatwin.plant.effects.sensor_curvature import SensorCurvature
 from deatwin.plant.effects.sensor_drift import SensorDrift
 from deatwin.plant.effects.sensor_jump import SensorJump
@@ -41,22 +40,6 @@ def test_a_lag_with_inertia_is_exact_under_held_motion(chain, inertia):
 @pytest.mark.parametrize("inertia", [0.0, 0.5])
 def test_no_lag_passes_the_reading(chain, inertia):
     np.testing.assert_allclose(chain(NOISE, SensorLag(time=0.0, inertia=inertia))["reading"], MOTION, rtol=1e-13)
-
-
-def test_a_lag_rolls_off_where_a_delay_does_not(chain):
-    times, ratios = SAMPLE * np.arange(500), []
-    for frequency in (0.5, 10.0):
-        tone = np.exp(-2j * np.pi * frequency * times[250:])
-        lagged, late = (
-            2 * abs(np.mean(chain(np.sin(2 * np.pi * frequency * times), effect)["reading"][250:] * tone))
-            for effect in (SensorLag(time=0.02), Delay(time=0.02))
-        )
-        ratios.append(lagged / late)
-        # (1 - e)/|1 - e exp(-i w h)| under held commands, e = exp(-h/tau)
-        decay = np.exp(-1.0)
-        exact = (1 - decay) / abs(1 - decay * np.exp(-2j * np.pi * frequency * SAMPLE))
-        assert ratios[-1] == pytest.approx(exact, rel=1e-6)
-    assert ratios[1] < 0.7 < 0.99 < ratios[0]
 
 
 def test_a_drift_runs_by_the_clock(chain):

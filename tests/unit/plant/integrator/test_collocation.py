@@ -22,13 +22,6 @@ def test_the_coefficients_integrate_polynomials_exactly(stages):
         assert matrix[-1] @ nodes**power == pytest.approx(1 / (power + 1), abs=1e-13)
 
 
-def test_two_stages_are_the_tabled_ones():
-    # Hairer & Wanner II, table IV.5.5
-    nodes, matrix = radau(2)
-    np.testing.assert_allclose(nodes, [1 / 3, 1], atol=1e-15)
-    np.testing.assert_allclose(matrix, [[5 / 12, -1 / 12], [3 / 4, 1 / 4]], atol=1e-15)
-
-
 def position_after(plant, steps, duration=0.2, force=4.0):
     equations, step = plant.equations, step_functions(plant.equations).plain
     x = np.array([0.0, 0.0])

@@ -206,17 +206,3 @@ def test_workers_do_not_repeat_what_was_said(compiler_named, monkeypatch):
     assert said().count("slower") == 1
     compiled.compile_functions({})
     assert said() == ""
-
-
-@pytest.mark.usefixtures("c_compiler")
-def test_the_flags_change_no_reading(full, monkeypatch):
-    # Contracted products and shared reciprocals round differently, about 1e-16 an operation.
-    inputs = band_limited_noise(np.random.default_rng(6), 6.0, 0.02)
-    settings = dict(start=0.0, sample_time=0.02, rest_command=0.0, values=full.free_values)
-    ours = full.simulator.run(inputs, **settings).outputs
-    monkeypatch.setattr(compiled, "FLAGS", ("-O0", "-ffp-contract=off", "-fPIC", "-shared"))
-    monkeypatch.setattr(compiled, "WIDE_VECTORS", "never")
-    compiled._target.cache_clear()
-    plain = Simulator(full.equations).run(inputs, **settings).outputs
-    compiled._target.cache_clear()
-    np.testing.assert_allclose(ours, plain, rtol=0, atol=1e-12 * np.abs(plain).max())

@@ -490,7 +490,7 @@ def decided(truth: Effect, other: Effect, frequency: float, seconds: float, tria
 
 @compiled
 def test_the_advised_input_decides_a_tie(tmp_path):
-    tie = decided(*TIES["delay"], seconds=20.0, trials=2)
+    tie = decided(*TIES["delay"], seconds=20.0, trials=1)
     found = tie.advice
     assert found.experiment is not None
     assert found.confusion_after < 0.023

@@ -69,7 +69,7 @@ def odds(scale, missed, rng):
 def test_an_error_of_the_law_is_seldom_a_second_effect(scale):
     """Where the first one errs as laws do, odds of 20 for two come once in twenty (Markov), times those beforehand."""
     rng = np.random.default_rng(3)
-    found = [odds(scale, OTHER * rng.standard_normal(), rng) for _ in range(40)]
+    found = [odds(scale, OTHER * rng.standard_normal(), rng) for _ in range(15)]
     assert sum(o > STRONG for o in found) == 0
 
 

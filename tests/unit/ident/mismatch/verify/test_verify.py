@@ -95,12 +95,7 @@ def shams_of(effect, seed: int):
 @needs_compiler
 @pytest.mark.parametrize(
     "effect",
-    [
-        Creep(modulus=50e3, time=20.0),
-        effect_named("hysteresis"),
-        effect_named("electrode_loss"),
-        effect_named("sensor_drift"),
-    ],
+    [Creep(modulus=50e3, time=20.0), effect_named("hysteresis")],
     ids=lambda effect: effect.name,
 )
 def test_shams_of_a_right_name_are_rejected(effect):
@@ -161,7 +156,7 @@ def spoilt_hysteresis(sham_of):
         )
     )
     fitted, _, everything = split(gate(NOMINAL, (spoilt,)))
-    base = calibrate(plant, fitted, starts=1)
+    base = calibrate(plant, fitted, evaluations=4, starts=1)  # at its minimum the plant is hardly simulated any more
     return {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
 
 
