@@ -11,7 +11,8 @@
 True
 """
 
-from deatwin.ident.nss.estimate import Pnlss
+from deatwin.ident.nss.cascade import Cascade
 from deatwin.ident.nss.model import NonlinearStateSpace
+from deatwin.ident.nss.pnlss import Pnlss
 
-__all__ = ["NonlinearStateSpace", "Pnlss"]
+__all__ = ["Cascade", "NonlinearStateSpace", "Pnlss"]

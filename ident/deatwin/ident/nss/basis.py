@@ -43,7 +43,7 @@ Term = tuple[Factor, ...]
 
 @dataclass(frozen=True)
 class Basis:
-    """All regressors: 1, the states, the inputs, then terms; directions are sums of the first with weights to learn."""
+    """All regressors: 1, the states, the inputs, then terms. A direction is a sum of those that hold earlier ones at most."""
 
     states: int
     inputs: int
@@ -62,7 +62,7 @@ class Basis:
 
     @property
     def linear(self) -> int:
-        """Number of regressors that a direction weighs: 1, the states and the inputs."""
+        """Number of regressors that are no terms: 1, the states and the inputs."""
         return 1 + self.states + self.inputs
 
     @cached_property
@@ -80,6 +80,13 @@ class Basis:
     def labels(self) -> tuple[str, ...]:
         """Text of all regressors."""
         return ("1", *self.names[: self.states + self.inputs], *self.written)
+
+    @cached_property
+    def levels(self) -> Integers:
+        """Number of the last direction that each regressor holds, from 1 on, or 0; shape (n_regressors,)."""
+        before = self.linear - 2
+        found = [max([0, *(factor.variable - before for factor in term)]) for term in self.terms]
+        return np.array(found, dtype=np.int64)
 
     def _parsed(self, text: str) -> Term:
         factors = []
@@ -104,12 +111,19 @@ class Basis:
             raise ModelError(f"the term {text!r} holds {name!r}; there are {', '.join(self.names)}")
         return self.names.index(name)
 
-    def values(self, z: Array) -> Array:
-        """Return the regressors. Shapes: `z` (n_variables, n); returns (n_regressors, n)."""
+    def values(self, z: Array, directions: Array) -> Array:
+        """Return the regressors, and complete the directions in z.
+
+        Shapes: `z` (n_variables, n); `directions` (n_directions, n_regressors); returns (n_regressors, n).
+        """
         rows = np.ones((self.size, z.shape[1]))
-        for row, term in zip(rows, self.terms, strict=True):
-            for factor in term:
-                row *= factor.value(z[factor.variable])
+        for level in range(self.directions + 1):
+            if level:
+                known = self.levels < level
+                z[self.linear - 2 + level] = directions[level - 1, known] @ rows[known]
+            for j in np.flatnonzero(self.levels == level):
+                for factor in self.terms[j]:
+                    rows[j] *= factor.value(z[factor.variable])
         return rows
 
     def slopes(self, z: Array) -> Array:
@@ -124,10 +138,10 @@ class Basis:
         return found
 
     @cached_property
-    def tables(self) -> tuple[Integers, Integers, Array] | None:
-        """For the kernel: first factor of each regressor; variable, power and function, and numbers of each factor.
+    def tables(self) -> tuple[Integers, Integers, Array, Integers] | None:
+        """For the kernel: first factor of each regressor; variable, power and function, and numbers of each factor; levels.
 
-        None if a function is the user's own. Shapes: (n_regressors + 1,), (n_factors, 3), (n_factors, 2).
+        None if a function is the user's own. Shapes: (n_regressors + 1,), (n_factors, 3), (n_factors, 2), (n_regressors,).
         """
         factors = [factor for term in self.terms for factor in term]
         if any(factor.shape is not None and factor.shape.name not in SOURCES for factor in factors):
@@ -136,7 +150,12 @@ class Basis:
         whole = [[factor.variable, factor.power, kind] for factor, kind in zip(factors, kinds, strict=True)]
         numbers = [(*(() if factor.shape is None else factor.shape.parameters), 0.0, 0.0)[:2] for factor in factors]
         starts = np.cumsum([0, *map(len, self.terms)])
-        return starts.astype(np.int64), np.array(whole, dtype=np.int64), np.array(numbers, dtype=np.float64)
+        return (
+            starts.astype(np.int64),
+            np.array(whole, dtype=np.int64),
+            np.array(numbers, dtype=np.float64),
+            self.levels,
+        )
 
 
 def monomials(names: Sequence[str], degrees: Iterable[int]) -> tuple[str, ...]:

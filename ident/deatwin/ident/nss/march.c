@@ -13,7 +13,8 @@ typedef struct {
     const integer *start;                /* [r + 1] first factor of each regressor */
     const integer *factors;              /* [][3] variable, power, number of a function or -1 */
     const double *numbers;               /* [][2] of the function */
-    const double *P, *W, *V;             /* [k][1 + n + m], [n][r], [p][r] */
+    const integer *level;                /* [r] number of the last direction that a regressor holds, or 0 */
+    const double *P, *W, *V;             /* [k][r], [n][r], [p][r] */
     const integer *atP, *atW, *atV;      /* places of the free weights */
     double limit;                        /* of an output */
 } model;
@@ -24,12 +25,12 @@ static double raised(double x, integer power) {
     return value;
 }
 
-/* The regressors at z, and their derivatives d [r][n + m + k]. */
-static void regressors(const model *o, const double *z, double *phi, double *d) {
+/* The regressors of a level at z, and their derivatives d [r][n + m + k], which are zero before. */
+static void regressors(const model *o, integer level, const double *z, double *phi, double *d) {
     integer width = o->n + o->m + o->k;
-    if (d) memset(d, 0, (size_t)(o->r * width) * sizeof(double));
     for (integer j = 0; j < o->r; j++) {
         double product = 1.0;
+        if (o->level[j] != level) continue;
         for (integer f = o->start[j]; f < o->start[j + 1]; f++) {
             const integer *is = o->factors + 3 * f;
             const double *with = o->numbers + 2 * f;
@@ -55,12 +56,12 @@ static void regressors(const model *o, const double *z, double *phi, double *d) 
 
 /* Run from the state x [n] over u [N][m]; write y [N][p] and, where J is given, its derivatives J [N][p][all] by the
    weights of directions, transition and output, and by the first state. Return the samples that stay within the limit.
-   work: r (1 + width + n) + (n + p) (n + k) + width + n + 2 n columns, with width = n + m + k. */
+   work: r (1 + width + n) + (n + p) (n + k) + k k + k + width + n + 2 n columns, with width = n + m + k. */
 integer deatwin_states(const model *o, integer N, const double *u, double *x, double *y, double *J, double *work) {
-    integer n = o->n, m = o->m, k = o->k, r = o->r, p = o->p, width = n + m + k, lin = 1 + n + m;
+    integer n = o->n, m = o->m, k = o->k, r = o->r, p = o->p, width = n + m + k, at = n + m;
     integer moved = o->inner + o->rates, columns = moved + n, all = moved + o->readings + n;
     double *phi = work, *d = phi + r, *g = d + r * width, *M = g + r * n, *by = M + (n + p) * n;
-    double *z = by + (n + p) * k, *next = z + width, *S = next + n, *T = S + n * columns;
+    double *chain = by + (n + p) * k, *direct = chain + k * k, *z = direct + k, *next = z + width, *S = next + n, *T = S + n * columns;
     if (J) {
         memset(S, 0, (size_t)(n * columns) * sizeof(double));
         for (integer a = 0; a < n; a++) S[a * columns + moved + a] = 1.0;
@@ -68,12 +69,15 @@ integer deatwin_states(const model *o, integer N, const double *u, double *x, do
     for (integer t = 0; t < N; t++) {
         memcpy(z, x, (size_t)n * sizeof(double));
         memcpy(z + n, u + t * m, (size_t)m * sizeof(double));
+        if (J) memset(d, 0, (size_t)(r * width) * sizeof(double));
+        regressors(o, 0, z, phi, J ? d : 0);
         for (integer h = 0; h < k; h++) {
-            double sum = o->P[h * lin];
-            for (integer v = 0; v < n + m; v++) sum += o->P[h * lin + 1 + v] * z[v];
-            z[n + m + h] = sum;
+            double sum = 0.0;
+            for (integer j = 0; j < r; j++)
+                if (o->level[j] <= h) sum += o->P[h * r + j] * phi[j];
+            z[at + h] = sum;
+            regressors(o, h + 1, z, phi, J ? d : 0);
         }
-        regressors(o, z, phi, J ? d : 0);
         for (integer i = 0; i < p; i++) {
             double sum = 0.0;
             for (integer j = 0; j < r; j++) sum += o->V[i * r + j] * phi[j];
@@ -87,12 +91,32 @@ integer deatwin_states(const model *o, integer N, const double *u, double *x, do
         }
         memcpy(x, next, (size_t)n * sizeof(double));
         if (!J) continue;
-        for (integer j = 0; j < r; j++)
-            for (integer a = 0; a < n; a++) {
+        /* chain [h][i]: how direction h moves with what is added to direction i; g: total derivatives by the state. */
+        for (integer h = 0; h < k; h++)
+            for (integer i = 0; i < k; i++) {
+                double sum = h == i ? 1.0 : 0.0;
+                for (integer between = i; between < h; between++)
+                    for (integer j = 0; j < r; j++)
+                        if (o->level[j] <= h)
+                            sum += o->P[h * r + j] * d[j * width + at + between] * chain[between * k + i];
+                chain[h * k + i] = sum;
+            }
+        for (integer a = 0; a < n; a++) {
+            for (integer h = 0; h < k; h++) {
+                direct[h] = 0.0;
+                for (integer j = 0; j < r; j++)
+                    if (o->level[j] <= h) direct[h] += o->P[h * r + j] * d[j * width + a];
+            }
+            for (integer j = 0; j < r; j++) {
                 double sum = d[j * width + a];
-                for (integer h = 0; h < k; h++) sum += d[j * width + n + m + h] * o->P[h * lin + 1 + a];
+                for (integer h = 0; h < k && h < o->level[j]; h++) {
+                    double turned = 0.0;
+                    for (integer i = 0; i <= h; i++) turned += chain[h * k + i] * direct[i];
+                    sum += d[j * width + at + h] * turned;
+                }
                 g[j * n + a] = sum;
             }
+        }
         for (integer i = 0; i < n + p; i++) {
             const double *weights = i < n ? o->W + i * r : o->V + (i - n) * r;
             for (integer a = 0; a < n; a++) {
@@ -102,8 +126,12 @@ integer deatwin_states(const model *o, integer N, const double *u, double *x, do
             }
             for (integer h = 0; h < k; h++) {
                 double sum = 0.0;
-                for (integer j = 0; j < r; j++) sum += weights[j] * d[j * width + n + m + h];
-                by[i * k + h] = sum;
+                for (integer j = 0; j < r; j++) sum += weights[j] * d[j * width + at + h];
+                direct[h] = sum;
+            }
+            for (integer h = 0; h < k; h++) {
+                by[i * k + h] = 0.0;
+                for (integer later = h; later < k; later++) by[i * k + h] += direct[later] * chain[later * k + h];
             }
         }
         for (integer i = 0; i < n + p; i++) {
@@ -117,8 +145,8 @@ integer deatwin_states(const model *o, integer N, const double *u, double *x, do
                 for (integer c = 0; c < n; c++) last[c] += factor * from[moved + c];
             }
             for (integer f = 0; f < o->inner; f++) {
-                integer h = o->atP[f] / lin, v = o->atP[f] % lin;
-                to[f] += by[i * k + h] * (v ? z[v - 1] : 1.0);
+                integer h = o->atP[f] / r, j = o->atP[f] % r;
+                to[f] += by[i * k + h] * phi[j];
             }
         }
         for (integer f = 0; f < o->rates; f++) T[(o->atW[f] / r) * columns + o->inner + f] += phi[o->atW[f] % r];

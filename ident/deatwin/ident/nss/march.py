@@ -1,6 +1,7 @@
 """The run of a nonlinear state space over a record, with its sensitivities to all weights and to the first state.
 
-x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P [1; x(k); u(k)].
+x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k), each of
+regressors that hold earlier directions at most.
 The march is a small C kernel where a C compiler is found, and Python elsewhere or where a function is the user's own.
 """
 
@@ -27,7 +28,7 @@ class System:
     """Weights of a nonlinear state space, and which of them are free. Masks have the shapes of the weights."""
 
     basis: Basis
-    directions: Array  # shape (n_directions, 1 + n_states + n_inputs): P
+    directions: Array  # shape (n_directions, n_regressors): P
     transition: Array  # shape (n_states, n_regressors): W
     output: Array  # shape (n_outputs, n_regressors): V
     free_directions: Mask
@@ -101,7 +102,7 @@ class System:
     def _work(self) -> Array:
         basis, (p, n) = self.basis, (len(self.output), self.basis.states)
         width = n + basis.inputs + basis.directions
-        size = basis.size * (1 + width + n) + (n + p) * (n + basis.directions) + width + n
+        size = basis.size * (1 + width + n) + (n + p) * (n + basis.directions) + width + n + (1 + basis.directions) ** 2
         return np.empty(size + 2 * n * (self.theta.size + n))
 
 
@@ -110,14 +111,12 @@ def _plain(
 ) -> tuple[Array, Array | None, int]:
     """Run as the kernel does: first the states, then all derivatives along them at once."""
     basis, n = system.basis, inputs.shape[1]
-    weights, offsets = system.directions[:, 1:], system.directions[:, 0]
-    z = np.empty((len(basis.names), n))
+    z = np.zeros((len(basis.names), n))
     state, reached, lin = start, n, basis.linear - 1
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(n):
             z[:lin, k] = np.concatenate([state, inputs[:, k]])
-            z[lin:, k] = offsets + weights @ z[:lin, k]
-            phi = basis.values(z[:, k : k + 1])[:, 0]
+            phi = basis.values(z[:, k : k + 1], system.directions)[:, 0]
             outputs[k] = system.output @ phi
             if not np.all(np.abs(outputs[k]) < limit):
                 outputs[k], reached = np.nan, k
@@ -125,15 +124,19 @@ def _plain(
             state = system.transition @ phi
     if gradient is None or reached < n:
         return outputs, gradient, reached
-    phi, slopes = basis.values(z), basis.slopes(z)
-    total = slopes[:, :, : basis.states] + slopes[:, :, lin:] @ weights[:, : basis.states]
+    phi, slopes = basis.values(z, system.directions), basis.slopes(z)
+    early = system.directions * (basis.levels < np.arange(1, 1 + basis.directions)[:, None])
+    # Directions move with what is added to each of them, those before included.
+    chain = np.linalg.inv(np.eye(basis.directions) - early @ slopes[:, :, lin:])
+    total = slopes[:, :, : basis.states] + slopes[:, :, lin:] @ chain @ early @ slopes[:, :, : basis.states]
+    moving = slopes[:, :, lin:] @ chain
     ahead, seen = system.transition @ total, system.output @ total
     sizes = [int(free.sum()) for _, free in system._pairs]
     inner, moved = sizes[0], sizes[0] + sizes[1]
     rows, columns = np.nonzero(system.free_directions)
-    below = np.concatenate([np.ones((1, n)), z[:lin]])[columns]
+    below = phi[columns]
     explicit = np.zeros((n, basis.states, moved + basis.states))
-    explicit[:, :, :inner] = (system.transition @ slopes[:, :, lin:])[:, :, rows] * below.T[:, None, :]
+    explicit[:, :, :inner] = (system.transition @ moving)[:, :, rows] * below.T[:, None, :]
     for f, (i, j) in enumerate(zip(*np.nonzero(system.free_transition), strict=True), start=inner):
         explicit[:, i, f] = phi[j]
     sensitivity = np.zeros((basis.states, moved + basis.states))
@@ -143,7 +146,7 @@ def _plain(
         known = seen[k] @ sensitivity
         gradient[k, :, :moved], gradient[k, :, moved + sizes[2] :] = known[:, :moved], known[:, moved:]
         sensitivity = ahead[k] @ sensitivity + explicit[k]
-    gradient[:, :, :inner] += (system.output @ slopes[:, :, lin:])[:, :, rows] * below.T[:, None, :]
+    gradient[:, :, :inner] += (system.output @ moving)[:, :, rows] * below.T[:, None, :]
     for f, (i, j) in enumerate(zip(*np.nonzero(system.free_output), strict=True), start=moved):
         gradient[:, i, f] += phi[j]
     return outputs, gradient, reached
@@ -154,7 +157,10 @@ class _Tables(ctypes.Structure):
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("n", "m", "k", "p", "r", "inner", "rates", "readings")),
-        *((name, ctypes.c_void_p) for name in ("start", "factors", "numbers", "P", "W", "V", "atP", "atW", "atV")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("start", "factors", "numbers", "level", "P", "W", "V", "atP", "atW", "atV")
+        ),
         ("limit", ctypes.c_double),
     ]
 

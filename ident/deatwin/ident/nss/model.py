@@ -35,7 +35,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
     phi holds 1, the states, the inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or
-    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P [1; x; u]. Inputs and outputs are scaled: a
+    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi, each of
+    regressors that hold earlier directions at most. Inputs and outputs are scaled: a
     signal minus its origin, divided by its scale. States have about unit size on the training data.
 
     Parameters
@@ -46,7 +47,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         W; columns are the weights of 1, states, inputs and terms.
     output : array_like, shape (n_outputs, n_regressors)
         V, likewise.
-    directions : array_like, shape (n_directions, 1 + n_states + n_inputs), optional
+    directions : array_like, shape (n_directions, n_regressors), optional
         P; no directions if omitted.
     sample_time : float
         Sampling interval in s.
@@ -110,9 +111,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
                 f"the {n} states, for each input and for each of the {len(terms)} terms"
             )
         directions = np.asarray(self.directions, dtype=np.float64)
-        directions = directions if directions.size else np.zeros((0, 1 + n + m))
-        if directions.ndim != 2 or directions.shape[1] != 1 + n + m:
-            raise ModelError(f"directions have the shape {directions.shape}; they need {1 + n + m} columns")
+        directions = directions if directions.size else np.zeros((0, w.shape[1]))
+        if directions.ndim != 2 or directions.shape[1] != w.shape[1]:
+            raise ModelError(f"directions have the shape {directions.shape}; they need {w.shape[1]} columns")
         weights = dict(zip(WEIGHTS, (directions, w, v), strict=True))
         for name, values in weights.items():
             given = getattr(self, f"free_{name}")
@@ -128,7 +129,11 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         self._take_signals({"input": m, "output": p})
         if not 0.0 < self.sample_time < math.inf:
             raise ModelError(f"sample_time = {self.sample_time} must be positive and finite")
-        size = self.system.theta.size  # which reads the terms
+        basis = self.system.basis
+        later = basis.levels >= np.arange(1, 1 + basis.directions)[:, None]
+        if np.any(later & (self.free_directions | (self.directions != 0.0))):
+            raise ModelError("a direction weighs a term that holds it or a later one; these weights are 0 and not free")
+        size = self.system.theta.size
         cov = np.asarray(self.theta_cov, dtype=np.float64)
         cov = cov if cov.size else np.zeros((size, size))
         if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
@@ -161,7 +166,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def system(self) -> System:
         """Weights as the run takes them."""
         n = len(self.transition)
-        basis = Basis(n, self.directions.shape[1] - 1 - n, len(self.directions), self.terms)
+        basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
         weights = {name: getattr(self, name) for name in (*WEIGHTS, *(f"free_{name}" for name in WEIGHTS))}
         return System(basis=basis, **weights)
 

@@ -101,7 +101,7 @@ def search(
     records: Sequence[Record],
     *,
     steps: int,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-5,
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
