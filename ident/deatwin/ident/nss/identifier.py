@@ -95,17 +95,18 @@ class StateSpaceIdentifier(Identifier):
         with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
             sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
             told(0.0, "a linear state space")
-            point = linear_start(
+            found = linear_start(
                 records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
             )
-            self.linear_error_ = _errors(point, records)[0] * sides["output"][1]
-            found = self._searched(self._begun(in_own_coordinates(point, records), records), records, told)
-            point, whole = found.point, all_fitted(records)
-            self.held_out_error_ = _errors(point, records)[1] * sides["output"][1]
+            self.linear_error_ = _errors(found.point, records)[0] * sides["output"][1]
+            if not found.interrupted:
+                found = self._searched(self._begun(in_own_coordinates(found.point, records), records), records, told)
+            self.held_out_error_ = _errors(found.point, records)[1] * sides["output"][1]
+            whole = all_fitted(records)
             if not (found.overfitted or found.interrupted):
-                last = search(point.system, point.starts, whole, steps=self.max_steps)
-                point = last.point if np.isfinite(last.point.cost) else point
-            self.error_ = _errors(point, records)[0] * sides["output"][1]
+                found = search(found.point.system, found.point.starts, whole, steps=self.max_steps)
+            point = found.point
+            self.error_ = _errors(point, whole)[0] * sides["output"][1]
             self.model_ = _model(self, point, whole, chosen, sides)
         self.status_ = FitStatus.INTERRUPTED if found.interrupted else FitStatus.DONE
         told(1.0, "done")

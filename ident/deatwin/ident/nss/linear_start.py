@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.march import System
-from deatwin.ident.nss.search import Point, Record, judged, search, triangle
+from deatwin.ident.nss.search import Found, Point, Record, judged, search, triangle
+from deatwin.plant.errors import ModelError
 from deatwin.ident.nss.subspace import from_lines, from_samples
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ _LONGEST = 20_000
 
 def linear_start(
     records: Sequence[Record], n_states: int, *, lines: Lines | None, steps: int, feedthrough: bool
-) -> Point:
+) -> Found:
     """Fit a linear state space: poles by subspace identification, the rest by least squares, then all by the free run.
 
     lines: best linear approximation where there is one, its angles in rad per sample and deviations.
@@ -37,10 +38,10 @@ def linear_start(
         if lines is not None and lines[1].size > rows:
             starts.append(from_lines(*lines, n_states, rows))
     if not starts:
-        return _fitted(np.zeros((n_states, n_states)), np.zeros((len(records[0].outputs), n_states)), records, True)
+        raise ModelError(f"the recordings are too short for {n_states} states: give longer ones, or fewer states")
     best = min((_fitted(a, c, records, feedthrough) for a, c in starts), key=lambda point: point.cost)
     system = _freed(best.system, feedthrough)
-    return search(system, best.starts, records, steps=steps, tolerance=1e-5, patience=steps).point
+    return search(system, best.starts, records, steps=steps, patience=steps)
 
 
 def _linear(a: Array, c: Array, m: int) -> System:
