@@ -12,7 +12,8 @@ True
 """
 
 from deatwin.ident.nss.cascade import Cascade
+from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.model import NonlinearStateSpace
 from deatwin.ident.nss.pnlss import Pnlss
 
-__all__ = ["Cascade", "NonlinearStateSpace", "Pnlss"]
+__all__ = ["Cascade", "NonlinearStateSpace", "Pnlss", "StateSpaceIdentifier"]

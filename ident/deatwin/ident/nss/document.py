@@ -14,6 +14,11 @@ SCHEMA = "deatwin/nonlinear-states/1"
 WEIGHTS = ("directions", "transition", "output")
 
 
+def weights_of(held: Any) -> dict[str, Any]:
+    """Return the weights of a system or a model, and which of them are free, by name."""
+    return {name: getattr(held, name) for name in (*WEIGHTS, *(f"free_{name}" for name in WEIGHTS))}
+
+
 def to_document(model: NonlinearStateSpace) -> dict[str, Any]:
     """Return a model as plain data."""
 

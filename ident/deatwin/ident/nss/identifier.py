@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
-from deatwin.ident.nss.document import WEIGHTS
+from deatwin.ident.nss.document import weights_of
 from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
 from deatwin.ident.nss.model import NonlinearStateSpace
-from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, search
+from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, judged, search
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
@@ -99,12 +99,14 @@ class StateSpaceIdentifier(Identifier):
                 records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
             )
             self.linear_error_ = _errors(found.point, records)[0] * sides["output"][1]
+            start = found.point
             if not found.interrupted:
-                found = self._searched(self._begun(in_own_coordinates(found.point, records), records), records, told)
+                points = self._begun(in_own_coordinates(found.point, records), records)
+                start, found = self._searched(points, records, told)
             self.held_out_error_ = _errors(found.point, records)[1] * sides["output"][1]
             whole = all_fitted(records)
-            if not (found.overfitted or found.interrupted):
-                found = search(found.point.system, found.point.starts, whole, steps=self.max_steps)
+            if not found.interrupted:
+                found = _on_all(found, start, whole, self.max_steps)
             point = found.point
             self.error_ = _errors(point, whole)[0] * sides["output"][1]
             self.model_ = _model(self, point, whole, chosen, sides)
@@ -119,8 +121,8 @@ class StateSpaceIdentifier(Identifier):
         if not 0.0 <= self.held_out < 1.0:
             raise ModelError(f"held_out = {self.held_out}; it must be at least 0 and below 1")
 
-    def _searched(self, starts: Sequence[Point], records: Sequence[Record], told: Progress) -> Found:
-        """Fit all weights from each start, and return the best end."""
+    def _searched(self, starts: Sequence[Point], records: Sequence[Record], told: Progress) -> tuple[Point, Found]:
+        """Fit all weights from each start, and return the best start and its end."""
         found: list[Found] = []
         for number, start in enumerate(starts):
 
@@ -133,8 +135,9 @@ class StateSpaceIdentifier(Identifier):
             )
             if found[-1].interrupted:
                 break
-        best = min(found, key=lambda one: one.point.held_out if self.held_out else one.point.cost)
-        return replace(best, interrupted=found[-1].interrupted)
+        ends = [one.point.held_out if self.held_out else one.point.cost for one in found]
+        best = int(np.argmin(ends))
+        return starts[best], replace(found[best], interrupted=found[-1].interrupted)
 
 
 Sides = dict[str, tuple[Array, Array]]
@@ -184,6 +187,15 @@ def _lines(recordings: Sequence[Recording], sides: Sides) -> Lines | None:
     return by * found.response[sound, None, None], angles[sound], deviations[sound]
 
 
+def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int) -> Found:
+    """Fit all samples: to the end, or from the start on for as many steps as the held-out samples allowed."""
+    if not found.overfitted:
+        return search(found.point.system, found.point.starts, whole, steps=max_steps)
+    again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found
+    # Not where the other samples lead the search astray: the held-out ones then know a better end.
+    return again if again.point.cost < judged(found.point.system, found.point.starts, whole).cost else found
+
+
 def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
     """Return the rms error of each output on the fitted and on the held-out samples, in scaled outputs."""
     parts: tuple[list[Array], list[Array]] = ([], [])
@@ -204,7 +216,7 @@ def _model(
     files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
     return NonlinearStateSpace(
         terms=system.basis.written,
-        **{name: getattr(system, name) for name in (*WEIGHTS, *(f"free_{name}" for name in WEIGHTS))},
+        **weights_of(system),
         theta_cov=cov,
         noise_variance=noise * sides["output"][1] ** 2,
         sample_time=first.sample_time,
@@ -212,11 +224,10 @@ def _model(
         output_names=first.output_names,
         input_units=first.input_units,
         output_units=first.output_units,
-        **{
-            f"{side}_{key}": values
-            for side, both in sides.items()
-            for key, values in zip(("origin", "scale"), both, strict=True)
-        },
+        input_origin=sides["input"][0],
+        input_scale=sides["input"][1],
+        output_origin=sides["output"][0],
+        output_scale=sides["output"][1],
         provenance={
             "identifier": repr(identifier),
             "samples": str(sum(record.n_samples for record in recordings)),

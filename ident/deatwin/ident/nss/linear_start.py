@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Found, Point, Record, judged, search, triangle
-from deatwin.plant.errors import ModelError
 from deatwin.ident.nss.subspace import from_lines, from_samples
+from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 Lines = tuple[NDArray[np.complex128], Array, Array]
@@ -80,7 +80,7 @@ def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) ->
         system = replace(system, free_output=output)
     point = judged(system, np.zeros((len(records), len(a))), records)
     rows = triangle(point, records)
-    step = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-12)[0]
+    step = np.asarray(np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-12)[0], dtype=np.float64)
     n = system.theta.size
     return judged(system.with_theta(step[:n]), step[n:].reshape(point.starts.shape), records)
 
@@ -92,7 +92,8 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
     """
     system, n = point.system, point.system.basis.states
     a, _, c, _ = system.linear_parts
-    rows, block = [], c
+    rows: list[Array] = []
+    block = c
     while len(rows) < n * n:
         rows += list(block)
         block = block @ (a - np.eye(n))
@@ -109,7 +110,7 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
         [_states(system, start, record) for record, start in zip(records, point.starts, strict=True)], axis=1
     )
     seen = turn @ states
-    spread = np.linalg.qr(seen.T / np.sqrt(seen.shape[1]), mode="r").T
+    spread = np.asarray(np.linalg.qr(seen.T / np.sqrt(seen.shape[1]), mode="r")).T
     spread = spread * np.sign(np.where(np.diag(spread) == 0.0, 1.0, np.diag(spread)))
     turn = np.linalg.lstsq(spread, turn, rcond=1e-10)[0]
     back = np.linalg.pinv(turn)

@@ -8,6 +8,7 @@ The march is a small C kernel where a C compiler is found, and Python elsewhere 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -34,6 +35,19 @@ class System:
     free_directions: Mask
     free_transition: Mask
     free_output: Mask
+
+    @classmethod
+    def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
+        """Return the system of weights, and of those that are free, by the names of the fields."""
+        return cls(
+            basis=basis,
+            directions=weights["directions"],
+            transition=weights["transition"],
+            output=weights["output"],
+            free_directions=free["directions"],
+            free_transition=free["transition"],
+            free_output=free["output"],
+        )
 
     @cached_property
     def _pairs(self) -> tuple[tuple[Array, Mask], ...]:

@@ -18,7 +18,7 @@ from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.nss.basis import Basis
-from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document
+from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.opening import Opening, opened
 from deatwin.plant.documents import Saved
@@ -167,8 +167,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         """Weights as the run takes them."""
         n = len(self.transition)
         basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
-        weights = {name: getattr(self, name) for name in (*WEIGHTS, *(f"free_{name}" for name in WEIGHTS))}
-        return System(basis=basis, **weights)
+        return System(basis=basis, **weights_of(self))
 
     @property
     def theta(self) -> Array:

@@ -70,5 +70,6 @@ def opened(system: System, inputs: Array, outputs: Array, noise: Array) -> Openi
     if not np.all(np.isfinite(left)):
         return Opening.known(state, count)
     found = slopes(state)
-    inverse = np.linalg.inv(found[:, count:].T @ found[:, count:] + np.eye(n) / _WIDTH**2)
+    information = found[:, count:].T @ found[:, count:] + np.eye(n) / _WIDTH**2
+    inverse = np.asarray(np.linalg.inv(information), dtype=np.float64)
     return Opening(state=state, covariance=inverse, by_theta=-inverse @ found[:, count:].T @ found[:, :count])

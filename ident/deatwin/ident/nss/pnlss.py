@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.nss.basis import Basis, monomials
-from deatwin.ident.nss.document import WEIGHTS
 from deatwin.ident.nss.identifier import StateSpaceIdentifier
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.search import Point, Record
@@ -23,7 +22,7 @@ class Pnlss(StateSpaceIdentifier):
     periodic, or from the samples, then by the free run. Its state is turned into the first output, its changes, and so
     on, each of unit size and without what is in those before, so that x1 is about the output and x2 its rate. Then all
     weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. The free run over the end of each
-    recording, which is not fitted, ends the search; if its error still falls at the end, all samples are fitted then.
+    recording, which is not fitted at first, ends the search; then all samples are fitted, for as many steps if it had risen.
 
     Parameters
     ----------
@@ -146,6 +145,5 @@ class Pnlss(StateSpaceIdentifier):
             weights["directions"] = np.zeros((basis.directions, basis.size))
             weights["directions"][:, :first] = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
             free["directions"] = weights["directions"] != 0.0
-            system = System(basis=basis, **weights, **{f"free_{name}": free[name] for name in WEIGHTS})
-            points.append(replace(linear, system=system))
+            points.append(replace(linear, system=System.of(basis, weights, free)))
         return points

@@ -50,7 +50,7 @@ class Found:
     """End of a search."""
 
     point: Point
-    steps: int
+    steps: int  # That led to the point
     overfitted: bool = False  # True if the held-out error fell no more while the other one did
     interrupted: bool = False
 
@@ -84,7 +84,7 @@ def triangle(point: Point, records: Sequence[Record], columns: Callable[[Array],
         rows[:, :n] = flat[:, :n]
         rows[:, n + i * start.size : n + (i + 1) * start.size] = flat[:, n:]
         rows[:, -1] = (record.outputs[:, : record.fitted].T - outputs).ravel()
-        found = np.linalg.qr(np.concatenate([found, rows]), mode="r")
+        found = np.asarray(np.linalg.qr(np.concatenate([found, rows]), mode="r"))
     return found
 
 
@@ -116,6 +116,11 @@ def search(
     point = best = judged(system, starts, records)
     holds_out = any(record.fitted < record.outputs.shape[1] for record in records)
     damping, small, best_at, size = 1e-2, 0, 0, np.zeros(point.theta.size)
+
+    def end(count: int, *, overfitted: bool = False, interrupted: bool = False) -> Found:
+        kept, after = (best, best_at) if holds_out else (point, count)
+        return Found(point=kept, steps=after, overfitted=overfitted, interrupted=interrupted)
+
     for count in range(1, steps + 1):
         try:
             rows = triangle(point, records)
@@ -131,9 +136,9 @@ def search(
                     break
                 damping *= 4.0
             else:
-                return Found(point=best if holds_out else point, steps=count)
+                return end(count)
         except KeyboardInterrupt:
-            return Found(point=best if holds_out else point, steps=count, interrupted=True)
+            return end(count, interrupted=True)
         damping = max(damping / 4.0, 1e-8)
         small = small + 1 if point.cost - ahead.cost <= tolerance * point.cost else 0
         point = ahead
@@ -142,10 +147,10 @@ def search(
         if progress is not None:
             progress(count, point)
         if small == 2 or point.cost == 0.0:
-            return Found(point=best if holds_out else point, steps=count)
+            break
         if holds_out and count - best_at >= patience:
-            return Found(point=best, steps=count, overfitted=True)
-    return Found(point=best if holds_out else point, steps=steps)
+            return end(count, overfitted=True)
+    return end(count)
 
 
 def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array, int]:

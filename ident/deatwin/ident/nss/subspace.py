@@ -34,10 +34,10 @@ def from_lines(response: Complex, angles: Array, deviations: Array, n_states: in
         turned = np.einsum("rk,kab->rakb", turns, blocks).reshape(rows * blocks.shape[1], n_lines * blocks.shape[2])
         return np.concatenate([turned.real, turned.imag], axis=1)
 
-    both = np.concatenate([stacked(np.broadcast_to(np.eye(m, dtype=complex), (n_lines, m, m))), stacked(response)])
-    lower = np.linalg.qr(both.T, mode="r").T[rows * m :, rows * m :]
-    noise = stacked(deviations[:, None, None] * np.eye(p))
-    root = np.linalg.qr(noise.T, mode="r").T
+    both = np.concatenate([stacked(np.ones((n_lines, 1, 1)) * np.eye(m, dtype=np.complex128)), stacked(response)])
+    lower = _lower(both)[rows * m :, rows * m :]
+    noise = stacked(deviations[:, None, None] * np.eye(p, dtype=complex))
+    root = _lower(noise)
     return _observed(root @ np.linalg.svd(np.linalg.solve(root, lower))[0][:, :n_states], p)
 
 
@@ -53,9 +53,14 @@ def from_samples(records: Sequence[tuple[Array, Array]], n_states: int, rows: in
     inputs, outputs = (_hankel([record[i] for record in records], 2 * rows) for i in (0, 1))
     m, p = records[0][0].shape[0], records[0][1].shape[0]
     stack = np.concatenate([inputs[rows * m :], inputs[: rows * m], outputs])
-    lower = np.linalg.qr(stack.T, mode="r").T
+    lower = _lower(stack)
     future, past = rows * (2 * m + p), rows * m
     return _observed(np.linalg.svd(lower[future:, past:future])[0][:, :n_states], p)
+
+
+def _lower(rows: Array) -> Array:
+    """Return L of the LQ decomposition of rows (n, m), shape (n, n)."""
+    return np.asarray(np.linalg.qr(rows.T, mode="r"), dtype=np.float64).T
 
 
 def _hankel(signals: Sequence[Array], rows: int) -> Array:
@@ -69,7 +74,7 @@ def _hankel(signals: Sequence[Array], rows: int) -> Array:
 
 def _observed(observability: Array, p: int) -> tuple[Array, Array]:
     """Return A and C of an extended observability matrix; poles on or outside of the unit circle are mirrored."""
-    a = np.linalg.lstsq(observability[:-p], observability[p:], rcond=None)[0]
+    a = np.asarray(np.linalg.lstsq(observability[:-p], observability[p:], rcond=None)[0], dtype=np.float64)
     return stabilised(a), observability[:p]
 
 
