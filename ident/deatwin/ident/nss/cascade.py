@@ -211,7 +211,7 @@ class _Weights:
 
     def system(self) -> System:
         """Return the system."""
-        return System(basis=self._basis, **self._values, **{f"free_{name}": free for name, free in self._free.items()})
+        return System.of(self._basis, self._values, self._free)
 
 
 def _partings(roots: Roots) -> list[Roots]:

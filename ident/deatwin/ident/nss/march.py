@@ -49,19 +49,6 @@ class System:
             free_output=free["output"],
         )
 
-    @classmethod
-    def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
-        """Return the system of weights, and of those that are free, by the names of the fields."""
-        return cls(
-            basis=basis,
-            directions=weights["directions"],
-            transition=weights["transition"],
-            output=weights["output"],
-            free_directions=free["directions"],
-            free_transition=free["transition"],
-            free_output=free["output"],
-        )
-
     @cached_property
     def _pairs(self) -> tuple[tuple[Array, Mask], ...]:
         return (

@@ -59,16 +59,15 @@ TANKS_STATES = {
     STATES: Pnlss(
         states=2,
         degrees=(2,),
-        terms=("hinge(s1,0)", "hinge(s2,0)"),
-        output_terms=("hinge(s3,0)",),
-        directions=3,
+        terms=("tanh(s1,1)", "tanh(s2,1)"),
+        directions=2,
         starts=12,
         feedthrough=False,
         held_out=0.3,
     ),
     CASCADE: Cascade(structure="NLN", feedthrough=False, held_out=0.3),
 }
-"""Two overflows and the end of a sensor, wherever they are."""
+"""Of fourteen structures the one that did best in four partings of the training record into learned and judged parts."""
 EMPS_STATES = {
     STATES: Pnlss(states=2, degrees=(2, 3), inputs_in_products=False, terms=("tanh(x2,0.1)",), feedthrough=False),
     CASCADE: Cascade(structure="NLN", feedthrough=False),
