@@ -34,9 +34,11 @@ def from_lines(response: Complex, angles: Array, deviations: Array, n_states: in
         turned = np.einsum("rk,kab->rakb", turns, blocks).reshape(rows * blocks.shape[1], n_lines * blocks.shape[2])
         return np.concatenate([turned.real, turned.imag], axis=1)
 
-    both = np.concatenate([stacked(np.ones((n_lines, 1, 1)) * np.eye(m, dtype=np.complex128)), stacked(response)])
+    both = np.concatenate(
+        [stacked(np.asarray(np.ones((n_lines, 1, 1)) * np.eye(m), dtype=np.complex128)), stacked(response)]
+    )
     lower = _lower(both)[rows * m :, rows * m :]
-    noise = stacked(deviations[:, None, None] * np.eye(p, dtype=complex))
+    noise = stacked(np.asarray(deviations[:, None, None] * np.eye(p), dtype=np.complex128))
     root = _lower(noise)
     return _observed(root @ np.linalg.svd(np.linalg.solve(root, lower))[0][:, :n_states], p)
 
