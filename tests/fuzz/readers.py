@@ -24,6 +24,7 @@ from deatwin.control.checking.result import Check
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear.model import LinearModel
+from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.validate import Validation, validate
 from deatwin.plant.calibrated import CalibratedPlant
@@ -420,6 +421,20 @@ def linear_seeds() -> tuple[bytes, ...]:
 
 
 @cache
+def states_seeds() -> tuple[bytes, ...]:
+    """A state space with a direction and a function."""
+    model = NonlinearStateSpace(
+        terms=["tanh(s1,1)", "x1^2 u"],
+        transition=[[0, 0.5, 1, 0.2, 0.1]],
+        output=[[0, 1, 0, 0, 0]],
+        directions=[[0, 1, 1, 0, 0]],
+        free_directions=[[False, True, True, False, False]],
+        sample_time=0.1,
+    )
+    return (written(".json", model.save),)
+
+
+@cache
 def theta_seeds() -> tuple[bytes, ...]:
     """Parameters along three times."""
     model = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.1}, sample_time=0.02)
@@ -487,6 +502,7 @@ DOCUMENTS: Mapping[str, Kind] = {
     "plant": document(CalibratedPlant, plant_seeds),
     "narx": document(NarxModel, narx_seeds),
     "linear": document(LinearModel, linear_seeds),
+    "states": document(NonlinearStateSpace, states_seeds),
     "diagnosis": document(Diagnosis, stored("diagnosis.json")),
     "check": document(Check, stored("check.json")),
     "theta": document(ThetaTrajectory, theta_seeds),

@@ -35,6 +35,7 @@ class _Kind:
     slope: Callable[..., Array]
     kinks: Callable[..., tuple[float, ...]]  # Arguments without a derivative
     source: str = ""  # The value in C, of x, p and q; empty if Python alone knows it
+    slope_source: str = ""  # Its derivative, likewise
 
 
 def _above(x: Array, knot: float) -> Array:
@@ -46,8 +47,8 @@ def _bell(x: Array, centre: float, width: float) -> Array:
 
 
 _KINDS: dict[str, _Kind] = {
-    "abs": _Kind((), 1, np.abs, np.sign, lambda: (0.0,), "fabs(x)"),
-    "sign": _Kind((), 0, np.sign, np.zeros_like, lambda: (0.0,), "(x > 0) - (x < 0)"),
+    "abs": _Kind((), 1, np.abs, np.sign, lambda: (0.0,), "fabs(x)", "(x > 0) - (x < 0)"),
+    "sign": _Kind((), 0, np.sign, np.zeros_like, lambda: (0.0,), "(x > 0) - (x < 0)", "0"),
     "sat": _Kind(
         ("limit",),
         1,
@@ -55,6 +56,7 @@ _KINDS: dict[str, _Kind] = {
         lambda x, p: (np.abs(x) < p) * 1.0,
         lambda p: (-p, p),
         "x > p ? p : x < -p ? -p : x",
+        "fabs(x) < p",
     ),
     "dead": _Kind(
         ("width",),
@@ -63,8 +65,9 @@ _KINDS: dict[str, _Kind] = {
         lambda x, p: (np.abs(x) > p) * 1.0,
         lambda p: (-p, p),
         "x > p ? x - p : x < -p ? x + p : 0",
+        "fabs(x) > p",
     ),
-    "hinge": _Kind(("knot",), 1, _above, lambda x, p: (x > p) * 1.0, lambda p: (p,), "x > p ? x - p : 0"),
+    "hinge": _Kind(("knot",), 1, _above, lambda x, p: (x > p) * 1.0, lambda p: (p,), "x > p ? x - p : 0", "x > p"),
     "spline": _Kind(
         ("knot",),
         3,
@@ -72,6 +75,7 @@ _KINDS: dict[str, _Kind] = {
         lambda x, p: 3.0 * _above(x, p) ** 2,
         lambda p: (),
         "x > p ? (x - p) * (x - p) * (x - p) : 0",
+        "x > p ? 3 * (x - p) * (x - p) : 0",
     ),
     "rbf": _Kind(
         ("centre", "width"),
@@ -80,6 +84,16 @@ _KINDS: dict[str, _Kind] = {
         lambda x, p, q: -2.0 * (x - p) / q**2 * _bell(x, p, q),
         lambda p, q: (),
         "exp(-((x - p) / q) * ((x - p) / q))",
+        "-2 * (x - p) / (q * q) * exp(-((x - p) / q) * ((x - p) / q))",
+    ),
+    "tanh": _Kind(
+        ("width",),
+        0,
+        lambda x, p: np.tanh(x / p),
+        lambda x, p: (1.0 - np.tanh(x / p) ** 2) / p,
+        lambda p: (),
+        "tanh(x / p)",
+        "(1 - tanh(x / p) * tanh(x / p)) / p",
     ),
 }
 SOURCES = tuple(_KINDS)
@@ -213,7 +227,10 @@ def _number(value: float) -> str:
 
 
 def switch_source() -> str:
-    """Return the C function that evaluates a function that is built in, by its number."""
-    cases = "\n".join(f"    case {i}: return {_KINDS[name].source};" for i, name in enumerate(SOURCES))
-    head = "#include <math.h>\nstatic double shape(int number, double x, double p, double q) {\n    switch (number) {\n"
-    return f"{head}{cases}\n    }}\n    return NAN;\n}}\n"
+    """Return the C functions that evaluate a function that is built in, and its derivative, by its number."""
+    found = "#include <math.h>\n"
+    for name, field in (("shape", "source"), ("shape_slope", "slope_source")):
+        cases = "\n".join(f"    case {i}: return {getattr(_KINDS[one], field)};" for i, one in enumerate(SOURCES))
+        head = f"static inline double {name}(int number, double x, double p, double q) {{\n    switch (number) {{\n"
+        found += f"{head}{cases}\n    }}\n    return NAN;\n}}\n"
+    return found

@@ -38,6 +38,7 @@ class Method(StrEnum):
     LASSO = "lasso"
     SEMP = "semp"
     GROW = "grow"
+    NSS = "nss"
 
 
 _AHEAD = (Method.SVB, Method.FROLS)
@@ -49,7 +50,7 @@ MethodOption = Annotated[
     Method,
     typer.Option(
         help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower); "
-        "grow: from a linear model on, for noise on the readings."
+        "grow: from a linear model on, for noise on the readings; nss: nonlinear state space, by the free run."
     ),
 ]
 InputLag = Annotated[
@@ -97,6 +98,7 @@ Functions = Annotated[
         "'sign(y(k-1)-y(k-2))'; once for each.",
     ),
 ]
+States = Annotated[int, typer.Option(min=1, help="Number of states (nss alone).")]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -115,6 +117,7 @@ def identify(
     first_input_lag: FirstInputLag = None,
     degree: Annotated[int, typer.Option(min=1, help="Largest degree of a term.")] = 2,
     max_terms: MaxTerms = 15,
+    states: States = 2,
     functions: Functions = None,
     input_column: InputColumn = None,
     output_column: OutputColumn = None,
@@ -127,7 +130,7 @@ def identify(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Identify a polynomial NARX model; its errors are those on the last 30 % of each recording.
+    """Identify a polynomial NARX model, or a nonlinear state space; its errors are those on the last 30 % of each recording.
 
     Example: deatwin identify noise.csv --method svb --out narx.json
 
@@ -140,6 +143,7 @@ def identify(
     from deatwin.app.identify_noise import biased_by_noise, outlying
     from deatwin.app.identify_periodic import approximated, degree_remarks
     from deatwin.app.identify_report import linear_errors
+    from deatwin.app.identify_states import identify_states
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
@@ -155,6 +159,8 @@ def identify(
     first, last = FIRST if first_input_lag is None else first_input_lag, LAST if input_lags is None else input_lags
     if last < first:
         raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
+    if method is Method.NSS and report is not None:
+        raise typer.BadParameter("reports are of NARX models; leave it out with --method nss", param_hint="--report")
     reading = ReadingTime.START_OF_HOLD if first else ReadingTime.END_OF_HOLD
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
@@ -168,6 +174,11 @@ def identify(
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
         whole, records, notes = records, fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
+        if method is Method.NSS:
+            chosen_terms = {"states": states, "degree": degree, "functions": functions or ()}
+            if not identify_states(out, training, unseen, **chosen_terms, notes=notes, voice=voice):
+                raise typer.Exit(130)
+            return
         chosen = choose_input_lags(training, first_input_lag, input_lags)
         lags = {"output_lags": output_lags or OUTPUT_LAGS, "input_lags": chosen.lags, "degree": degree}
         lags["functions"] = tuple(functions or ())

@@ -20,12 +20,13 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import refine
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.svb import SvbNarx
+from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.records import DataSet
 
 Array = NDArray[np.float64]
-Model = NarxModel | LinearModel
+Model = NarxModel | LinearModel | NonlinearStateSpace
 
 LINEAR, FRO, SEMP, REFINED, GROWN = (
     "output error, linear",
@@ -99,10 +100,11 @@ class Outcome:
 
 
 def attempt(method: str, data: DataSet) -> Outcome:
-    """Let a method learn, and judge it."""
+    """Let a method, or an estimator that the data bring along, learn, and judge it."""
     begun = time.perf_counter()
     try:
-        model = METHODS[method](data)
+        further = data.further.get(method)
+        model = METHODS[method](data) if further is None else further.fit(data.train).model_
     except ModelError as error:
         return Outcome(
             data=data.name,
@@ -131,8 +133,8 @@ def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome
     )
 
 
-def free(model: Model, recording: Recording) -> Any:
-    """The free run from the first measured lags alone, as `NarxModel` does it."""
-    if isinstance(model, NarxModel):
-        return model.simulate(recording)
-    return model.simulate(recording, warmup=model.poles.size)
+def free(model: Model, recording: Recording, shown: int | None = None) -> Any:
+    """The free run from the first measured lags alone, as `NarxModel` does it; a state space takes the shown samples."""
+    if isinstance(model, LinearModel):
+        return model.simulate(recording, warmup=model.poles.size)
+    return model.simulate(recording) if isinstance(model, NarxModel) else model.simulate(recording, warmup=shown)

@@ -1,0 +1,235 @@
+"""Cascades of linear dynamics and static functions: Hammerstein, Wiener, and those with two of the one kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import StrEnum
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.identifier import StateSpaceIdentifier
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.search import Point, Record, search
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+Roots = NDArray[np.complex128]
+_TRIAL = 10
+"""Steps by which one parting of poles and zeros shows whether it is better than another."""
+
+
+class Structure(StrEnum):
+    """Order of the blocks, N for a static function and L for linear dynamics."""
+
+    HAMMERSTEIN = "NL"
+    WIENER = "LN"
+    HAMMERSTEIN_WIENER = "NLN"
+    WIENER_HAMMERSTEIN = "LNL"
+
+
+class Cascade(StateSpaceIdentifier):
+    """Cascade of linear dynamics and static functions with one input and one output, by the least free-run error.
+
+    The linear dynamics begin as the best linear approximation, to which those of a cascade with one linear block are
+    proportional where the input is Gaussian (Bussgang). For ``"LNL"`` its poles and zeros are parted between the two
+    blocks in all ways, each is tried, and the best is fitted.
+
+    Parameters
+    ----------
+    structure : str
+        Blocks from input to output: ``"NL"`` (Hammerstein), ``"LN"`` (Wiener), ``"NLN"`` or ``"LNL"``.
+    states : int
+        Number of states of the linear block; for ``"LNL"`` of both together.
+    shape : sequence of str
+        Terms of the static functions beside v itself and a constant, for the signal v that enters one, of unit size:
+        powers ``"v^2"``, or functions as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
+    feedthrough : bool
+        True if the linear block that ends the path acts within the sample.
+    held_out : float
+        Share of each recording, at its end, that ends the search; 0 to fit all samples.
+    max_steps : int
+        Largest number of steps of a search.
+
+    Attributes
+    ----------
+    model_ : NonlinearStateSpace
+        The identified model, whose directions are the signals between the blocks.
+    status_ : FitStatus
+        Outcome of the search.
+    linear_error_, error_, held_out_error_ : ndarray, shape (1,)
+        As those of `Pnlss`.
+
+    References
+    ----------
+    Schoukens, Tiels, "Identification of block-oriented nonlinear systems starting from linear approximations: a survey",
+    Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
+    """
+
+    def __init__(
+        self,
+        *,
+        structure: str = "LN",
+        states: int = 2,
+        shape: Sequence[str] = ("v^2", "v^3"),
+        feedthrough: bool = True,
+        held_out: float = 0.2,
+        max_steps: int = 100,
+    ) -> None:
+        self.structure = structure
+        self.states = states
+        self.shape = shape
+        self.feedthrough = feedthrough
+        self.held_out = held_out
+        self.max_steps = max_steps
+
+    @property
+    def _order(self) -> int:
+        return self.states
+
+    def _require(self) -> None:
+        self._require_whole("states")
+        if self.structure not in list(Structure):
+            raise ModelError(f"structure = {self.structure!r}; it must be one of {', '.join(Structure)}")
+        if self.structure == Structure.WIENER_HAMMERSTEIN and self.states < 2:
+            raise ModelError(f"states = {self.states}; two linear blocks need at least 2")
+        if wrong := [text for text in self.shape if "v" not in text]:
+            raise ModelError(f"the term {wrong[0]!r} of a static function must hold v, as v^2 or sat(v,1)")
+
+    def _needed(self, record: Recording) -> int:
+        if len(record.inputs) != 1 or len(record.outputs) != 1:
+            raise ModelError(
+                f"a cascade has one input and one output; the recordings have {len(record.inputs)} and "
+                f"{len(record.outputs)}: use Pnlss"
+            )
+        return 2 * self.states + 2 + self.structure.count("N") * (1 + len(self.shape))
+
+    def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
+        if self.structure == Structure.WIENER_HAMMERSTEIN:
+            return [self._parted(linear, records)]
+        return [replace(linear, system=self._around(linear.system))]
+
+    def _of(self, signal: str) -> list[str]:
+        """Return the terms of a static function of a signal."""
+        return [text.replace("v", signal) for text in self.shape]
+
+    def _around(self, linear: System) -> System:
+        """Return one linear block with static functions before it, behind it, or both."""
+        a, b, c, d = linear.linear_parts
+        before, behind = self.structure[0] == "N", self.structure[-1] == "N"
+        entering, leaving = ("s1" if before else "u"), f"s{1 + before}"
+        written = [*(self._of("u") if before else []), *(["s1"] if before else [])]
+        written += [leaving, *self._of(leaving)] if behind else []
+        made = _Weights(Basis(len(a), 1, before + behind, tuple(written)), 1)
+        states = [f"x{i}" for i in range(1, 1 + len(a))]
+        if before:
+            made.put("directions", 0, ["u"], [1.0], free=False)
+            made.put("directions", 0, self._of("u"))
+        for row in range(len(a)):
+            made.put("transition", row, [*states, entering], [*a[row], b[row, 0]])
+        final = ("directions", int(before)) if behind else ("output", 0)
+        made.put(*final, states, c[0])
+        made.put(*final, [entering], d[0], free=self.feedthrough)
+        made.put("output", 0, ["1"], linear.output[:, 0])
+        if behind:
+            made.put("output", 0, [leaving], [1.0], free=False)
+            made.put("output", 0, self._of(leaving))
+        return made.system()
+
+    def _parted(self, linear: Point, records: Sequence[Record]) -> Point:
+        """Return the best of all partings of poles and zeros between the block before the function and that behind it."""
+        from scipy.signal import ss2zpk
+
+        a, b, c, d = linear.system.linear_parts
+        zeros, poles, gain = ss2zpk(a, b, c, d)
+        if not np.isfinite(gain) or gain == 0.0:
+            raise ModelError("the best linear approximation is zero: there is nothing to part")
+        tried = []
+        for first in _partings(poles):
+            for front in _partings(zeros):
+                blocks = [(front, first), (_rest(zeros, front), _rest(poles, first))]
+                if all(z.size <= p.size and p.size for z, p in blocks):
+                    system = self._series(blocks, float(gain), float(linear.system.output[0, 0]), records)
+                    starts = np.zeros_like(linear.starts)
+                    tried.append(search(system, starts, records, steps=_TRIAL).point)
+        if not tried:
+            raise ModelError("the poles cannot be parted between two blocks: give another number of states")
+        return min(tried, key=lambda point: point.cost)
+
+    def _series(
+        self, blocks: Sequence[tuple[Roots, Roots]], gain: float, constant: float, records: Sequence[Record]
+    ) -> System:
+        """Return two linear blocks with a static function between them, whose input is of unit size."""
+        from scipy.signal import lfilter, zpk2ss, zpk2tf
+
+        front, behind = blocks
+        run = [lfilter(*zpk2tf(*front, 1.0), record.inputs[0]) for record in records]
+        size = float(np.sqrt(np.mean(np.concatenate(run) ** 2)))
+        (a1, b1, c1, d1), (a2, b2, c2, d2) = zpk2ss(*front, 1.0 / size), zpk2ss(*behind, gain * size)
+        n1, n2 = len(a1), len(a2)
+        states = [f"x{i}" for i in range(1, 1 + n1 + n2)]
+        made = _Weights(Basis(n1 + n2, 1, 2, ("s1", *self._of("s1"), "s2")), 1)
+        for row in range(n1):
+            made.put("transition", row, [*states[:n1], "u"], [*a1[row], b1[row, 0]])
+        for row in range(n2):
+            made.put("transition", n1 + row, [*states[n1:], "s2"], [*a2[row], b2[row, 0]])
+        made.put("directions", 0, [*states[:n1], "u"], [*c1[0], d1[0, 0]])
+        made.put("directions", 1, ["s1"], [1.0], free=False)
+        made.put("directions", 1, self._of("s1"))
+        made.put("output", 0, ["1", *states[n1:]], [constant, *c2[0]])
+        made.put("output", 0, ["s2"], [d2[0, 0]], free=self.feedthrough)
+        return made.system()
+
+
+class _Weights:
+    """Weights of a system in the making, all zero and fixed at first."""
+
+    def __init__(self, basis: Basis, n_outputs: int) -> None:
+        self._basis = basis
+        counts = {"directions": basis.directions, "transition": basis.states, "output": n_outputs}
+        self._values = {name: np.zeros((count, basis.size)) for name, count in counts.items()}
+        self._free = {name: np.zeros((count, basis.size), dtype=bool) for name, count in counts.items()}
+
+    def put(
+        self,
+        name: str,
+        row: int,
+        labels: Sequence[str],
+        values: Sequence[float] | Array | None = None,
+        *,
+        free: bool = True,
+    ) -> None:
+        """Set weights of regressors by their names, zero by default."""
+        for label, value in zip(labels, np.zeros(len(labels)) if values is None else values, strict=True):
+            column = self._basis.labels.index(label)
+            self._values[name][row, column] = value
+            self._free[name][row, column] = free
+
+    def system(self) -> System:
+        """Return the system."""
+        return System.of(self._basis, self._values, self._free)
+
+
+def _partings(roots: Roots) -> list[Roots]:
+    """Return all choices of real roots and conjugate pairs."""
+    upper = roots[roots.imag > 1e-9]
+    real = roots[np.abs(roots.imag) <= 1e-9]
+    groups = [*(np.array([root, root.conj()]) for root in upper), *(root.real[None].astype(complex) for root in real)]
+    return [
+        np.concatenate(
+            [np.zeros(0, dtype=complex), *(group for group, taken in zip(groups, chosen, strict=True) if taken)]
+        )
+        for chosen in product((False, True), repeat=len(groups))
+    ]
+
+
+def _rest(roots: Roots, taken: Roots) -> Roots:
+    """Return the roots that are not taken."""
+    left = list(roots)
+    for root in taken:
+        left.pop(int(np.argmin(np.abs(np.array(left) - root))))
+    return np.array(left, dtype=np.complex128)

@@ -1,0 +1,236 @@
+"""What the estimators of nonlinear state spaces share: scales, the linear start, the search, the model."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.look.best_linear import best_linear_approximation
+from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.ident.nss.document import weights_of
+from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
+from deatwin.ident.nss.model import NonlinearStateSpace
+from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, judged, search
+from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+_LINEAR_STEPS = 25
+"""Of the linear start, whose end is not needed to the last digit."""
+_PATIENCE = 20
+"""Steps without a lower held-out error that end a search: on its way to a better valley it rises for some."""
+
+
+class StateSpaceIdentifier(Identifier):
+    """Base class of the estimators of nonlinear state spaces.
+
+    Attributes
+    ----------
+    model_ : NonlinearStateSpace
+        The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
+    status_ : FitStatus
+        Outcome of the search.
+    linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
+        Root mean square of the free-run error of the linear start on the fitted samples, of the model on all samples,
+        and of the model at the end of the search on the held-out ones (NaN without), in the outputs' units.
+    """
+
+    model_: NonlinearStateSpace
+    status_: FitStatus
+    feedthrough: bool
+    held_out: float
+    max_steps: int
+
+    @property
+    @abstractmethod
+    def _order(self) -> int:
+        """Number of states."""
+
+    @abstractmethod
+    def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
+        """Return the points from which the search starts."""
+
+    @abstractmethod
+    def _needed(self, record: Recording) -> int:
+        """Return the free weights of a model over such recordings, the states' coordinates not counted."""
+
+    @abstractmethod
+    def _require(self) -> None:
+        """Raise ModelError unless the arguments make sense."""
+
+    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+        """Estimate the weights.
+
+        Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
+
+        Parameters
+        ----------
+        recordings : Recording, Experiment, or several
+            Training data with a common sample time; each recording has its own first state.
+        progress : callable, optional
+            Called with the share done, between 0 and 1, and a description of the current step.
+
+        Returns
+        -------
+        StateSpaceIdentifier
+            The estimator itself.
+
+        Raises
+        ------
+        ModelError
+            If an argument makes no sense, or the recordings do not suit the estimator.
+        """
+        from threadpoolctl import threadpool_limits
+
+        chosen = flatten(recordings)
+        require_alike(chosen)
+        self._require()
+        told = progress or silent
+        with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
+            sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
+            told(0.0, "a linear state space")
+            found = linear_start(
+                records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
+            )
+            self.linear_error_ = _errors(found.point, records)[0] * sides["output"][1]
+            start = found.point
+            if not found.interrupted:
+                points = self._begun(in_own_coordinates(found.point, records), records)
+                start, found = self._searched(points, records, told)
+            self.held_out_error_ = _errors(found.point, records)[1] * sides["output"][1]
+            whole = all_fitted(records)
+            if not found.interrupted:
+                found = _on_all(found, start, whole, self.max_steps)
+            point = found.point
+            self.error_ = _errors(point, whole)[0] * sides["output"][1]
+            self.model_ = _model(self, point, whole, chosen, sides)
+        self.status_ = FitStatus.INTERRUPTED if found.interrupted else FitStatus.DONE
+        told(1.0, "done")
+        return self
+
+    def _require_whole(self, *names: str) -> None:
+        for name in (*names, "max_steps"):
+            if not (isinstance(getattr(self, name), int | np.integer) and getattr(self, name) >= 1):
+                raise ModelError(f"{name} = {getattr(self, name)!r}; it must be a whole number of at least 1")
+        if not 0.0 <= self.held_out < 1.0:
+            raise ModelError(f"held_out = {self.held_out}; it must be at least 0 and below 1")
+
+    def _searched(self, starts: Sequence[Point], records: Sequence[Record], told: Progress) -> tuple[Point, Found]:
+        """Fit all weights from each start, and return the best start and its end."""
+        found: list[Found] = []
+        for number, start in enumerate(starts):
+
+            def say(count: int, point: Point, number: int = number) -> None:
+                share = (number + count / self.max_steps) / len(starts)
+                told(share, f"step {count} of search {number + 1} of {len(starts)}")
+
+            found.append(
+                search(start.system, start.starts, records, steps=self.max_steps, patience=_PATIENCE, progress=say)
+            )
+            if found[-1].interrupted:
+                break
+        ends = [one.point.held_out if self.held_out else one.point.cost for one in found]
+        best = int(np.argmin(ends))
+        return starts[best], replace(found[best], interrupted=found[-1].interrupted)
+
+
+Sides = dict[str, tuple[Array, Array]]
+
+
+def _scaled(recordings: Sequence[Recording], held_out: float, needed: int) -> tuple[Sides, list[Record]]:
+    """Return origins and scales of inputs and outputs, and the scaled records; ModelError where they tell too little."""
+    sides = {}
+    for side in ("input", "output"):
+        rows = np.concatenate([getattr(record, f"{side}s") for record in recordings], axis=1)
+        if len(rows) == 0:
+            raise ModelError(f"the recordings have no {side}s; a nonlinear state space needs one")
+        sides[side] = (rows.mean(axis=1), rows.std(axis=1))
+        if flat := [
+            name for name, size in zip(getattr(recordings[0], f"{side}_names"), sides[side][1], strict=True) if not size
+        ]:
+            raise ModelError(f'the {side} "{flat[0]}" is constant: nothing can be learned from it')
+    records = []
+    for record in recordings:
+        inputs, outputs = (
+            (signals - sides[side][0][:, None]) / sides[side][1][:, None]
+            for side, signals in (("input", record.inputs), ("output", record.outputs))
+        )
+        fitted = max(round(record.n_samples * (1.0 - held_out)), 1)
+        records.append(Record(inputs=inputs, outputs=outputs, fitted=fitted))
+    told = sum(record.fitted for record in records) * len(records[0].outputs)
+    if told <= needed:
+        raise ModelError(
+            f"{told} fitted readings for {needed} weights: give longer recordings, fewer states or terms, or less held out"
+        )
+    return sides, records
+
+
+def _lines(recordings: Sequence[Recording], sides: Sides) -> Lines | None:
+    """Return the best linear approximation in scaled signals; None where the recordings do not give one."""
+    first = recordings[0]
+    if len(first.inputs) > 1 or len(first.outputs) > 1:
+        return None
+    try:
+        found = best_linear_approximation(recordings)
+    except DataError:
+        return None
+    by = float(sides["input"][1][0] / sides["output"][1][0])
+    deviations = by * np.sqrt(found.variance)
+    sound = deviations > 0.0
+    angles = 2.0 * np.pi * found.frequencies * first.sample_time
+    return by * found.response[sound, None, None], angles[sound], deviations[sound]
+
+
+def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int) -> Found:
+    """Fit all samples: to the end, or from the start on for as many steps as the held-out samples allowed."""
+    if not found.overfitted:
+        return search(found.point.system, found.point.starts, whole, steps=max_steps)
+    again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found
+    # Not where the other samples lead the search astray: the held-out ones then know a better end.
+    return again if again.point.cost < judged(found.point.system, found.point.starts, whole).cost else found
+
+
+def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
+    """Return the rms error of each output on the fitted and on the held-out samples, in scaled outputs."""
+    parts: tuple[list[Array], list[Array]] = ([], [])
+    for record, start in zip(records, point.starts, strict=True):
+        left = (record.outputs.T - point.system.run(record.inputs, start)[0]) ** 2
+        parts[0].append(left[: record.fitted])
+        parts[1].append(left[record.fitted :])
+    fitted, rest = (np.concatenate(part) for part in parts)
+    return np.sqrt(fitted.mean(axis=0)), np.sqrt(rest.mean(axis=0)) if len(rest) else np.full(rest.shape[1], np.nan)
+
+
+def _model(
+    identifier: Identifier, point: Point, records: Sequence[Record], recordings: Sequence[Recording], sides: Sides
+) -> NonlinearStateSpace:
+    """Return the model with its covariance."""
+    cov, noise, _ = covariance(point, records)
+    first, system = recordings[0], point.system
+    files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
+    return NonlinearStateSpace(
+        terms=system.basis.written,
+        **weights_of(system),
+        theta_cov=cov,
+        noise_variance=noise * sides["output"][1] ** 2,
+        sample_time=first.sample_time,
+        input_names=first.input_names,
+        output_names=first.output_names,
+        input_units=first.input_units,
+        output_units=first.output_units,
+        input_origin=sides["input"][0],
+        input_scale=sides["input"][1],
+        output_origin=sides["output"][0],
+        output_scale=sides["output"][1],
+        provenance={
+            "identifier": repr(identifier),
+            "samples": str(sum(record.n_samples for record in recordings)),
+            "recordings": ", ".join(files) or str(len(recordings)),
+        },
+    )

@@ -1,0 +1,130 @@
+"""The linear state space that a nonlinear one begins from, in coordinates of the output and its changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.search import Found, Point, Record, judged, search, triangle
+from deatwin.ident.nss.subspace import from_lines, from_samples
+from deatwin.plant.errors import ModelError
+
+Array = NDArray[np.float64]
+Lines = tuple[NDArray[np.complex128], Array, Array]
+
+_ROWS = (1.5, 3.0, 6.0)
+"""Block rows by state: few tell fast poles, many tell slow ones; the one with the least free-run error is kept."""
+_LONGEST = 20_000
+"""Samples of a record that the subspace method reads; all of them are fitted afterwards."""
+
+
+def linear_start(
+    records: Sequence[Record], n_states: int, *, lines: Lines | None, steps: int, feedthrough: bool
+) -> Found:
+    """Fit a linear state space: poles by subspace identification, the rest by least squares, then all by the free run.
+
+    lines: best linear approximation where there is one, its angles in rad per sample and deviations.
+    """
+    starts = []
+    for rows in sorted({max(n_states + 2, round(n_states * by)) for by in _ROWS} | {10, 20}):
+        cuts = [(r.inputs[:, :_LONGEST], r.outputs[:, :_LONGEST]) for r in records if r.fitted > 4 * rows]
+        if sum(record[0].shape[1] for record in cuts) > 8 * rows * (len(records[0].inputs) + len(records[0].outputs)):
+            starts.append(from_samples(cuts, n_states, rows))
+        if lines is not None and lines[1].size > rows:
+            starts.append(from_lines(*lines, n_states, rows))
+    if not starts:
+        raise ModelError(f"the recordings are too short for {n_states} states: give longer ones, or fewer states")
+    best = min((_fitted(a, c, records, feedthrough) for a, c in starts), key=lambda point: point.cost)
+    system = _freed(best.system, feedthrough)
+    return search(system, best.starts, records, steps=steps, patience=steps)
+
+
+def _linear(a: Array, c: Array, m: int) -> System:
+    """Return the system without inputs, of which what the inputs do is free."""
+    p, n = c.shape
+    basis = Basis(n, m, 0, ())
+    transition, output = np.zeros((n, basis.size)), np.zeros((p, basis.size))
+    transition[:, 1 : 1 + n], output[:, 1 : 1 + n] = a, c
+    free = [np.zeros_like(weights, dtype=bool) for weights in (np.zeros((0, basis.size)), transition, output)]
+    free[1][:, 1 + n :] = True
+    free[2][:, [0, *range(1 + n, basis.size)]] = True
+    return System(
+        basis=basis,
+        directions=np.zeros((0, basis.size)),
+        transition=transition,
+        output=output,
+        free_directions=free[0],
+        free_transition=free[1],
+        free_output=free[2],
+    )
+
+
+def _freed(system: System, feedthrough: bool) -> System:
+    transition, output = np.ones_like(system.free_transition), np.ones_like(system.free_output)
+    transition[:, 0] = False  # a constant of the output is the same
+    output[:, 1 + system.basis.states :] = feedthrough
+    return replace(system, free_transition=transition, free_output=output)
+
+
+def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) -> Point:
+    """Fit B, D, the constant and the first states, in which the outputs are linear."""
+    system = _linear(a, c, len(records[0].inputs))
+    if not feedthrough:
+        output = system.free_output.copy()
+        output[:, 1 + system.basis.states :] = False
+        system = replace(system, free_output=output)
+    point = judged(system, np.zeros((len(records), len(a))), records)
+    rows = triangle(point, records)
+    step = np.asarray(np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-12)[0], dtype=np.float64)
+    n = system.theta.size
+    return judged(system.with_theta(step[:n]), step[n:].reshape(point.starts.shape), records)
+
+
+def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
+    """Turn the state so that it is the first output, then its changes, each without what is in those before, of unit size.
+
+    Functions of a state then mean what they mean of an output and its rates, and powers of states are told apart.
+    """
+    system, n = point.system, point.system.basis.states
+    a, _, c, _ = system.linear_parts
+    rows: list[Array] = []
+    block = c
+    while len(rows) < n * n:
+        rows += list(block)
+        block = block @ (a - np.eye(n))
+    chosen: list[Array] = []
+    for row in rows:
+        if len(chosen) < n and np.linalg.matrix_rank(np.array([*chosen, row]), tol=1e-9 * np.linalg.norm(row)) > len(
+            chosen
+        ):
+            chosen.append(row)
+    if len(chosen) < n:
+        chosen = list(np.eye(n))
+    turn = np.array(chosen)
+    states = np.concatenate(
+        [_states(system, start, record) for record, start in zip(records, point.starts, strict=True)], axis=1
+    )
+    seen = turn @ states
+    spread = np.asarray(np.linalg.qr(seen.T / np.sqrt(seen.shape[1]), mode="r")).T
+    spread = spread * np.sign(np.where(np.diag(spread) == 0.0, 1.0, np.diag(spread)))
+    turn = np.linalg.lstsq(spread, turn, rcond=1e-10)[0]
+    back = np.linalg.pinv(turn)
+    transition, output = system.transition.copy(), system.output.copy()
+    transition = turn @ transition
+    for weights in (transition, output):
+        weights[:, 1 : 1 + n] = weights[:, 1 : 1 + n] @ back
+    return judged(replace(system, transition=transition, output=output), point.starts @ turn.T, records)
+
+
+def _states(system: System, start: Array, record: Record) -> Array:
+    """Return the states of a linear run, shape (n_states, n)."""
+    n = system.basis.states
+    reader = np.zeros((n, system.basis.size))
+    reader[:, 1 : 1 + n] = np.eye(n)
+    probe = replace(system, output=reader, free_output=np.zeros_like(reader, dtype=bool))
+    return probe.run(record.inputs[:, : record.fitted], start)[0].T

@@ -1,0 +1,192 @@
+"""The run of a nonlinear state space over a record, with its sensitivities to all weights and to the first state.
+
+x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k), each of
+regressors that hold earlier directions at most.
+The march is a small C kernel where a C compiler is found, and Python elsewhere or where a function is the user's own.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.narx.shapes import switch_source
+from deatwin.ident.nss.basis import Basis
+from deatwin.plant.integrator.compiled import compile_source, compiler
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class System:
+    """Weights of a nonlinear state space, and which of them are free. Masks have the shapes of the weights."""
+
+    basis: Basis
+    directions: Array  # shape (n_directions, n_regressors): P
+    transition: Array  # shape (n_states, n_regressors): W
+    output: Array  # shape (n_outputs, n_regressors): V
+    free_directions: Mask
+    free_transition: Mask
+    free_output: Mask
+
+    @classmethod
+    def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
+        """Return the system of weights, and of those that are free, by the names of the fields."""
+        return cls(
+            basis=basis,
+            directions=weights["directions"],
+            transition=weights["transition"],
+            output=weights["output"],
+            free_directions=free["directions"],
+            free_transition=free["transition"],
+            free_output=free["output"],
+        )
+
+    @cached_property
+    def _pairs(self) -> tuple[tuple[Array, Mask], ...]:
+        return (
+            (self.directions, self.free_directions),
+            (self.transition, self.free_transition),
+            (self.output, self.free_output),
+        )
+
+    @property
+    def theta(self) -> Array:
+        """Free weights of directions, transition and output, in this order, row by row."""
+        return np.concatenate([weights[free] for weights, free in self._pairs])
+
+    def with_theta(self, theta: Array) -> System:
+        """Return the system with other free weights."""
+        counts = np.cumsum([free.sum() for _, free in self._pairs])[:-1]
+        new = []
+        for (weights, free), values in zip(self._pairs, np.split(theta, counts), strict=True):
+            new.append(weights.copy())
+            new[-1][free] = values
+        return replace(self, directions=new[0], transition=new[1], output=new[2])
+
+    @property
+    def linear_parts(self) -> tuple[Array, Array, Array, Array]:
+        """A, B, C, D: the weights of states and inputs alone."""
+        n = self.basis.states
+        states, inputs = slice(1, 1 + n), slice(1 + n, self.basis.linear)
+        return (
+            self.transition[:, states],
+            self.transition[:, inputs],
+            self.output[:, states],
+            self.output[:, inputs],
+        )
+
+    def run(
+        self, inputs: Array, start: Array, *, limit: float = np.inf, sensitive: bool = False
+    ) -> tuple[Array, Array | None, int]:
+        """Run over a record until an output leaves the limit.
+
+        Shapes: `inputs` (n_inputs, n); `start` (n_states,); returns outputs (n, n_outputs), their derivatives by theta
+        and start (n, n_outputs, n_theta + n_states), and the number of samples that were computed.
+        """
+        n = inputs.shape[1]
+        tables, kernel = self.basis.tables, _kernel(compiler())
+        outputs = np.full((n, len(self.output)), np.nan)
+        gradient = np.empty((n, len(self.output), self.theta.size + start.size)) if sensitive else None
+        if tables is None or kernel is None:
+            return _plain(self, inputs, start, outputs, gradient, limit)
+        basis, sizes = self.basis, [int(free.sum()) for _, free in self._pairs]
+        weights = [np.ascontiguousarray(values, dtype=np.float64) for values, _ in self._pairs]
+        places = [np.flatnonzero(free).astype(np.int64) for _, free in self._pairs]
+        held = [*tables, *weights, *places]
+        described = _Tables(
+            *(basis.states, basis.inputs, basis.directions, len(self.output), basis.size, *sizes),
+            *(array.ctypes.data for array in held),
+            limit if np.isfinite(limit) else np.finfo(float).max,
+        )
+        u, x, work = np.ascontiguousarray(inputs.T), np.array(start, dtype=np.float64), self._work()
+        given = None if gradient is None else gradient.ctypes.data
+        reached = kernel.deatwin_states(
+            ctypes.byref(described), n, u.ctypes.data, x.ctypes.data, outputs.ctypes.data, given, work.ctypes.data
+        )
+        return outputs, gradient, int(reached)
+
+    def _work(self) -> Array:
+        basis, (p, n) = self.basis, (len(self.output), self.basis.states)
+        width = n + basis.inputs + basis.directions
+        size = basis.size * (1 + width + n) + (n + p) * (n + basis.directions) + width + n + (1 + basis.directions) ** 2
+        return np.empty(size + 2 * n * (self.theta.size + n))
+
+
+def _plain(
+    system: System, inputs: Array, start: Array, outputs: Array, gradient: Array | None, limit: float
+) -> tuple[Array, Array | None, int]:
+    """Run as the kernel does: first the states, then all derivatives along them at once."""
+    basis, n = system.basis, inputs.shape[1]
+    z = np.zeros((len(basis.names), n))
+    state, reached, lin = start, n, basis.linear - 1
+    with np.errstate(over="ignore", invalid="ignore"):
+        for k in range(n):
+            z[:lin, k] = np.concatenate([state, inputs[:, k]])
+            phi = basis.values(z[:, k : k + 1], system.directions)[:, 0]
+            outputs[k] = system.output @ phi
+            if not np.all(np.abs(outputs[k]) < limit):
+                outputs[k], reached = np.nan, k
+                break
+            state = system.transition @ phi
+    if gradient is None or reached < n:
+        return outputs, gradient, reached
+    phi, slopes = basis.values(z, system.directions), basis.slopes(z)
+    early = system.directions * (basis.levels < np.arange(1, 1 + basis.directions)[:, None])
+    # Directions move with what is added to each of them, those before included.
+    chain = np.linalg.inv(np.eye(basis.directions) - early @ slopes[:, :, lin:])
+    total = slopes[:, :, : basis.states] + slopes[:, :, lin:] @ chain @ early @ slopes[:, :, : basis.states]
+    moving = slopes[:, :, lin:] @ chain
+    ahead, seen = system.transition @ total, system.output @ total
+    sizes = [int(free.sum()) for _, free in system._pairs]
+    inner, moved = sizes[0], sizes[0] + sizes[1]
+    rows, columns = np.nonzero(system.free_directions)
+    below = phi[columns]
+    explicit = np.zeros((n, basis.states, moved + basis.states))
+    explicit[:, :, :inner] = (system.transition @ moving)[:, :, rows] * below.T[:, None, :]
+    for f, (i, j) in enumerate(zip(*np.nonzero(system.free_transition), strict=True), start=inner):
+        explicit[:, i, f] = phi[j]
+    sensitivity = np.zeros((basis.states, moved + basis.states))
+    sensitivity[:, moved:] = np.eye(basis.states)
+    gradient[:] = 0.0
+    for k in range(n):
+        known = seen[k] @ sensitivity
+        gradient[k, :, :moved], gradient[k, :, moved + sizes[2] :] = known[:, :moved], known[:, moved:]
+        sensitivity = ahead[k] @ sensitivity + explicit[k]
+    gradient[:, :, :inner] += (system.output @ moving)[:, :, rows] * below.T[:, None, :]
+    for f, (i, j) in enumerate(zip(*np.nonzero(system.free_output), strict=True), start=moved):
+        gradient[:, i, f] += phi[j]
+    return outputs, gradient, reached
+
+
+class _Tables(ctypes.Structure):
+    """The kernel's ``model``, whose arrays the system keeps."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("n", "m", "k", "p", "r", "inner", "rates", "readings")),
+        *(
+            (name, ctypes.c_void_p)
+            for name in ("start", "factors", "numbers", "level", "P", "W", "V", "atP", "atW", "atV")
+        ),
+        ("limit", ctypes.c_double),
+    ]
+
+
+@lru_cache(maxsize=4)
+def _kernel(_program: str | None) -> ctypes.CDLL | None:
+    """Return the compiled kernel, or None if there is no compiler."""
+    source = Path(__file__).with_suffix(".c").read_text(encoding="utf-8")
+    library = compile_source(switch_source() + source)
+    if library is None:
+        return None
+    kernel = ctypes.CDLL(str(library))
+    kernel.deatwin_states.restype = ctypes.c_int64
+    kernel.deatwin_states.argtypes = (ctypes.c_void_p, ctypes.c_int64, *(ctypes.c_void_p,) * 5)
+    return kernel

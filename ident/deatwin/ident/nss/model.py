@@ -1,0 +1,347 @@
+"""The nonlinear state space: weights with their covariance; free run, bands, poles of its linear part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.narx.covariance import covariance_of
+from deatwin.ident.narx.drive import Drive, require_suits
+from deatwin.ident.narx.operating import read_only
+from deatwin.ident.narx.posterior import quantile
+from deatwin.ident.narx.predictive import PredictiveBand
+from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
+from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.opening import Opening, opened
+from deatwin.plant.documents import Saved
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+Array = NDArray[np.float64]
+_WARMUP_PER_STATE = 10
+"""Samples by state that determine the first state, as a linear model takes: noise on it falls with their square root."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fields_of):
+    """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
+
+    phi holds 1, the states, the inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or
+    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi, each of
+    regressors that hold earlier directions at most. Inputs and outputs are scaled: a
+    signal minus its origin, divided by its scale. States have about unit size on the training data.
+
+    Parameters
+    ----------
+    terms : sequence of str
+        Nonlinear terms, as ``"x1^2 u"``, ``"|x2|"`` or ``"tanh(s1,1)"``.
+    transition : array_like, shape (n_states, n_regressors)
+        W; columns are the weights of 1, states, inputs and terms.
+    output : array_like, shape (n_outputs, n_regressors)
+        V, likewise.
+    directions : array_like, shape (n_directions, n_regressors), optional
+        P; no directions if omitted.
+    sample_time : float
+        Sampling interval in s.
+    free_directions, free_transition, free_output : array_like of bool, optional
+        Weights that were estimated, in the shapes of P, W and V; all of them if omitted.
+    theta_cov : array_like, shape (n_theta, n_theta), optional
+        Covariance of the free weights of P, W and V, row by row; zero if omitted. It is valid if the errors of the free
+        run are white. A change of the state's coordinates moves no output and has no variance.
+    noise_variance : array_like, shape (n_outputs,), optional
+        Variance of the readings' noise e, squares of the outputs' units; zero if omitted.
+    input_names, output_names, input_units, output_units : sequence of str, optional
+        Names and units of the signals.
+    input_origin, input_scale, output_origin, output_scale : array_like, optional
+        Origins and scales of the signals, in their units; 0 and 1 if omitted.
+    provenance : mapping of str to str
+        Origin of the model, as free entries.
+
+    Raises
+    ------
+    ModelError
+        If shapes or values are inconsistent, or a term is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> model = NonlinearStateSpace(
+    ...     terms=["x1^3"], transition=[[0, 0.5, 1, -0.1]], output=[[0, 1, 0, 0]], sample_time=1.0
+    ... )
+    >>> model.simulate(np.ones(5), initial=[0.0]).outputs.round(4).tolist()
+    [[0.0, 1.0, 1.4, 1.4256, 1.4231]]
+    """
+
+    terms: tuple[str, ...]
+    transition: Array
+    output: Array
+    sample_time: float
+    directions: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    free_directions: NDArray[np.bool_] | None = None
+    free_transition: NDArray[np.bool_] | None = None
+    free_output: NDArray[np.bool_] | None = None
+    theta_cov: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    noise_variance: Array = field(default_factory=lambda: np.zeros(0))
+    input_names: tuple[str, ...] = ()
+    output_names: tuple[str, ...] = ()
+    input_units: tuple[str, ...] = ()
+    output_units: tuple[str, ...] = ()
+    input_origin: Array = field(default_factory=lambda: np.zeros(0))
+    input_scale: Array = field(default_factory=lambda: np.zeros(0))
+    output_origin: Array = field(default_factory=lambda: np.zeros(0))
+    output_scale: Array = field(default_factory=lambda: np.zeros(0))
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        terms = tuple(self.terms)
+        w, v = (np.atleast_2d(np.asarray(getattr(self, name), dtype=np.float64)) for name in ("transition", "output"))
+        n, p = len(w), len(v)
+        m = w.shape[1] - 1 - n - len(terms)
+        if m < 1 or v.shape[1] != w.shape[1]:
+            raise ModelError(
+                f"transition of shape {w.shape} and output of shape {v.shape}: both need a column for 1, for each of "
+                f"the {n} states, for each input and for each of the {len(terms)} terms"
+            )
+        directions = np.asarray(self.directions, dtype=np.float64)
+        directions = directions if directions.size else np.zeros((0, w.shape[1]))
+        if directions.ndim != 2 or directions.shape[1] != w.shape[1]:
+            raise ModelError(f"directions have the shape {directions.shape}; they need {w.shape[1]} columns")
+        weights = dict(zip(WEIGHTS, (directions, w, v), strict=True))
+        for name, values in weights.items():
+            given = getattr(self, f"free_{name}")
+            free = np.ones(values.shape, dtype=bool) if given is None else np.asarray(given, dtype=bool)
+            free = free.reshape(values.shape) if free.size == values.size == 0 else free
+            if free.shape != values.shape or not np.all(np.isfinite(values)):
+                raise ModelError(f"{name} and free_{name} must be finite and of one shape; got {free.shape}")
+            free.setflags(write=False)
+            object.__setattr__(self, name, read_only(values))
+            object.__setattr__(self, f"free_{name}", free)
+        object.__setattr__(self, "terms", terms)
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        self._take_signals({"input": m, "output": p})
+        if not 0.0 < self.sample_time < math.inf:
+            raise ModelError(f"sample_time = {self.sample_time} must be positive and finite")
+        basis = self.system.basis
+        later = basis.levels >= np.arange(1, 1 + basis.directions)[:, None]
+        if np.any(later & (self.free_directions | (self.directions != 0.0))):
+            raise ModelError("a direction weighs a term that holds it or a later one; these weights are 0 and not free")
+        size = self.system.theta.size
+        cov = np.asarray(self.theta_cov, dtype=np.float64)
+        cov = cov if cov.size else np.zeros((size, size))
+        if cov.shape != (size, size) or not np.all(np.isfinite(cov)):
+            raise ModelError(f"theta_cov must be finite and of shape ({size}, {size}); got {cov.shape}")
+        object.__setattr__(self, "theta_cov", covariance_of(cov, [f"theta[{i}]" for i in range(size)]))
+
+    def _take_signals(self, counts: Mapping[str, int]) -> None:
+        """Complete and check what is said of inputs and outputs."""
+        for side, count in counts.items():
+            names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
+            filled = {"names": names, "units": ("",) * count}
+            for key, default in filled.items():
+                object.__setattr__(self, f"{side}_{key}", tuple(getattr(self, f"{side}_{key}")) or default)
+            for key, value in (("origin", 0.0), ("scale", 1.0)):
+                given = np.atleast_1d(np.asarray(getattr(self, f"{side}_{key}"), dtype=np.float64))
+                values = given if given.size else np.full(count, value)
+                object.__setattr__(self, f"{side}_{key}", read_only(values))
+            held = [getattr(self, f"{side}_{key}") for key in ("names", "units", "origin", "scale")]
+            if any(len(one) != count for one in held) or not np.all(np.isfinite(held[2])) or not np.all(held[3] > 0):
+                raise ModelError(f"{count} {side}s need as many names, units, origins, and scales above 0")
+        noise = np.atleast_1d(np.asarray(self.noise_variance, dtype=np.float64))
+        noise = noise if noise.size else np.zeros(counts["output"])
+        if noise.shape != (counts["output"],) or not np.all((noise >= 0.0) & np.isfinite(noise)):
+            raise ModelError(
+                f"noise_variance = {noise}; each of the {counts['output']} outputs needs one of at least 0"
+            )
+        object.__setattr__(self, "noise_variance", read_only(noise))
+
+    @cached_property
+    def system(self) -> System:
+        """Weights as the run takes them."""
+        n = len(self.transition)
+        basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
+        return System(basis=basis, **weights_of(self))
+
+    @property
+    def theta(self) -> Array:
+        """Free weights of P, W and V, row by row, shape (n_theta,)."""
+        return self.system.theta
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return len(self.transition)
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Eigenvalues of the weights of the states alone, the poles for small signals about the origin if no term is linear."""
+        return np.linalg.eigvals(self.system.linear_parts[0]).astype(np.complex128)
+
+    def __str__(self) -> str:
+        labels = self.system.basis.labels
+        names = (
+            [f"s{i}(k)" for i in range(1, 1 + len(self.directions))],
+            [f"x{i}(k+1)" for i in range(1, 1 + self.n_states)],
+            ["y(k)"] if len(self.output) == 1 else [f"y{i}(k)" for i in range(1, 1 + len(self.output))],
+        )
+        lines = []
+        for rows, weights in zip(names, (getattr(self, name) for name in WEIGHTS), strict=True):
+            for name, row in zip(rows, weights, strict=True):
+                parts = [f"{value:.4g} {label}" for value, label in zip(row, labels, strict=False) if value]
+                lines.append(f"{name} = " + (" + ".join(parts).replace("+ -", "- ") or "0"))
+        return "\n".join(lines)
+
+    def simulate(
+        self, recording: Recording | ArrayLike, *, warmup: int | None = None, initial: ArrayLike | None = None
+    ) -> NarxResponse:
+        """Simulate the outputs from the inputs alone (free run).
+
+        Parameters
+        ----------
+        recording : Recording, or array_like of shape (n,) or (n_inputs, n)
+            Inputs in the model's units. The first outputs of a recording determine the first state, unless it has none
+            or ``initial`` is given.
+        warmup : int, optional
+            Number of recorded samples that do so, at least 1; they do not count as computed. Defaults to ten for each
+            state, or a third of the recording if that is less.
+        initial : array_like, shape (n_states,), optional
+            First state. Without it and without recorded outputs, the run starts from zero.
+
+        Returns
+        -------
+        NarxResponse
+            Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so.
+
+        Raises
+        ------
+        ModelError
+            If shapes are inconsistent, or the recording does not suit the model.
+        """
+        drive, start = self._begun(recording, warmup, initial)
+        outputs, _, reached = self.system.run(self._scaled(drive.inputs, "input"), start.state, limit=DIVERGED)
+        values = outputs.T * self.output_scale[:, None] + self.output_origin[:, None]
+        values[:, : drive.first] = drive.outputs[:, : drive.first]
+        if reached >= values.shape[1]:
+            return response_over(drive, values, drive.first, self.output_units)
+        values[:, max(reached, drive.first) :] = values[:, [max(reached, drive.first, 1) - 1]]
+        when = float(drive.timepts[reached])
+        return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
+
+    def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
+        """Predict each sample. The noise is on the readings and white, so that this is the free run at any horizon.
+
+        Parameters
+        ----------
+        recording : Recording
+            Measured inputs and outputs, in the model's units.
+        steps : int
+            Number of samples ahead, at least 1.
+
+        Returns
+        -------
+        NarxResponse
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model, or the steps are none.
+        """
+        if not 0 < steps < recording.n_samples:
+            raise ModelError(f"steps = {steps}; it must be at least 1 and less than the recording's samples")
+        return self.simulate(recording)
+
+    def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
+        """Return the band that holds a new reading: noise, uncertain weights, and the uncertain first state.
+
+        Weights and first state enter to first order. The errors of the fit must be white, as noise on the readings is.
+
+        Parameters
+        ----------
+        recording : Recording
+            Inputs and outputs in the model's units.
+        warmup : int, optional
+            Number of samples that determine the first state, as in `simulate`.
+        level : float
+            Probability of the band, between 0 and 1.
+
+        Returns
+        -------
+        PredictiveBand
+
+        Raises
+        ------
+        ModelError
+            If the recording does not suit the model, the level lies outside 0 to 1, or the run diverges.
+        """
+        half = quantile(level, math.inf)
+        response = self.simulate(recording, warmup=warmup)
+        if not response.status.ok:
+            raise ModelError(f"the free run diverged at {response.failed_at_s:.6g} s: there is no band")
+        start = self._begun(recording, warmup, None)[1]
+        gradient = self.system.run(self._scaled(recording.inputs, "input"), start.state, sensitive=True)[1]
+        if gradient is None:
+            raise ValueError("a sensitive run has a gradient")
+        n = self.theta.size
+        weights = gradient[:, :, :n] + gradient[:, :, n:] @ start.by_theta
+        variance = np.einsum("kpi,ij,kpj->pk", weights, self.theta_cov, weights, optimize=True)
+        variance += np.einsum("kpi,ij,kpj->pk", gradient[:, :, n:], start.covariance, gradient[:, :, n:])
+        total = variance * self.output_scale[:, None] ** 2 + self.noise_variance[:, None]
+        wide = half * np.sqrt(np.maximum(total, 0.0))
+        wide[:, : response.first] = 0.0
+        return PredictiveBand(
+            outputs=response.outputs,
+            lower=read_only(response.outputs - wide),
+            upper=read_only(response.outputs + wide),
+            level=level,
+            measured=recording.outputs,
+            timepts=recording.timepts,
+            first=response.first,
+            units=self.output_units,
+        )
+
+    def _scaled(self, signals: Array, side: str) -> Array:
+        origin, scale = getattr(self, f"{side}_origin"), getattr(self, f"{side}_scale")
+        return np.asarray((signals - origin[:, None]) / scale[:, None])
+
+    def _begun(
+        self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None
+    ) -> tuple[Drive, Opening]:
+        """Return what drives a run, and the state that it begins from."""
+        n, counts = self.n_states, {"n_inputs": len(self.input_names), "n_outputs": len(self.output_names)}
+        if isinstance(given, Recording) and initial is None and given.output_names:
+            require_suits(given, sample_time=self.sample_time, fewest=2, **counts)
+            wanted = min(_WARMUP_PER_STATE * n, max(given.n_samples // 3, 1)) if warmup is None else warmup
+            if not 0 < wanted < given.n_samples:
+                raise ModelError(f"warmup = {wanted}; it must leave something of {given.n_samples} samples")
+            first = slice(0, wanted)
+            noise = np.sqrt(self.noise_variance) / self.output_scale
+            inputs, outputs = (
+                self._scaled(given.inputs[:, first], "input"),
+                self._scaled(given.outputs[:, first], "output"),
+            )
+            return Drive.recorded(given, wanted), opened(self.system, inputs, outputs, noise)
+        if warmup is not None:
+            raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
+        if isinstance(given, Recording):
+            counts["n_outputs"] = len(given.output_names)
+            require_suits(given, sample_time=self.sample_time, fewest=1, **counts)
+        known = np.zeros(n) if initial is None else np.asarray(initial, dtype=np.float64)
+        if known.shape != (n,) or not np.all(np.isfinite(known)):
+            raise ModelError(f"initial has the shape {known.shape}; it must be a finite state of shape ({n},)")
+        drive = Drive.of(
+            given,
+            None,
+            input_names=self.input_names,
+            n_outputs=len(self.output_names),
+            sample_time=self.sample_time,
+            first=0,
+            fewest=0,
+        )
+        return drive, Opening.known(known, self.theta.size)

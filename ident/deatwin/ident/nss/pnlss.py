@@ -1,0 +1,149 @@
+"""Polynomial nonlinear state spaces, with functions as terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.nss.basis import Basis, monomials
+from deatwin.ident.nss.identifier import StateSpaceIdentifier
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.search import Point, Record
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+
+class Pnlss(StateSpaceIdentifier):
+    """Polynomial nonlinear state space, with functions as terms, by the least error of the free run.
+
+    The start is a linear state space: by subspace identification from the best linear approximation where the input is
+    periodic, or from the samples, then by the free run. Its state is turned into the first output, its changes, and so
+    on, each of unit size and without what is in those before, so that x1 is about the output and x2 its rate. Then all
+    weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. The free run over the end of each
+    recording, which is not fitted at first, ends the search; then all samples are fitted, for as many steps if it had risen.
+
+    Parameters
+    ----------
+    states : int
+        Number of states.
+    degrees : sequence of int
+        Degrees, from 2 on, of the monomials in the equation of the state.
+    output_degrees : sequence of int
+        Degrees of the monomials in the equation of the output.
+    inputs_in_products : bool
+        True if monomials hold inputs too; False if states alone.
+    terms, output_terms : sequence of str
+        Further terms of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a function of
+        `register_function`. Functions that are built in are those of NARX terms.
+    directions : int
+        Number of weighted sums s1, s2, ... of 1, states and inputs that terms may hold; their weights are learned too.
+    starts : int
+        Number of random starts of the directions, of which the one with the least held-out error is kept.
+    feedthrough : bool
+        True if inputs act on the output within the sample.
+    held_out : float
+        Share of each recording, at its end, that ends the search; 0 to fit all samples.
+    max_steps : int
+        Largest number of steps of a search.
+    seed : int
+        Seed of the random starts.
+
+    Attributes
+    ----------
+    model_ : NonlinearStateSpace
+        The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
+    status_ : FitStatus
+        Outcome of the search.
+    linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
+        Root mean square of the free-run error of the linear start and of the model on the fitted samples, and of the
+        model on the held-out ones (NaN without), in the outputs' units.
+
+    References
+    ----------
+    Paduart, Lauwers, Swevers, Smolders, Schoukens, Pintelon, "Identification of nonlinear systems using polynomial
+    nonlinear state space models", Automatica 46 (2010) 647-656, doi:10.1016/j.automatica.2010.01.001.
+    """
+
+    def __init__(
+        self,
+        *,
+        states: int = 2,
+        degrees: Sequence[int] = (2, 3),
+        output_degrees: Sequence[int] = (),
+        inputs_in_products: bool = True,
+        terms: Sequence[str] = (),
+        output_terms: Sequence[str] = (),
+        directions: int = 0,
+        starts: int = 1,
+        feedthrough: bool = True,
+        held_out: float = 0.2,
+        max_steps: int = 100,
+        seed: int = 0,
+    ) -> None:
+        self.states = states
+        self.degrees = degrees
+        self.output_degrees = output_degrees
+        self.inputs_in_products = inputs_in_products
+        self.terms = terms
+        self.output_terms = output_terms
+        self.directions = directions
+        self.starts = starts
+        self.feedthrough = feedthrough
+        self.held_out = held_out
+        self.max_steps = max_steps
+        self.seed = seed
+
+    @property
+    def _order(self) -> int:
+        return self.states
+
+    def _require(self) -> None:
+        self._require_whole("states", "starts")
+        wrong = [d for d in (*self.degrees, *self.output_degrees) if not isinstance(d, int | np.integer) or d < 2]
+        if wrong:
+            raise ModelError(
+                f"a degree of {wrong[0]}; degrees are whole numbers from 2 on, linear terms are always there"
+            )
+        if self.directions < 0:
+            raise ModelError(f"directions = {self.directions}; it must not be negative")
+
+    def _needed(self, record: Recording) -> int:
+        basis, rates, readings = self._basis(len(record.inputs))
+        n, p = self.states, len(record.outputs)
+        weights = self.directions * basis.linear + n * (basis.linear + len(rates)) + p * (basis.linear + len(readings))
+        return weights - n * n
+
+    def _basis(self, n_inputs: int) -> tuple[Basis, tuple[str, ...], tuple[str, ...]]:
+        """Return the regressors, and which terms are in the equation of the state and of the output."""
+        names = Basis(self.states, n_inputs, 0, ()).names[: None if self.inputs_in_products else self.states]
+        rates = tuple(dict.fromkeys((*monomials(names, self.degrees), *self.terms)))
+        readings = tuple(dict.fromkeys((*monomials(names, self.output_degrees), *self.output_terms)))
+        basis = Basis(self.states, n_inputs, self.directions, tuple(dict.fromkeys((*rates, *readings))))
+        held = {basis.names[factor.variable] for term in basis.terms for factor in term}
+        if unused := [name for name in basis.names if name[0] == "s" and name not in held]:
+            raise ModelError(f"no term holds the direction {unused[0]}: give fewer directions, or a term of it")
+        return basis, rates, readings
+
+    def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
+        """Return the linear system with all terms, whose weights are zero, for each draw of the directions."""
+        basis, rates, readings = self._basis(linear.system.basis.inputs)
+        held, first = {"transition": rates, "output": readings}, basis.linear
+        weights, free = {}, {}
+        for name, terms in held.items():
+            known = getattr(linear.system, name)
+            weights[name] = np.zeros((len(known), basis.size))
+            weights[name][:, :first] = known
+            free[name] = np.ones(weights[name].shape, dtype=bool)
+            free[name][:, first:] = [term in terms for term in basis.written]
+        free["output"][:, 1 + basis.states : first] = self.feedthrough
+        rng, points = np.random.default_rng(self.seed), []
+        for _ in range(self.starts if basis.directions else 1):
+            # Directions of unit size, over states and inputs of unit size: functions bend where the data are.
+            drawn = rng.standard_normal((basis.directions, first))
+            weights["directions"] = np.zeros((basis.directions, basis.size))
+            weights["directions"][:, :first] = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+            free["directions"] = weights["directions"] != 0.0
+            points.append(replace(linear, system=System.of(basis, weights, free)))
+        return points

@@ -1,0 +1,180 @@
+"""Least free-run error of a nonlinear state space by Levenberg's and Marquardt's method, with exact sensitivities."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.nss.march import System
+
+Array = NDArray[np.float64]
+
+DIVERGED = 30.0
+"""Standard deviations of an output beyond which a run is given up: no trained output is as large."""
+_NULL = 1e-9
+"""Share of the largest singular value below which a direction of the weights moves no output: that of a change of
+coordinates of the state, to rounding."""
+_TRIES = 16
+"""Dampings, each four times the last, before a step is given up: they span nine decades."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """A scaled recording, of which the first samples are fitted and the others held out."""
+
+    inputs: Array  # shape (n_inputs, n)
+    outputs: Array  # shape (n_outputs, n)
+    fitted: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Point:
+    """Weights with the first state of each record, and their squared errors."""
+
+    system: System
+    starts: Array  # shape (n_records, n_states)
+    cost: float
+    held_out: float
+
+    @property
+    def theta(self) -> Array:
+        """Free weights and first states."""
+        return np.concatenate([self.system.theta, self.starts.ravel()])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """End of a search."""
+
+    point: Point
+    steps: int  # That led to the point
+    overfitted: bool = False  # True if the held-out error fell no more while the other one did
+    interrupted: bool = False
+
+
+def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
+    """Run over all records and sum the squared errors; infinite where a run diverges."""
+    cost = held = 0.0
+    for record, start in zip(records, starts, strict=True):
+        outputs, _, reached = system.run(record.inputs, start, limit=DIVERGED)
+        if reached < record.fitted:
+            return Point(system=system, starts=starts, cost=np.inf, held_out=np.inf)
+        squares = ((outputs - record.outputs.T) ** 2).sum(axis=1)
+        cost += float(squares[: record.fitted].sum())
+        held = held + float(squares[record.fitted :].sum()) if reached == squares.size else np.inf
+    return Point(system=system, starts=starts, cost=cost, held_out=held)
+
+
+def triangle(point: Point, records: Sequence[Record], columns: Callable[[Array], Array] | None = None) -> Array:
+    """Return R of the QR decomposition of (sensitivities, errors) over what is fitted.
+
+    Shapes: returns (n + 1, n + 1) with n weights and first states.
+    """
+    n = point.system.theta.size
+    found = np.zeros((0, point.theta.size + 1))
+    for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):
+        outputs, gradient, _ = point.system.run(record.inputs[:, : record.fitted], start, sensitive=True)
+        if gradient is None:
+            raise ValueError("a sensitive run has a gradient")
+        rows = np.zeros((outputs.size, found.shape[1]))
+        flat = gradient.reshape(outputs.size, -1)
+        rows[:, :n] = flat[:, :n]
+        rows[:, n + i * start.size : n + (i + 1) * start.size] = flat[:, n:]
+        rows[:, -1] = (record.outputs[:, : record.fitted].T - outputs).ravel()
+        found = np.asarray(np.linalg.qr(np.concatenate([found, rows]), mode="r"))
+    return found
+
+
+def moved(point: Point, step: Array, records: Sequence[Record]) -> Point:
+    """Return the point after a step of the weights and first states."""
+    theta = point.theta + step
+    n = theta.size - point.starts.size
+    return judged(point.system.with_theta(theta[:n]), theta[n:].reshape(point.starts.shape), records)
+
+
+def search(
+    system: System,
+    starts: Array,
+    records: Sequence[Record],
+    *,
+    steps: int,
+    tolerance: float = 1e-5,
+    patience: int = 10,
+    progress: Callable[[int, Point], None] | None = None,
+) -> Found:
+    """Lower the squared error of the free run; keep the point of the least held-out error, where some is held out.
+
+    The step solves the linearised problem with a damping that falls after each success (Levenberg, Marquardt). It is
+    taken in the singular vectors of the sensitivities, without those that move no output.
+
+    tolerance: relative fall of the cost in a step, twice in a row, that ends the search; patience: steps without a lower
+    held-out error that do.
+    """
+    point = best = judged(system, starts, records)
+    holds_out = any(record.fitted < record.outputs.shape[1] for record in records)
+    damping, small, best_at, size = 1e-2, 0, 0, np.zeros(point.theta.size)
+
+    def end(count: int, *, overfitted: bool = False, interrupted: bool = False) -> Found:
+        kept, after = (best, best_at) if holds_out else (point, count)
+        return Found(point=kept, steps=after, overfitted=overfitted, interrupted=interrupted)
+
+    for count in range(1, steps + 1):
+        try:
+            rows = triangle(point, records)
+            size = np.maximum(size, np.linalg.norm(rows[:, :-1], axis=0))
+            scale = np.where(size > 0.0, size, 1.0)
+            left, values, right = np.linalg.svd(rows[:, :-1] / scale, full_matrices=False)
+            seen = values > _NULL * values[0]
+            along = (left.T @ rows[:, -1])[seen]
+            for _ in range(_TRIES):
+                weights = values[seen] / (values[seen] ** 2 + damping**2 * values[0] ** 2) * along
+                ahead = moved(point, (weights @ right[seen]) / scale, records)
+                if ahead.cost < point.cost:
+                    break
+                damping *= 4.0
+            else:
+                return end(count)
+        except KeyboardInterrupt:
+            return end(count, interrupted=True)
+        damping = max(damping / 4.0, 1e-8)
+        small = small + 1 if point.cost - ahead.cost <= tolerance * point.cost else 0
+        point = ahead
+        if point.held_out < best.held_out:
+            best, best_at = point, count
+        if progress is not None:
+            progress(count, point)
+        if small == 2 or point.cost == 0.0:
+            break
+        if holds_out and count - best_at >= patience:
+            return end(count, overfitted=True)
+    return end(count)
+
+
+def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array, int]:
+    """Return the covariance of the weights, that of the noise of each output, and the number of directions that count.
+
+    Directions that move no output (coordinates of the state) have none: bands of outputs do not depend on them.
+    Shapes: returns (n_theta, n_theta), (n_outputs,).
+    """
+    rows = triangle(point, records)[:, :-1]
+    scale = np.linalg.norm(rows, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    _, values, right = np.linalg.svd(rows / scale, full_matrices=False)
+    seen = values > _NULL * values[0]
+    rank, samples = int(seen.sum()), sum(record.fitted for record in records)
+    p = len(point.system.output)
+    squares = np.zeros(p)
+    for record, start in zip(records, point.starts, strict=True):
+        outputs = point.system.run(record.inputs[:, : record.fitted], start)[0]
+        squares += ((outputs - record.outputs[:, : record.fitted].T) ** 2).sum(axis=0)
+    noise = squares / max(samples - rank / p, 1.0)
+    roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size]
+    return roots.T @ roots * float(noise.mean()), noise, rank
+
+
+def all_fitted(records: Sequence[Record]) -> list[Record]:
+    """Return the records with nothing held out."""
+    return [replace(record, fitted=record.outputs.shape[1]) for record in records]

@@ -1,0 +1,89 @@
+"""Poles and output map of a linear state space by subspace identification, from lines or from samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_MIRROR = 0.999
+"""Largest magnitude of a pole: what noise makes of an integrator is begun inside the circle, where the run stays
+bounded over a thousand samples."""
+
+
+def from_lines(response: Complex, angles: Array, deviations: Array, n_states: int, rows: int) -> tuple[Array, Array]:
+    """Return A and C from a frequency response [1]_, [2]_.
+
+    Shapes: `response` (n_lines, n_outputs, n_inputs); `angles` (n_lines,) in rad per sample; `deviations` (n_lines,) of
+    the response; `rows` block rows, more than the states; returns (n_states, n_states), (n_outputs, n_states).
+
+    .. [1] McKelvey, Akcay, Ljung, "Subspace-based multivariable system identification from frequency response data",
+       IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900.
+    .. [2] Pintelon, "Frequency-domain subspace system identification using non-parametric noise models", Automatica 38
+       (2002) 1295-1311, doi:10.1016/S0005-1098(02)00036-6: the weight by the variance of the lines.
+    """
+    n_lines, p, m = response.shape
+    turns = np.exp(1j * np.outer(np.arange(rows), angles))
+
+    def stacked(blocks: Complex) -> Array:
+        """Turn blocks (n_lines, a, b) by all powers of z; returns (rows a, 2 n_lines b), real."""
+        turned = np.einsum("rk,kab->rakb", turns, blocks).reshape(rows * blocks.shape[1], n_lines * blocks.shape[2])
+        return np.concatenate([turned.real, turned.imag], axis=1)
+
+    both = np.concatenate(
+        [stacked(np.asarray(np.ones((n_lines, 1, 1)) * np.eye(m), dtype=np.complex128)), stacked(response)]
+    )
+    lower = _lower(both)[rows * m :, rows * m :]
+    noise = stacked(np.asarray(deviations[:, None, None] * np.eye(p), dtype=np.complex128))
+    root = _lower(noise)
+    return _observed(root @ np.linalg.svd(np.linalg.solve(root, lower))[0][:, :n_states], p)
+
+
+def from_samples(records: Sequence[tuple[Array, Array]], n_states: int, rows: int) -> tuple[Array, Array]:
+    """Return A and C from inputs and outputs, the past of both being the instruments [3]_.
+
+    Shapes: `records` of inputs (n_inputs, n) and outputs (n_outputs, n), each longer than twice the `rows`; returns as
+    `from_lines` does.
+
+    .. [3] Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form from
+       input-output data", Automatica 30 (1994) 61-74, doi:10.1016/0005-1098(94)90229-1.
+    """
+    inputs, outputs = (_hankel([record[i] for record in records], 2 * rows) for i in (0, 1))
+    m, p = records[0][0].shape[0], records[0][1].shape[0]
+    stack = np.concatenate([inputs[rows * m :], inputs[: rows * m], outputs])
+    lower = _lower(stack)
+    future, past = rows * (2 * m + p), rows * m
+    return _observed(np.linalg.svd(lower[future:, past:future])[0][:, :n_states], p)
+
+
+def _lower(rows: Array) -> Array:
+    """Return L of the LQ decomposition of rows (n, m), shape (n, n)."""
+    return np.asarray(np.linalg.qr(rows.T, mode="r"), dtype=np.float64).T
+
+
+def _hankel(signals: Sequence[Array], rows: int) -> Array:
+    """Return the block Hankel matrices of signals (n_channels, n) beside each other."""
+    parts = []
+    for signal in signals:
+        count = signal.shape[1] - rows + 1
+        parts.append(np.concatenate([signal[:, i : i + count] for i in range(rows)]))
+    return np.concatenate(parts, axis=1)
+
+
+def _observed(observability: Array, p: int) -> tuple[Array, Array]:
+    """Return A and C of an extended observability matrix; poles on or outside of the unit circle are mirrored."""
+    a = np.asarray(np.linalg.lstsq(observability[:-p], observability[p:], rcond=None)[0], dtype=np.float64)
+    return stabilised(a), observability[:p]
+
+
+def stabilised(a: Array) -> Array:
+    """Return A with its poles inside the unit circle, those outside mirrored."""
+    poles, vectors = np.linalg.eig(a)
+    size = np.abs(poles)
+    inside = np.where(size > 1.0, poles / size**2, poles)
+    inside = inside * np.minimum(1.0, _MIRROR / np.maximum(np.abs(inside), 1e-300))
+    return a if np.allclose(inside, poles, rtol=0.0, atol=0.0) else np.real(vectors * inside @ np.linalg.inv(vectors))

@@ -1,0 +1,185 @@
+"""Nonlinear state spaces against systems that are known: weights, bands, files, refusals."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.signal import dlsim
+from scipy.stats import binom
+
+from deatwin.ident.narx import FitStatus
+from deatwin.ident.nss import NonlinearStateSpace, Pnlss
+from deatwin.ident.nss.identifier import _lines
+from deatwin.plant.errors import ModelError
+from deatwin.plant.recording import Recording
+
+DUFFING = {"states": 2, "degrees": [], "terms": ["x1^3"], "feedthrough": False}
+
+
+def duffing(rng, n=600, noise=0.0, period=None):
+    """A sampled oscillator with a cubic spring, read with noise: x1+ = .8 x1 + .4 x2, x2+ = -.3 x1 + .6 x2 - .1 x1^3 + u."""
+    u = rng.uniform(-1.5, 1.5, size=n if period is None else period)
+    u = u if period is None else np.tile(u, n // period)
+    x, y = np.zeros(2), np.empty(n)
+    for k in range(n):
+        y[k] = x[0]
+        x = np.array([0.8 * x[0] + 0.4 * x[1], -0.3 * x[0] + 0.6 * x[1] - 0.1 * x[0] ** 3 + u[k]])
+    return Recording.from_arrays(u, y + noise * rng.normal(size=n), 0.1)
+
+
+def test_a_known_system_is_recovered():
+    # Coordinates of the state are free; poles at the origin, and the run over other data, are not.
+    rng = np.random.default_rng(1)
+    model = Pnlss(**DUFFING).fit(duffing(rng)).model_
+    origin = np.linalg.eigvals([[0.8, 0.4], [-0.3, 0.6]])
+    other = duffing(rng)
+    assert model.simulate(other).rms_error < 1e-6 * other.outputs.std()
+    # About the mean of the data the cubic spring is another one: small signals about the true rest show the poles.
+    rest = np.zeros(3001)
+    rest[0] = 1e-5
+    run = model.simulate(Recording.from_arrays(rest, rest, 0.1), initial=_still(model)).outputs[0]
+    found = np.sort_complex(np.roots([1, *-_ar(run[1:60])]))
+    np.testing.assert_allclose(found, np.sort_complex(origin), atol=1e-5)
+
+
+def _still(model):
+    """State of the model at rest without input, by its own recursion."""
+    run = model.simulate(np.zeros(2000))
+    assert run.status.ok
+    start, still = np.zeros(model.n_states), -model.input_origin[0] / model.input_scale[0]
+    labels = model.system.basis.labels
+    for _ in range(2000):
+        x = dict(zip(("x1", "x2"), start, strict=True)) | {"1": 1.0, "u": still, "x1^3": start[0] ** 3}
+        start = model.transition @ np.array([x[name] for name in labels])
+    return start
+
+
+def _ar(y):
+    y = y - y[-1]
+    return np.linalg.lstsq(np.c_[y[1:-1], y[:-2]], y[2:], rcond=None)[0]
+
+
+def test_a_linear_system_of_two_inputs_and_outputs_is_the_known_one():
+    rng = np.random.default_rng(2)
+    a, b = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.0], [0.5, -1.0]])
+    c, d = np.array([[1.0, 0.0], [0.4, 1.0]]), np.array([[0.0, 0.2], [0.1, 0.0]])
+    u = rng.normal(size=(300, 2))
+    y = dlsim((a, b, c, d, 1.0), u, x0=[1.0, -1.0])[1]
+    fitted = Pnlss(states=2, degrees=[]).fit(Recording.from_arrays(u.T, y.T + 5.0, 0.1))
+    assert fitted.error_.max() < 1e-10 and fitted.linear_error_.max() < 1e-8
+    np.testing.assert_allclose(np.sort_complex(fitted.model_.poles), np.sort_complex(np.linalg.eigvals(a)), atol=1e-9)
+    # The response at 0 Hz, which no change of coordinates moves.
+    w, v = (getattr(fitted.model_, name) for name in ("transition", "output"))
+    gain = v[:, 1:3] @ np.linalg.solve(np.eye(2) - w[:, 1:3], w[:, 3:5]) + v[:, 3:5]
+    gain *= fitted.model_.output_scale[:, None] / fitted.model_.input_scale
+    np.testing.assert_allclose(gain, c @ np.linalg.solve(np.eye(2) - a, b) + d, atol=1e-9)
+
+
+def test_periodic_recordings_start_from_their_best_linear_approximation():
+    rng = np.random.default_rng(3)
+    record = duffing(rng, n=1500, period=300, noise=0.01)
+    sides = {side: (np.zeros(1), np.ones(1)) for side in ("input", "output")}
+    response, angles, deviations = _lines([record], sides)
+    assert response.shape == (angles.size, 1, 1) and 0 < angles.min() < angles.max() < np.pi and deviations.min() > 0
+    assert _lines([duffing(rng)], sides) is None
+    assert Pnlss(**DUFFING).fit(record).error_[0] == pytest.approx(0.01, rel=0.1)
+
+
+def test_directions_learn_where_a_function_bends():
+    # A sum of both signals that saturates; products of powers leave a residual, the function of a sum does not.
+    rng = np.random.default_rng(4)
+    u, x = rng.normal(size=800), np.zeros(801)
+    for k in range(800):
+        x[k + 1] = 0.3 * x[k] + np.tanh(0.8 * x[k] + 1.5 * u[k])
+    record = Recording.from_arrays(u, x[:-1], 0.1)
+    common = {"states": 1, "degrees": [], "feedthrough": False}
+    fitted = Pnlss(**common, terms=["tanh(s1,1)"], directions=1, starts=2).fit(record)
+    assert fitted.error_[0] < 1e-6 < 1e-2 < Pnlss(**common).fit(record).error_[0]
+
+
+@pytest.mark.parametrize("sets", [8, pytest.param(200, marks=pytest.mark.study)])
+def test_bands_hold_what_they_say(sets):
+    # Readings of one set share an error of the weights: each set gives one independent reading.
+    rng, inside, covered = np.random.default_rng(5), 0, []
+    for _ in range(sets):
+        model = Pnlss(**DUFFING, held_out=0.0).fit(duffing(rng, 200, noise=0.1)).model_
+        band = model.free_run_band(duffing(rng, 100, noise=0.1))
+        covered.append(float(band.coverage[0]))
+        inside += bool(band.lower[0, -1] <= band.measured[0, -1] <= band.upper[0, -1])
+    assert binom.cdf(inside, sets, 0.95) > 1e-3
+    assert 0.92 - 0.06 / np.sqrt(sets) < np.mean(covered) < 0.98 + 0.06 / np.sqrt(sets)
+
+
+def test_the_band_of_the_mean_is_as_wide_as_estimates_scatter():
+    rng = np.random.default_rng(6)
+    other, runs, widths = duffing(np.random.default_rng(7), 80), [], []
+    for _ in range(25):
+        model = Pnlss(**DUFFING, held_out=0.0).fit(duffing(rng, 200, noise=0.1)).model_
+        band = model.free_run_band(other, warmup=60)
+        runs.append(band.outputs[0, 60:])
+        total = ((band.upper - band.lower)[0, 60:] / (2 * 1.959964)) ** 2
+        widths.append(total - model.noise_variance[0])
+    # 25 estimates tell a variance within 30 % (one deviation); readings of a run are several of them.
+    assert 0.5 < np.mean(np.var(runs, axis=0, ddof=1)) / np.mean(widths) < 1.8
+
+
+def test_a_model_comes_back_from_its_file(tmp_path):
+    model = Pnlss(**DUFFING).fit(duffing(np.random.default_rng(8), 200, noise=0.1)).model_
+    model.save(tmp_path / "nss.json")
+    again, record = NonlinearStateSpace.load(tmp_path / "nss.json"), duffing(np.random.default_rng(9), 100)
+    np.testing.assert_array_equal(again.simulate(record).outputs, model.simulate(record).outputs)
+    np.testing.assert_array_equal(again.free_run_band(record).upper, model.free_run_band(record).upper)
+    assert "x1^3" in str(again) and again.provenance["identifier"].startswith("Pnlss(")
+    document = json.loads((tmp_path / "nss.json").read_text())
+    document["terms"] = ["x1^"]
+    (tmp_path / "bad.json").write_text(json.dumps(document))
+    with pytest.raises(ModelError, match=r"bad\.json: the term 'x1\^'"):
+        NonlinearStateSpace.load(tmp_path / "bad.json")
+
+
+def test_a_run_that_diverges_says_when():
+    model = NonlinearStateSpace(
+        terms=["x1^3"], transition=[[0, 1.5, 1, 1]], output=[[0, 1, 0, 0]], sample_time=0.5, output_scale=[2.0]
+    )
+    run = model.simulate(np.ones(20))
+    assert not run.status.ok and np.isfinite(run.outputs).all()
+    # x: 0, 1, 3.5, 49.1, 118582 > 1000
+    assert run.failed_at_s == 2.0 and run.outputs[0, 4] == run.outputs[0, 3]
+
+
+def test_an_interrupt_keeps_the_best_model(monkeypatch):
+    from deatwin.ident.nss import search
+
+    kept, calls = search.triangle, []
+
+    def interrupted(*arguments):
+        calls.append(1)
+        if len(calls) == 12:  # a few steps after those of the linear start
+            raise KeyboardInterrupt
+        return kept(*arguments)
+
+    monkeypatch.setattr("deatwin.ident.nss.search.triangle", interrupted)
+    search_of = Pnlss(states=2, degrees=[], terms=["x1^3"], feedthrough=False, max_steps=100)
+    fitted = search_of.fit(duffing(np.random.default_rng(10), 200, noise=0.1))
+    assert fitted.status_ is FitStatus.INTERRUPTED and fitted.model_.simulate(np.ones(9)).status.ok
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"states": 0}, "states = 0; it must be a whole number of at least 1"),
+        ({"degrees": [1]}, "a degree of 1"),
+        ({"held_out": 1.0}, "held_out = 1.0"),
+        ({"directions": 1}, "no term holds the direction s1"),
+        ({"terms": ["x5"]}, "there are x1, x2, u"),
+        ({"states": 9, "degrees": [2, 3]}, "fitted readings for .* weights"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(arguments, message):
+    with pytest.raises(ModelError, match=message):
+        Pnlss(**arguments).fit(duffing(np.random.default_rng(0), 200))
+
+
+def test_a_constant_signal_is_refused_by_name():
+    with pytest.raises(ModelError, match='the input "command" is constant'):
+        Pnlss().fit(Recording.from_arrays(np.ones(300), np.arange(300.0), 0.1))
