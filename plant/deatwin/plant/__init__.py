@@ -65,7 +65,7 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.pressure import Pressure
-from deatwin.plant.rigs.rigfile import read_rig
+from deatwin.plant.rigs.rigfile import load_material, read_rig
 from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.simulate import RunStatus
@@ -158,6 +158,7 @@ __all__ = [
     "catalogue",
     "effect_named",
     "fleet",
+    "load_material",
     "load_plant",
     "quantise",
     "read_experiment",

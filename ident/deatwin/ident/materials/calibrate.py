@@ -95,7 +95,7 @@ def _choose(data: Observations, own: EnergyStart | None | str) -> _Chosen:
     flexible = next((start for start in starts if start.energy is yeoh), starts[-1])
     for _ in range(ROUNDS):
         rich = richest(data, flexible, white)
-        noise = estimate_noise(data, data.measured - rich.modelled, rich.modelled, rich.slopes, noise)
+        noise = estimate_noise(data, data.measured - rich.modelled, rich.modelled, rich.slopes)
         white = noise.whitener(data, rich.modelled)
     count = noise.count(data)
     rich_ones = [richest(data, start, white) for start in starts]
@@ -113,7 +113,7 @@ def _choose(data: Observations, own: EnergyStart | None | str) -> _Chosen:
     for _ in range(ROUNDS):
         white = noise.whitener(data, best.modelled)
         best = fit(data, best.start, best.elastic, best.branches, white)
-        noise = estimate_noise(data, data.measured - best.modelled, best.modelled, best.slopes, noise)
+        noise = estimate_noise(data, data.measured - best.modelled, best.modelled, best.slopes)
     return _Chosen(fit=best, choices=tuple(_choices(allowed, best, count)), noise=noise)
 
 

@@ -87,7 +87,7 @@ class Whitener:
                 yield samples, common, length
 
 
-def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes: Array, before: Noise) -> Noise:
+def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes: Array) -> Noise:
     """Errors by restricted maximum likelihood: the likelihood of what parameters cannot move. Shapes: (n,), (n,),
     (n, k).
     """
@@ -111,10 +111,9 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
         rest, parts = triangle[-1, -1], np.abs(np.diag(triangle)[:-1])
         return 0.5 * float(rest**2) + white.log_size + float(np.sum(np.log(np.maximum(parts, 1e-300))))
 
-    start = [max(a / s, SMALLEST) for a, s in zip(before.absolute, sizes, strict=True)]
-    start += [max(r, SMALLEST) for r in before.relative]
-    start += [max(before.scatter, 0.5 * FIRST_GUESS)] if scattered else []
-    found = minimize(loss, np.log(start), method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.01, "maxiter": 400})
+    start = np.log(np.array([*(0.1 * FIRST_GUESS for _ in sizes), *(FIRST_GUESS for _ in sizes), FIRST_GUESS]))
+    start = start if scattered else start[:-1]
+    found = minimize(loss, start, method="L-BFGS-B", bounds=[(np.log(SMALLEST), 0.0)] * start.size)
     sizes_found = noise(found.x, alone)
     return noise(found.x, _repeats(data, sizes_found.whitener(data, modelled)(residual)))
 

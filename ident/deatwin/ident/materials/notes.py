@@ -66,7 +66,9 @@ def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> 
 
 def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
     if data.relaxation is None:
-        yield "no test has times: the material is without branches, whatever it does in time"
+        pulls = any(block.test.times is not None for block in data.blocks)
+        why = "all tests are pulls at one rate, which bends a curve as elasticity does" if pulls else "no test has times"
+        yield f"{why}: the material has no branches, whatever it does in time"
         return
     shortest, longest = data.relaxation
     yield f"the equilibrium is that after {longest:.3g} s: the tests show nothing slower"

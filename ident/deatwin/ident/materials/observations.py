@@ -32,6 +32,11 @@ PULL = 1e-4
 """Relative stretch of the difference that gives the modulus at a stretch."""
 
 
+CURVED, RATES = 0.1, 2.0
+"""Share of its range by which a path leaves a pull at an even rate, and ratio of the rates of two pulls, from which on
+tests tell a relaxation from the elasticity: at one rate alone either bends the curve."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
     """Samples of one test."""
@@ -40,11 +45,6 @@ class Block:
     measured: Array  # (n,), Pa
     stretches: Array  # (2, m): of each sample, or of the two pulls of a dma test
     times: Array | None  # (n,)
-
-    @property
-    def shows_memory(self) -> bool:
-        """True if branches act in it."""
-        return self.times is not None or self.test.is_dma
 
     def elastic(self, start: EnergyStart, coordinates: Array) -> tuple[Array, Array]:
         """What the equilibrium network says of the samples. Shapes: returns (n,), (n, k)."""
@@ -80,7 +80,7 @@ class Observations:
     @classmethod
     def of(cls, tests: Sequence[MaterialTest]) -> Observations:
         """Gather tests."""
-        clocks = [clock for test in tests if (clock := test.clock) is not None]
+        clocks = [clock for test in tests if (clock := test.clock) is not None and shows_memory(tests)]
         span = (min(c[0] for c in clocks), max(c[1] for c in clocks) * BEYOND) if clocks else None
         return cls(blocks=tuple(map(_block, tests)), relaxation=span)
 
@@ -140,6 +140,22 @@ class Observations:
             empty = np.zeros((self.measured.size, 0))
             return empty, empty
         return self._spline(log_times), self._spline(log_times, 1)
+
+
+def shows_memory(tests: Sequence[MaterialTest]) -> bool:
+    """Whether tests hold more than pulls at one even rate: holds, returns, other rates, moduli over frequency."""
+    rates = []
+    for test in tests:
+        if test.is_dma:
+            return True
+        if test.times is None:
+            continue
+        times, stretch = np.asarray(test.times), np.asarray(test.stretch)
+        even = 1.0 + (stretch[-1] - 1.0) * times / times[-1]
+        if np.max(np.abs(stretch - even)) > CURVED * max(float(np.ptp(stretch)), float(np.max(np.abs(stretch - 1.0)))):
+            return True
+        rates.append(abs(stretch[-1] - 1.0) / times[-1])
+    return bool(rates) and max(rates) > RATES * min(rates)
 
 
 def _block(test: MaterialTest) -> Block:

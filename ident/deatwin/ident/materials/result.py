@@ -156,7 +156,7 @@ class CalibratedMaterial:
 
             axes = np.ravel(pyplot.subplots(len(self.panels), 1, squeeze=False, layout="constrained")[1])
         for name, panel in zip(self.panels, axes, strict=True):
-            self._draw(name, panel)
+            self.draw_panel(name, panel)
         return axes
 
     @property
@@ -170,7 +170,16 @@ class CalibratedMaterial:
         }
         return tuple(name for name, there in shown.items() if there)
 
-    def _draw(self, name: str, ax: Axes) -> None:
+    def draw_panel(self, name: str, ax: Axes) -> None:
+        """Draw one of `panels`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the picture.
+        ax : matplotlib Axes
+            Axes to draw on.
+        """
         for block, place in zip(self.data.blocks, self.data.places, strict=True):
             if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
                 _draw_block(name, ax, block, self.modelled[place])

@@ -13,7 +13,7 @@ from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
-from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigmistakes import READINGS, Mistake, format_errors, lines_of, mistakes_of
 from deatwin.plant.rigs.rigreadings import readings_of
 from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
@@ -117,24 +117,67 @@ def read_rig(path: str | Path) -> RigFile:
     RigError
         If the file is missing or not TOML, or a key or value is wrong; the text lists all mistakes with their lines.
     """
+    data, text = _toml(path, "rig file")
+    return _checked(_with_material(data, Path(path).parent), str(path), text)
+
+
+def load_material(path: str | Path) -> Material:
+    """Read a material from a file with a section ``[material]``.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file, as `deatwin material` writes it; a rig file with such a section will do.
+
+    Returns
+    -------
+    Material
+        The material, which every rig takes.
+
+    Raises
+    ------
+    RigError
+        If the file is missing or not TOML, or its section has mistakes; the text names the key.
+    """
+    data, text = _toml(path, "material file")
+    found, mistakes = read_material(data.get("material", {}))
+    if found is None:
+        places = [Mistake(text=said, at=("material", *at), line_of=("material", *at)) for at, said in mistakes]
+        raise RigError(format_errors(str(path), places, lines_of(text) if len(places) > 1 else {}))
+    return found
+
+
+def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return a rig file with the section of the material file that it names."""
+    film = data.get("film")
+    named = film.get("material") if isinstance(film, Mapping) else None
+    if not isinstance(named, str) or not named.endswith(".toml") or "material" in data:
+        return data
+    load_material(folder / named)
+    section = _toml(folder / named, "material file")[0]["material"]
+    return {**data, "film": {key: value for key, value in film.items() if key != "material"}, "material": section}
+
+
+def _toml(path: str | Path, what: str) -> tuple[dict[str, Any], str]:
+    """Return the content of a TOML file, and its text."""
+    text = ""
     try:
         content = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}"))
         text = content.decode("utf-8-sig")
-        data = tomllib.loads(text)
+        return tomllib.loads(text), text
     except OSError as error:
         # Stricter than usual: equal endings are no likeness.
         beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
         hint = nearest(Path(path).name, beside, likeness=0.8) if isinstance(error, FileNotFoundError) else ""
-        raise RigError(f"{path}: the rig file cannot be read: {error.strerror}{hint}") from None
+        raise RigError(f"{path}: the {what} cannot be read: {error.strerror}{hint}") from None
     except UnicodeDecodeError as error:
-        raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the rig file as UTF-8") from None
+        raise RigError(f"{path}: not UTF-8 text at byte {error.start}; save the {what} as UTF-8") from None
     except RigError:
         raise
     except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
         raise RigError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
     except RecursionError:
-        raise RigError(f"{path}: not a rig file: lists in lists, too deep") from None
-    return _checked(data, str(path), text)
+        raise RigError(f"{path}: not a {what}: lists in lists, too deep") from None
 
 
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:

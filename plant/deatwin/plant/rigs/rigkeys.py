@@ -86,7 +86,7 @@ _MV = (("in mV", 1e-3, 0.0),)
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
 Keys = Mapping[str, NumberKey | TextKey]
-MATERIAL = TextKey(field="material", about="a name in the table of materials", instead="[material]")
+MATERIAL = TextKey(field="material", about="a name in the table of materials, or a material file (.toml) beside this one", instead="[material]")
 THICKNESS = NumberKey(field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching")
 PRESTRETCH = NumberKey(
     field="prestretch",
