@@ -65,14 +65,19 @@ def made_tests(
         return factor * values * (1 + relative * rng.normal(size=values.size)) + absolute * rng.normal(size=values.size)
 
     frequencies = np.geomspace(1e-3, 10.0, 25)
-    ramp, long, slow, both = np.linspace(0.2, 12.0, 40), np.geomspace(0.05, 400.0, 50), *(np.linspace(1.1, top, 30) for top in (4.0, 2.5))
+    ramp, long, slow, both = (
+        np.linspace(0.2, 12.0, 40),
+        np.geomspace(0.05, 400.0, 50),
+        *(np.linspace(1.1, top, 30) for top in (4.0, 2.5)),
+    )
     made: dict[str, Callable[[Callable[[np.ndarray], np.ndarray]], dict]] = {
         "tension": lambda say: {"times": ramp, "stretch": 1 + 1e-4 * ramp, "stress": say(small_ramp(ramp, 1e-4))},
         "relaxation": lambda say: {"times": long, "stretch": np.full(50, 2.0), "stress": say(held(long, 2.0))},
         "cycles": lambda say: {"stretch": slow, "stress": say(gent_pull(slow))},
         "equibiaxial": lambda say: {"stretch": both, "stress": say(gent_equibiaxial(both))},
-        "dma": lambda say: {"frequencies": frequencies}
-        | dict(zip(("storage", "loss"), map(say, dynamic(frequencies)), strict=True)),
+        "dma": lambda say: (
+            {"frequencies": frequencies} | dict(zip(("storage", "loss"), map(say, dynamic(frequencies)), strict=True))
+        ),
     }
     found = []
     for kind, make in made.items():

@@ -158,8 +158,7 @@ def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...
 
 
 def _covariance(white: Array, prior: Array) -> Array:
-    """Inverse of the information that whitened slopes and the prior hold; a direction without any gets a large variance.
-    """
+    """Inverse of the information that whitened slopes and the prior hold; a direction without any gets a large variance."""
     size = np.sqrt(np.sum(white**2, axis=0) + prior)
     size[size == 0.0] = 1e-150
     information = (white.T @ white + np.diag(prior)) / np.outer(size, size)

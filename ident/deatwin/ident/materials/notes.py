@@ -67,7 +67,9 @@ def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> 
 def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
     if data.relaxation is None:
         pulls = any(block.test.times is not None for block in data.blocks)
-        why = "all tests are pulls at one rate, which bends a curve as elasticity does" if pulls else "no test has times"
+        why = (
+            "all tests are pulls at one rate, which bends a curve as elasticity does" if pulls else "no test has times"
+        )
         yield f"{why}: the material has no branches, whatever it does in time"
         return
     shortest, longest = data.relaxation

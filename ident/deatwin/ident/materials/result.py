@@ -103,7 +103,9 @@ class CalibratedMaterial:
         """The result in one sentence."""
         energy, number = self.section["energy"], len(self.section["branches"])
         branches = f"{number} branch{'' if number == 1 else 'es'}" if number else "no branches"
-        return f"{self.section['name']}: {energy} with {branches}, from {len(self.tests)} test{'s'[: len(self.tests) > 1]}"
+        return (
+            f"{self.section['name']}: {energy} with {branches}, from {len(self.tests)} test{'s'[: len(self.tests) > 1]}"
+        )
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -120,7 +122,10 @@ class CalibratedMaterial:
         -------
         str
         """
-        head = [f"Made by deatwin from {', '.join(test.name for test in self.tests)}.", "low and high: intervals of 95 %."]
+        head = [
+            f"Made by deatwin from {', '.join(test.name for test in self.tests)}.",
+            "low and high: intervals of 95 %.",
+        ]
         return toml_of(self.section, [*head, *self.notes])
 
     def to_dict(self) -> dict[str, Any]:

@@ -31,7 +31,7 @@ def stated_energy(about: Mapping[str, Any]) -> EnergyStart | str | None:
     _checked({"name": "film", "energy": "neo_hookean", "parameters": {"shear_modulus": 1e5}} | _without_energy(about))
     if energy is None:
         if "parameters" in about:
-            raise RigError("[material]: parameters are of an energy; name it, as in energy = \"gent\", or leave them out")
+            raise RigError('[material]: parameters are of an energy; name it, as in energy = "gent", or leave them out')
         return None
     law = energy_named(str(energy))
     if not isinstance(law, Formula) and "parameters" not in about:

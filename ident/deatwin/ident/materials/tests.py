@@ -65,7 +65,9 @@ class MaterialTest:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise DataError(f"{self.name}: unknown kind {self.kind!r}{nearest(self.kind, KINDS)} (known: {', '.join(KINDS)})")
+            raise DataError(
+                f"{self.name}: unknown kind {self.kind!r}{nearest(self.kind, KINDS)} (known: {', '.join(KINDS)})"
+            )
         object.__setattr__(self, "specimen", self.specimen or self.name)
         names = ("frequencies", "storage", "loss") if self.is_dma else ("stretch", "stress")
         names += ("times",) if self.times is not None and not self.is_dma else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import AnyFilm, FilmPoint, film_points, point_capacitances
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 Symbol = Any
+SomeFilm = TypeVar("SomeFilm", bound=AnyFilm)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +63,11 @@ def material_film(shape: Kinematics, substance: Material, rest_stretch: float, b
         rest_stretch=rest_stretch,
         breakdown=substance.breakdown,
     )
+    return with_branches(film, substance, build)
+
+
+def with_branches(film: SomeFilm, substance: Material, build: Builder) -> SomeFilm:
+    """Return a film with the Maxwell branches of its material."""
     for branch in substance.branches:
         modulus, time = build.parameter(branch.modulus.name), build.parameter(branch.time.name)
         film = film.with_branch(branch.name, modulus, time, build)

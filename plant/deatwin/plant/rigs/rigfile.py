@@ -33,6 +33,7 @@ class DriveSpec:
     start_is_known: bool = True
     command_min: float | None = None
     command_max: float | None = None
+    unit: str = "V"  # Of the commands
 
     @property
     def command_range(self) -> tuple[float, float] | None:
@@ -94,6 +95,8 @@ class RigFile:
     @property
     def widest(self) -> float:
         """Longest dimension of the film, m, which no reading of a position exceeds."""
+        if KINDS[self.kind].units[1] != "m":
+            return float("inf")
         known = {"frame_diameter": 1.0, "frame_radius": 2.0, "length": 10.0, "width": 10.0}
         sizes = [factor * self.film[name] for name, factor in known.items() if name in self.film]
         return max(sizes, default=float("inf"))
@@ -197,9 +200,13 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
         material=own or film.pop("material"),
         film=film,
         load={**kind.absent, **load},
-        drive=DriveSpec(**{n: v for n, v in drive.items() if n != "start"}, start_is_known="start" not in drive),
+        drive=DriveSpec(
+            **{n: v for n, v in drive.items() if n != "start"},
+            start_is_known="start" not in drive,
+            unit=kind.units[0],
+        ),
         sensor=SensorSpec(
-            **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor["zero"] != "arbitrary"
+            **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor.get("zero") != "arbitrary"
         ),
         stated=deepcopy(dict(data)),
         source=source,

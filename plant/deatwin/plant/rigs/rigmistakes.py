@@ -58,7 +58,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         *outside,
         *_material(data, read.get("film")),
         *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
-        *_order((*KINDS[kind].below, COMMANDS), read, called, table),
+        *_order((*KINDS[kind].below, *(p for p in COMMANDS if p[0][1] in table["drive"])), read, called, table),
         *_of_readings(data.get(READINGS, {})),
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}

@@ -39,6 +39,7 @@ class RigKind(StrEnum):
     ROLL = "roll"
     CONE = "cone"
     PRESSURE = "pressure"
+    COUPON = "coupon"
 
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
@@ -183,7 +184,9 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     if first is not None:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
         reading = next(channel for channel in first.channels if channel.role == "output")
+        said = "the recording shows at most this: put the data sheet's value here if you have it"
         if reading.unit == "m" and reading.noise:
-            said = "the recording shows at most this: put the data sheet's value here if you have it"
             known["noise_um"] = (1e6 * reading.noise, said)
+        if reading.unit == "N" and reading.noise:
+            known["noise_mN"] = (1e3 * reading.noise, said)
     return rig_template(known, kind)

@@ -14,7 +14,9 @@ from deatwin.studies.voice import Voice
 TestsFile = Annotated[Path, typer.Argument(metavar="TESTS.toml", help="The tests: their files, kinds, columns.")]
 
 
-def material(context: typer.Context, tests: TestsFile, out: OutFolder, as_json: Json = False, quiet: Quiet = False) -> None:
+def material(
+    context: typer.Context, tests: TestsFile, out: OutFolder, as_json: Json = False, quiet: Quiet = False
+) -> None:
     """Calibrate a film's material on tests of coupons: pulls, cycles, relaxations, dynamic moduli.
 
     Writes material.toml, which a rig file names as its material, material.json, report.html, figures with their data and
