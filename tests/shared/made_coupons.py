@@ -67,7 +67,7 @@ def made_tests(
     frequencies = np.geomspace(1e-3, 10.0, 25)
     ramp, long, slow, both = (
         np.linspace(0.2, 12.0, 40),
-        np.geomspace(0.05, 400.0, 50),
+        np.r_[0.0, np.geomspace(0.05, 400.0, 49)],
         *(np.linspace(1.1, top, 30) for top in (4.0, 2.5)),
     )
     made: dict[str, Callable[[Callable[[np.ndarray], np.ndarray]], dict]] = {

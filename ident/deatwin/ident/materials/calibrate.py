@@ -23,10 +23,13 @@ from deatwin.plant.laws.energies import yeoh
 
 Array = NDArray[np.float64]
 
-ROUNDS = 3
-"""Rounds of fit and errors: the errors of the third differ from those of the second by less than they are known."""
+ROUNDS = 2
+"""Rounds of fit and errors: further ones change the errors by less than they are known."""
 HOPELESS = 20.0
 """Logarithm of the odds against an energy from which on it is left out."""
+UNEXPLAINED = 0.5
+"""Share of the tests from which on a material explains nothing: it would be better to have none."""
+_LOOK = "look at the columns, their signs and units, and at the specimen's dimensions"
 LEVEL = 0.95
 """Probability of the intervals."""
 
@@ -87,7 +90,7 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     )
 
 
-def _choose(data: Observations, own: EnergyStart | None | str) -> _Chosen:
+def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
     """Choose energy and number of branches."""
     noise = Noise.guess(data)
     white = noise.whitener(data, data.measured)
@@ -105,19 +108,20 @@ def _choose(data: Observations, own: EnergyStart | None | str) -> _Chosen:
     fits = [one for rich in near for one in fewer_and_fewer(data, rich, white)]
     allowed = [one for one in fits if one.coordinates.size < count and is_stable(one.start, one.elastic, data.largest)]
     if not allowed:
-        raise DataError(
-            "no energy with a stress that rises with the stretch explains these tests; look at the units of their columns, "
-            "and at the specimen's dimensions"
-        )
+        raise DataError(f"no energy with a stress that rises with the stretch explains these tests; {_LOOK}")
     best = min(allowed, key=lambda one: one.criterion(count))
     for _ in range(ROUNDS):
         white = noise.whitener(data, best.modelled)
         best = fit(data, best.start, best.elastic, best.branches, white)
         noise = estimate_noise(data, data.measured - best.modelled, best.modelled, best.slopes)
+    if np.linalg.norm(data.measured - best.modelled) > UNEXPLAINED * np.linalg.norm(data.measured):
+        raise DataError(
+            f"{best.start.called}, the best energy, leaves more than half of the stress unexplained; {_LOOK}"
+        )
     return _Chosen(fit=best, choices=tuple(_choices(allowed, best, count)), noise=noise)
 
 
-def _starts(data: Observations, own: EnergyStart | None | str, modulus: float) -> list[EnergyStart]:
+def _starts(data: Observations, own: EnergyStart | str | None, modulus: float) -> list[EnergyStart]:
     if isinstance(own, EnergyStart):
         return [own]
     known = list(known_energies(modulus, data.largest))

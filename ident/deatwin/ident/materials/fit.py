@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares, nnls
 
 from deatwin.ident.materials.energies import EnergyStart
-from deatwin.ident.materials.noise import Noise, Whitener
-from deatwin.ident.materials.observations import BEYOND, PER_DECADE, Observations
+from deatwin.ident.materials.noise import Whitener
+from deatwin.ident.materials.observations import PER_DECADE, Observations
 
 Array = NDArray[np.float64]
 

@@ -59,12 +59,13 @@ def branch_stress(times: Array, stretches: Array, relaxation: Array) -> Array:
     """
     paths = np.log(stretches)
     steps = np.diff(times, prepend=0.0)
-    # Stretches that are there at the first sample came at once, at time 0.
-    moves = np.diff(paths, axis=1, prepend=paths[:, :1])
+    # From time 0 on the way to the first sample is even; a sample at time 0 itself was reached at once.
+    start = paths[:, 0] if times[0] == 0.0 else np.zeros(2)
+    moves = np.diff(paths, axis=1, prepend=start[:, None])
     march = _march(times.size)
     found = np.empty((times.size, relaxation.size))
     for k, time in enumerate(relaxation):
-        elastic = np.exp(2.0 * np.asarray(march(paths[:, 0], moves, steps[None, :] / time)))
+        elastic = np.exp(2.0 * np.asarray(march(start, moves, steps[None, :] / time)))
         found[:, k] = (elastic[0] - 1.0 / (elastic[0] * elastic[1])) / stretches[0]
     return found
 

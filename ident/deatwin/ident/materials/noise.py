@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 from deatwin.ident.materials.observations import Observations
@@ -105,15 +104,23 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
             repeats=repeats,
         )
 
+    columns = np.column_stack([slopes, residual])
+
     def loss(logs: Array) -> float:
         white = noise(logs, alone).whitener(data, modelled)
-        triangle = np.linalg.qr(np.column_stack([white(slopes), white(residual)]), mode="r")
+        triangle = np.linalg.qr(white(columns), mode="r")
         rest, parts = triangle[-1, -1], np.abs(np.diag(triangle)[:-1])
         return 0.5 * float(rest**2) + white.log_size + float(np.sum(np.log(np.maximum(parts, 1e-300))))
 
     start = np.log(np.array([*(0.1 * FIRST_GUESS for _ in sizes), *(FIRST_GUESS for _ in sizes), FIRST_GUESS]))
     start = start if scattered else start[:-1]
-    found = minimize(loss, start, method="L-BFGS-B", bounds=[(np.log(SMALLEST), 0.0)] * start.size)
+    found = minimize(
+        loss,
+        start,
+        method="L-BFGS-B",
+        bounds=[(np.log(SMALLEST), 0.0)] * start.size,
+        options={"ftol": 1e-6, "gtol": 0.01},
+    )
     sizes_found = noise(found.x, alone)
     return noise(found.x, _repeats(data, sizes_found.whitener(data, modelled)(residual)))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -93,7 +94,7 @@ class Observations:
     def places(self) -> tuple[slice, ...]:
         """Samples of each block."""
         ends = np.cumsum([0, *(block.measured.size for block in self.blocks)])
-        return tuple(slice(int(a), int(b)) for a, b in zip(ends, ends[1:], strict=False))
+        return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
 
     @cached_property
     def specimens(self) -> tuple[NDArray[np.intp], ...]:
@@ -186,7 +187,7 @@ def samples_kept(times: Array, stretch: Array) -> NDArray[np.intp]:
     if count * (corners.size - 1) > MOST:
         return np.unique(np.linspace(0, times.size - 1, MOST).astype(int))
     found = [corners]
-    for first, last in zip(corners, corners[1:], strict=False):
+    for first, last in itertools.pairwise(corners):
         found.append(np.linspace(first, last, count // 2).astype(int))
         found.append((first + np.geomspace(1, max(last - first, 1), count // 2)).astype(int))
     return np.unique(np.concatenate(found))

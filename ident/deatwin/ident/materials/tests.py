@@ -33,8 +33,8 @@ class MaterialTest:
     specimen : str
         Name of the specimen; tests of one specimen share its deviation from the others. By default the test's name.
     times : array_like, shape (n,), optional
-        Times, s. A stretch that is there at the first sample came at once at time 0. Without times the test counts as so
-        slow that all branches are relaxed.
+        Times, s. The stretch is 1 at time 0, and moves evenly to that of the first sample; a first sample at time 0 was
+        reached at once. Without times the test counts as so slow that all branches are relaxed.
     stretch : array_like, shape (n,)
         Stretch along the pull; of a dma test a number, at which the specimen is relaxed, 1 by default.
     stress : array_like, shape (n,)
