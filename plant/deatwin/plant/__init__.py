@@ -71,6 +71,7 @@ from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.simulate import RunStatus
 from deatwin.plant.simulation import Simulation
 from deatwin.plant.sources import load_plant
+from deatwin.plant.supply import Supply
 from deatwin.plant.thesis import thesis_plant
 
 __all__ = [
@@ -152,6 +153,7 @@ __all__ = [
     "Stack",
     "StartProcedure",
     "StrainStiffening",
+    "Supply",
     "ThermalStiffness",
     "Tolerance",
     "actuation_curve",

@@ -108,7 +108,7 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
 
     def loss(logs: Array) -> float:
         white = noise(logs, alone).whitener(data, modelled)
-        triangle = np.linalg.qr(white(columns), mode="r")
+        triangle = np.asarray(np.linalg.qr(white(columns), mode="r"))
         rest, parts = triangle[-1, -1], np.abs(np.diag(triangle)[:-1])
         return 0.5 * float(rest**2) + white.log_size + float(np.sum(np.log(np.maximum(parts, 1e-300))))
 

@@ -43,7 +43,7 @@ def notes_of(
 
 def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> Iterator[str]:
     """Say which energies are as good, and how far they differ where nothing was tested."""
-    best = {}
+    best: dict[str, Choice] = {}
     for choice in choices:
         best.setdefault(choice.energy, choice)
     others = [c for name, c in best.items() if name != fitted.start.called and c.behind < ODDS]

@@ -156,13 +156,15 @@ class CalibratedMaterial:
         -------
         sequence of matplotlib Axes
         """
+        shown = list(axes or [])
         if axes is None:
             from matplotlib import pyplot
 
-            axes = np.ravel(pyplot.subplots(len(self.panels), 1, squeeze=False, layout="constrained")[1])
-        for name, panel in zip(self.panels, axes, strict=True):
+            figure = pyplot.figure(layout="constrained")
+            shown = list(np.ravel(figure.subplots(len(self.panels), 1, squeeze=False)))
+        for name, panel in zip(self.panels, shown, strict=True):
             self.draw_panel(name, panel)
-        return axes
+        return shown
 
     @property
     def panels(self) -> tuple[str, ...]:

@@ -206,10 +206,14 @@ def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:
     table = table_of_file(folder / one["file"])
     columns = _columns(table, {name: one[name] for name in UNITS if name in one}, f"[[tests]] {number}")
     known: dict[str, Any] = {"name": Path(one["file"]).name, "kind": one["kind"], "specimen": one.get("specimen", "")}
-    sizes = {key.field: key.to_si(one[name]) for name, key in SPECIMEN.items() if name in one}  # type: ignore[arg-type]
+    sizes = {name.removesuffix("_mm"): one[name] / 1e3 for name in SPECIMEN if name in one}
     try:
         if one["kind"] == "dma":
-            moduli = {"frequencies": columns["frequency"], "storage": columns["storage"], "loss": columns["loss"]}
+            moduli: dict[str, Any] = {
+                "frequencies": columns["frequency"],
+                "storage": columns["storage"],
+                "loss": columns["loss"],
+            }
             held = one.get("held_stretch", 1.0)
             return MaterialTest(**known, **moduli, stretch=held, shear=one.get("modulus") == "shear")
         stretch, stress = _pull(columns, one, sizes)

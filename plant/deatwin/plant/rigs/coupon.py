@@ -44,7 +44,7 @@ class Coupon(Rig):
         is to be found.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """
 

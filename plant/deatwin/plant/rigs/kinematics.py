@@ -12,6 +12,7 @@ from deatwin.plant.material import Material
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+    from deatwin.plant.supply import Supply
 
 
 Symbol = Any
@@ -74,12 +75,13 @@ def with_branches(film: SomeFilm, substance: Material, build: Builder) -> SomeFi
     return film
 
 
-def squared_voltage(film: AnyFilm, build: Builder) -> Any:
+def squared_voltage(film: AnyFilm, build: Builder, supply: Supply | None) -> Any:
     """Return the squared voltage of the Maxwell stress, from the command through amplifier and electrode."""
     build.watch("capacitance", film.capacitance)
     command = build.place(Place.DRIVE, "command", build.command)
     amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)
-    voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
+    supplied = amplified if supply is None else supply.voltage(amplified, film, build)
+    voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", supplied))
     effective = build.share("field_voltage", build.place(Place.DRIVE, "field_voltage", voltage))
     squared = build.place(Place.DRIVE, "squared_voltage", effective**2)
     offer_electrical(film, effective, build)

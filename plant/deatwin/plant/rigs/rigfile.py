@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from deatwin.plant.rigs.rigreadings import readings_of
 from deatwin.plant.rigs.toml_hints import slip_of
 from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 from deatwin.plant.substance import Material
+from deatwin.plant.supply import Supply
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,7 @@ class DriveSpec:
     command_min: float | None = None
     command_max: float | None = None
     unit: str = "V"  # Of the commands
+    supply: Supply | None = None
 
     @property
     def command_range(self) -> tuple[float, float] | None:
@@ -89,6 +91,7 @@ class RigFile:
             "command_range": drive.command_range,
             "sample_time": 1 / sensor.sample_rate,
             "further": self.readings,
+            "supply": drive.supply,
             "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         }
 
@@ -154,7 +157,7 @@ def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
     """Return a rig file with the section of the material file that it names."""
     film = data.get("film")
     named = film.get("material") if isinstance(film, Mapping) else None
-    if not isinstance(named, str) or not named.endswith(".toml") or "material" in data:
+    if film is None or not isinstance(named, str) or not named.endswith(".toml") or "material" in data:
         return data
     load_material(folder / named)
     section = _toml(folder / named, "material file")[0]["material"]
@@ -195,6 +198,7 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     film, load, drive, sensor = (values.get(section, {}) for section in ("film", "load", "drive", "sensor"))
     own, _ = read_material(data["material"]) if "material" in data else (None, [])
     drive.pop("input", None)
+    limits = {field.name: drive.pop(field.name) for field in fields(Supply) if field.name in drive}
     return RigFile(
         kind=data.get("kind", "diaphragm"),
         material=own or film.pop("material"),
@@ -204,6 +208,7 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
             **{n: v for n, v in drive.items() if n != "start"},
             start_is_known="start" not in drive,
             unit=kind.units[0],
+            supply=Supply(**limits) if limits else None,
         ),
         sensor=SensorSpec(
             **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor.get("zero") != "arbitrary"

@@ -132,6 +132,26 @@ DRIVE: Keys = {
     "command_max_V": NumberKey(
         field="command_max", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
     ),
+    "current_limit_uA": NumberKey(
+        field="current_limit", lower=1e-3, upper=1e9, per_si=1e6, required=False, about="largest current into the film"
+    ),
+    "sink_current_uA": NumberKey(
+        field="sink_current",
+        lower=0.0,
+        upper=1e9,
+        per_si=1e6,
+        required=False,
+        about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
+    ),
+    "series_resistance_Mohm": NumberKey(
+        field="series_resistance", lower=1e-6, upper=1e9, per_si=1e-6, required=False, about="between drive and film"
+    ),
+    "bleed_resistance_Mohm": NumberKey(
+        field="bleed_resistance", lower=1e-3, upper=1e9, per_si=1e-6, required=False, about="across the film"
+    ),
+    "parallel_capacitance_pF": NumberKey(
+        field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"
+    ),
 }
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
