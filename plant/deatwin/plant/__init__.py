@@ -67,6 +67,7 @@ from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.pressure import Pressure
 from deatwin.plant.rigs.rigfile import load_material, read_rig
 from deatwin.plant.rigs.roll import Roll
+from deatwin.plant.rigs.sketch import draw_rig
 from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.simulate import RunStatus
 from deatwin.plant.simulation import Simulation
@@ -158,6 +159,7 @@ __all__ = [
     "Tolerance",
     "actuation_curve",
     "catalogue",
+    "draw_rig",
     "effect_named",
     "fleet",
     "load_material",

@@ -82,8 +82,8 @@ def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
     """
 
     def stiff(name: str, value: float) -> Parameter:
-        ends = {"lower": modulus / FURTHEST, "upper": modulus * FURTHEST}
-        return Parameter(name=name, value=value, unit="Pa", scale=Scale.LOGARITHMIC, **ends)
+        low, high = modulus / FURTHEST, modulus * FURTHEST
+        return Parameter(name=name, value=value, unit="Pa", lower=low, upper=high, scale=Scale.LOGARITHMIC)
 
     def free(name: str, value: float = 0.0, sign: int = 0) -> Parameter:
         low, high = (0.0 if sign > 0 else -modulus * FURTHEST), (0.0 if sign < 0 else modulus * FURTHEST)

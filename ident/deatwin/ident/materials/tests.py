@@ -69,7 +69,7 @@ class MaterialTest:
                 f"{self.name}: unknown kind {self.kind!r}{nearest(self.kind, KINDS)} (known: {', '.join(KINDS)})"
             )
         object.__setattr__(self, "specimen", self.specimen or self.name)
-        names = ("frequencies", "storage", "loss") if self.is_dma else ("stretch", "stress")
+        names: tuple[str, ...] = ("frequencies", "storage", "loss") if self.is_dma else ("stretch", "stress")
         names += ("times",) if self.times is not None and not self.is_dma else ()
         arrays = {name: np.array(getattr(self, name), dtype=float) for name in names}
         shapes = {values.shape for values in arrays.values()}
