@@ -16,7 +16,8 @@ from deatwin.ident.materials.tests import KINDS, MaterialTest
 from deatwin.plant.errors import DataError, DeatwinError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
-from deatwin.plant.files.units import find_unit
+from deatwin.plant.files.units import UNITS as KNOWN_UNITS
+from deatwin.plant.files.units import find_unit, same_kind
 from deatwin.plant.files.wanted import in_units, split_stated
 from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.toml_hints import slip_of
@@ -258,17 +259,23 @@ def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, A
         found[name] = column
     table = replace(table, units=tuple(units), said=tuple(said))
     for name, column in found.items():
-        if UNITS[name] != "1" and not table.own_unit(column):
-            raise DataError(
-                f'{table.path}: the column "{table.shown(column)}" gives no unit; state it in {place}: '
-                f'{name} = "{table.unmistakable(column)}={_usual(name)}"'
-            )
+        _require_unit(table, column, name, place)
     table = in_units(table, {column: UNITS[name] for name, column in found.items()})
     order: Sequence[int] = list(found.values())
     return dict(zip(found, table.si(order), strict=True))
 
 
-def _usual(name: str) -> str:
-    return {"displacement": "mm", "stress": "MPa", "true_stress": "MPa", "storage": "MPa", "loss": "MPa"}.get(
-        name, UNITS[name]
-    )
+def _require_unit(table: Table, column: int, name: str, place: str) -> None:
+    """Refuse a column without a unit, or in one of another kind."""
+    said, known, wanted = table.own_unit(column), table.units[column], UNITS[name]
+    usual = {"m": "mm", "Pa": "MPa", "1": "%"}.get(wanted, wanted)
+    if not said and wanted != "1":
+        raise DataError(
+            f'{table.path}: the column "{table.shown(column)}" gives no unit; state it in {place}: '
+            f'{name} = "{table.unmistakable(column)}={usual}"'
+        )
+    if said and not (known and same_kind(KNOWN_UNITS[known].si, wanted)):
+        plain = "a plain number, or in %" if wanted == "1" else f"in a unit like {usual}"
+        raise DataError(
+            f'{table.path}: the column "{table.shown(column)}" is in {clipped(said)}; as the {name} of {place} it must be {plain}'
+        )
