@@ -77,7 +77,18 @@ class Coupon(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Return the strip that a rig file describes."""
+        """Return the strip that a rig file describes.
+
+        Parameters
+        ----------
+        described : RigFile
+            Content of the rig file, from `read_rig`.
+
+        Returns
+        -------
+        Coupon
+            Strip whose model error is that of the default strip, as a share of its own stiffness.
+        """
         names = {field.name for field in fields(cls)}
         shared = {name: value for name, value in described.shared.items() if name in names}
         rig = cls(**{**shared, **described.film})
