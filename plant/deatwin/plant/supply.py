@@ -73,7 +73,21 @@ class Supply:
             raise RigError(f"{name} of the supply is {value!r}; it must be a number {'from' if zero else 'above'} 0")
 
     def voltage(self, wanted: Symbol, film: AnyFilm, build: Builder) -> Symbol:
-        """Return the voltage across the film, V. `wanted` the source's own voltage without load, V."""
+        """Return the voltage across the film, V.
+
+        Parameters
+        ----------
+        wanted : casadi.SX
+            Voltage that the source would give without a load, V.
+        film : AnyFilm
+            Film that it charges.
+        build : Builder
+            Builder that gets a state and a coordinate.
+
+        Returns
+        -------
+        casadi.SX
+        """
         # Constants: films on sources of other sizes share their compiled equations.
         beside = build.constant("parallel_capacitance", self.parallel_capacitance)
         bleeder = build.constant(
