@@ -10,6 +10,7 @@ PUBLIC = (
     "deatwin.plant.laws",
     "deatwin.ident",
     "deatwin.ident.look",
+    "deatwin.ident.materials",
     "deatwin.ident.narx",
     "deatwin.ident.narx.linear",
     "deatwin.ident.narx.preprocess",

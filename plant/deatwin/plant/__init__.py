@@ -65,12 +65,14 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.pressure import Pressure
-from deatwin.plant.rigs.rigfile import read_rig
+from deatwin.plant.rigs.rigfile import load_material, read_rig
 from deatwin.plant.rigs.roll import Roll
+from deatwin.plant.rigs.sketch import draw_rig
 from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.simulate import RunStatus
 from deatwin.plant.simulation import Simulation
 from deatwin.plant.sources import load_plant
+from deatwin.plant.supply import Supply
 from deatwin.plant.thesis import thesis_plant
 
 __all__ = [
@@ -152,12 +154,15 @@ __all__ = [
     "Stack",
     "StartProcedure",
     "StrainStiffening",
+    "Supply",
     "ThermalStiffness",
     "Tolerance",
     "actuation_curve",
     "catalogue",
+    "draw_rig",
     "effect_named",
     "fleet",
+    "load_material",
     "load_plant",
     "quantise",
     "read_experiment",

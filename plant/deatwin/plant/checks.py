@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.recording import UNSTATED, Recording, label
@@ -79,8 +80,9 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
     sample = int(np.argmax(outside))
     worst = float(command[np.argmax(np.abs(command))])
     text = (
-        f"{label(recording)}: command {worst:g} V, first outside at {recording.timepts[sample]:g} s; "
-        f"the rig's commands are from {low:g} V to {high:g} V"
+        f"{label(recording)}: command {amount(f'{worst:g}', drive.unit)}, first outside at "
+        f"{recording.timepts[sample]:g} s; the rig's commands are from {amount(f'{low:g}', drive.unit)} to "
+        f"{amount(f'{high:g}', drive.unit)}"
     )
     as_command = command / drive.gain
     if as_command.min() >= floor and max(low, _LEAST_USE * high) <= as_command.max() <= top:

@@ -14,6 +14,7 @@ from deatwin.plant.imported import RAISED, imported
 from deatwin.plant.model import Plant
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.cone import Cone
+from deatwin.plant.rigs.coupon import Coupon
 from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.disc import Disc
 from deatwin.plant.rigs.film_actuator import FilmActuator
@@ -24,8 +25,8 @@ from deatwin.plant.rigs.roll import Roll
 from deatwin.plant.rigs.stack import Stack
 from deatwin.plant.rigs.tomlfile import TomlFile
 
-KINDS: Mapping[str, type[Diaphragm | FilmActuator]] = MappingProxyType(
-    {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure)}
+KINDS: Mapping[str, type[Diaphragm | FilmActuator | Coupon]] = MappingProxyType(
+    {kind.kind: kind for kind in (Diaphragm, Disc, Planar, Stack, BowTie, Roll, Cone, Pressure, Coupon)}
 )
 """Rigs that a rig file can describe, by their kind."""
 

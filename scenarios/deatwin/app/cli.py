@@ -16,6 +16,7 @@ from deatwin.app.commands.export import export
 from deatwin.app.commands.frequency import frequency
 from deatwin.app.commands.identify import identify
 from deatwin.app.commands.look import look
+from deatwin.app.commands.material import material
 from deatwin.app.commands.plan import plan
 from deatwin.app.commands.scenario import scenario, scenarios
 from deatwin.app.commands.simulate import simulate
@@ -49,6 +50,7 @@ app = typer.Typer(
 for command in (
     demo,
     look,
+    material,
     simulate,
     identify,
     frequency,

@@ -16,6 +16,7 @@ from types import ModuleType
 import documents
 import numpy as np
 import pytest
+from made_coupons import dynamic, gent_pull, held
 
 from deatwin.app.cli import main
 from deatwin.plant import Experiment, Recording, load_plant
@@ -71,6 +72,7 @@ STAGES = (
     "doctor",
     "scenarios",
     "look",
+    "material",
     "identify",
     "frequency",
     "diagnose",
@@ -157,6 +159,24 @@ def german(path: Path, record: Recording) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def coupons(folder: Path) -> None:
+    """The tests of a silicone that their page lists."""
+    listed, *_ = documents.blocks(ROOT / "docs/how-to/material-from-tests.md", "toml")
+    (folder / "tests.toml").write_text(listed[1], encoding="utf-8")
+    rng, area = np.random.default_rng(0), 10e-6
+    pulled, times = np.linspace(0.1, 1.5, 60), np.r_[0.0, np.geomspace(0.1, 400.0, 60)]
+    frequencies = np.geomspace(1e-3, 10.0, 20)
+
+    def read(values: np.ndarray) -> np.ndarray:
+        return values * (1 + 0.01 * rng.normal(size=values.size))
+
+    slow = {"time_s": 1e4 * pulled, "crosshead_mm": 80 * pulled, "force_N": area * read(gent_pull(1 + pulled))}
+    write_csv(folder / "pull.csv", slow)
+    write_csv(folder / "relaxation.csv", {"time_s": times, "force_N": area * read(held(times, 2.0))})
+    storage, loss = (read(values) / 3e3 for values in dynamic(frequencies))
+    write_csv(folder / "dma.csv", {"f_Hz": frequencies, "G1": storage, "G2": loss})
+
+
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the pages speak of: short recordings of one film, and the files shown as code."""
@@ -180,6 +200,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ):
         table(folder / f"{name}.csv", record)
     german(folder / "lab.csv", monday[0])
+    coupons(folder)
     rows = np.c_[monday[0].timepts.round(6), monday[0].inputs[0], 1e3 * monday[0].outputs[0]]
     np.savetxt(folder / "a.dat", rows, "%.6f")
     np.savetxt(folder / "log.csv", rows * [1e3, 1.0, 1.0], "%.6f", ",", header="clock,u,y", comments="")

@@ -227,6 +227,12 @@ FILES = {
     "twice.toml": RIG + '[material]\nname = "RTV 615"\n',
     "energy.toml": RIG.replace('material = "VHB 4905"\n', "") + '[material]\nname = "mine"\nenergy = "gnet"\n',
     "started.toml": RIG.replace("gain = 800.0", 'gain = 800.0\nstart = "unknown"'),
+    "filed.toml": RIG.replace("VHB 4905", "absent.toml"),
+    "gnet.toml": RIG.replace("VHB 4905", "energy.toml"),
+    "limits.toml": RIG.replace("gain = 800.0", 'input = "film voltage"\ncurrent_limit_uA = 200'),
+    "tests.toml": '[[tests]]\nkind = "tensile"\nfile = "good.csv"\n',
+    "lengthless.toml": '[[tests]]\nkind = "tension"\nfile = "good.csv"\ndisplacement = "#3"\nstress = "#2"\n',
+    "strainless.toml": '[[tests]]\nkind = "tension"\nfile = "good.csv"\nstrain = "#1"\nstress = "#2=Pa"\n',
     "soft.toml": RIG.replace("= 3.5", "= 2.0"),  # pulls in at a few kilovolts
     "deep.toml": "a = " + "[" * 100_000,
     "plants.py": PLANTS,

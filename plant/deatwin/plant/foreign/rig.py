@@ -63,7 +63,7 @@ class ForeignRig(Rig):
 
     longest : float
         Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
-    sample_time, noise, reading, model_error, command_range, chain
+    sample_time, noise, reading, model_error, command_range, chain, supply
         As for every `Rig`.
     further : tuple of Reading
         Must be empty: a foreign model gives one reading.

@@ -18,6 +18,7 @@ from deatwin.plant.readings import Reading, readings_from
 from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.stated import require_stated
 from deatwin.plant.substance import Material
+from deatwin.plant.supply import Supply, supply_from
 
 if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
@@ -77,6 +78,8 @@ class Rig(ABC):
         Hardware of drive and sensor; None if readings have only white noise of size `noise`.
     further : tuple of Reading
         Readings taken beside the first one, at the same instants.
+    supply : Supply, optional
+        Known limits of the voltage source, for rigs with electrodes; None for one that gives any current.
     """
 
     sample_time: float
@@ -86,6 +89,7 @@ class Rig(ABC):
     command_range: tuple[float, float] | None = None
     chain: MeasuringChain | None = None
     further: tuple[Reading, ...] = ()
+    supply: Supply | None = None
 
     kind: ClassVar[str]
     input_name: ClassVar[str]
@@ -177,6 +181,8 @@ class Rig(ABC):
         described = {**asdict(self), "reading": self.reading.value, **written}
         if not self.further:
             del described["further"]
+        if self.supply is None:
+            del described["supply"]
         return described
 
     @classmethod
@@ -204,6 +210,8 @@ class Rig(ABC):
             "chain": MeasuringChain.from_dict(chain) if chain else None,
             "further": readings_from(data.get("further", ())),
         }
+        if isinstance(data.get("supply"), Mapping):
+            read["supply"] = supply_from(data["supply"])
         if isinstance(data.get("material"), Mapping):
             read["material"] = Material.from_dict(data["material"])
         rig = cls(**{**data, **read})

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 
@@ -15,8 +15,12 @@ from deatwin.plant.film import Film, FilmPoint, relaxation_stiffness
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.rigs.base import Rig, StartProcedure
+from deatwin.plant.rigs.kinematics import with_branches
+from deatwin.plant.rigs.rigfile import RigFile
 
 Symbol = Any
+RELAXED = replace(material("VHB 4910"), branches=())
+"""The default: a purely elastic strip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +30,7 @@ class Coupon(Rig):
     .. math:: F = \frac{1}{L}\,\frac{d}{d\lambda}\Bigl[w H L\; W(\lambda, \lambda^{-1/2})\Bigr]
 
     An isotropic, incompressible strip with free sides contracts by :math:`\lambda^{-1/2}` in both directions, even
-    with relaxing branches, so that there is no unknown coordinate. The strip has no branch of its own: relaxation is
-    added as an effect. Each pull is a separate experiment, from rest at stretch 1. A measured force belongs to the
+    with relaxing branches, so that there is no unknown coordinate. Each pull is a separate experiment, from rest at stretch 1. A measured force belongs to the
     stretch of its own row, at the end of the hold. A staircase reaches each stretch half a sample before the ramp that it
     stands for; this changes the stress of a branch with a relaxation time of 2 s by 0.5 % at 50 Hz.
 
@@ -37,14 +40,15 @@ class Coupon(Rig):
     Parameters
     ----------
     material : str or Material
-        Material, or its key in `deatwin.plant.MATERIALS`.
+        Material, or its key in `deatwin.plant.MATERIALS`. By default VHB 4910 without its branch: a strip whose relaxation
+        is to be found.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """
 
-    material: str | Material = "VHB 4910"
+    material: str | Material = RELAXED
     width: float = 10e-3
     thickness: float = 1e-3
     length: float = 80e-3
@@ -67,8 +71,31 @@ class Coupon(Rig):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         return (
-            *self._material.elastic,
+            *(p for p in self.substance.parameters if p is not self.substance.permittivity),
             Parameter(name="zero", value=0.0, unit="N", lower=-10.0, upper=10.0, source="load cell's offset"),
+        )
+
+    @classmethod
+    def from_rig_file(cls, described: RigFile) -> Self:
+        """Return the strip that a rig file describes.
+
+        Parameters
+        ----------
+        described : RigFile
+            Content of the rig file, from `read_rig`.
+
+        Returns
+        -------
+        Coupon
+            Strip whose model error is that of the default strip, as a share of its own stiffness.
+        """
+        names = {field.name for field in fields(cls)}
+        shared = {name: value for name, value in described.shared.items() if name in names}
+        rig = cls(**{**shared, **described.film})
+        usual = cls()
+        force = rig.width * rig.thickness * rig.substance.shear_modulus
+        return replace(
+            rig, model_error=usual.model_error * force / (usual.width * usual.thickness * RELAXED.shear_modulus)
         )
 
     @property
@@ -81,21 +108,23 @@ class Coupon(Rig):
         virtual = build.constant("virtual_pull", 0.0)
         stretch = pulled + virtual
         volume = build.constant("volume", self._volume)
-        elastic = [build.parameter(p.name) for p in self._material.elastic]
+        elastic = [build.parameter(p.name) for p in self.substance.elastic]
         strip = Film(
             points=[FilmPoint(volume=volume, stretches=_uniaxial(stretch)[0])],
-            elastic=volume * self._material.energy(*_uniaxial(stretch)[0], *elastic),
+            elastic=volume * self.substance.energy(*_uniaxial(stretch)[0], *elastic),
             stretch=stretch,
             relaxed=_uniaxial,
             stiffness=build.constant("relaxation_stiffness", self._stiffness),
             rest_stretch=1.0,
         )
+        strip = with_branches(strip, self.substance, build)
         stored = build.place(Place.FILM, "film", strip).stored
         force = build.watch("force", ca.gradient(stored, virtual) / build.constant("length", self.length))
         return build.place(Place.SENSOR, "reading", force + build.parameter("zero"))
 
     @cached_property
-    def _material(self) -> Material:
+    def substance(self) -> Material:
+        """The material with its published values."""
         return material(self.material)
 
     @property

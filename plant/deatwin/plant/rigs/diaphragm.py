@@ -74,7 +74,7 @@ class Diaphragm(Rig):
         Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point.
     elements : int
         Number of elements of the fine film under the electrode; the annulus has half as many.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """
 
@@ -175,7 +175,7 @@ class Diaphragm(Rig):
         displacement = build.watch("displacement", deflection - build.at_rest("rest_deflection", deflection))
         shape = RESOLUTIONS[self.resolution](self, deflection, build)
         film = build.place(Place.FILM, "film", material_film(shape, self._material, self.prestretch, build))
-        squared = squared_voltage(build.share("film", film), build)
+        squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_limits(film, squared, build)
 
         mass = build.parameter("mass")

@@ -58,7 +58,7 @@ class Disc(FilmActuator):
     material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
         Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m,
         film volts per command volt, ramp and hold in s.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
     References

@@ -58,7 +58,7 @@ class FilmActuator(Rig):
         then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         As for every `Rig`.
     """
 
@@ -133,7 +133,7 @@ class FilmActuator(Rig):
         build.guess(position, self._rest_position)
         shape = self._kinematics(position, build)
         film = build.place(Place.FILM, "film", material_film(shape, self.substance, self._rest_stretch, build))
-        squared = squared_voltage(build.share("film", film), build)
+        squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_field(film, build)
         self._watch_limits(film, squared, build)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from deatwin.plant.effects.base import Place
 from deatwin.plant.film import AnyFilm, FilmPoint, film_points, point_capacitances
@@ -12,9 +12,11 @@ from deatwin.plant.material import Material
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+    from deatwin.plant.supply import Supply
 
 
 Symbol = Any
+SomeFilm = TypeVar("SomeFilm", bound=AnyFilm)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,18 +64,24 @@ def material_film(shape: Kinematics, substance: Material, rest_stretch: float, b
         rest_stretch=rest_stretch,
         breakdown=substance.breakdown,
     )
+    return with_branches(film, substance, build)
+
+
+def with_branches(film: SomeFilm, substance: Material, build: Builder) -> SomeFilm:
+    """Return a film with the Maxwell branches of its material."""
     for branch in substance.branches:
         modulus, time = build.parameter(branch.modulus.name), build.parameter(branch.time.name)
         film = film.with_branch(branch.name, modulus, time, build)
     return film
 
 
-def squared_voltage(film: AnyFilm, build: Builder) -> Any:
+def squared_voltage(film: AnyFilm, build: Builder, supply: Supply | None) -> Any:
     """Return the squared voltage of the Maxwell stress, from the command through amplifier and electrode."""
     build.watch("capacitance", film.capacitance)
     command = build.place(Place.DRIVE, "command", build.command)
     amplified = build.place(Place.DRIVE, "amplifier_voltage", build.parameter("gain") * command)
-    voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", amplified))
+    supplied = amplified if supply is None else supply.voltage(amplified, film, build)
+    voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", supplied))
     effective = build.share("field_voltage", build.place(Place.DRIVE, "field_voltage", voltage))
     squared = build.place(Place.DRIVE, "squared_voltage", effective**2)
     offer_electrical(film, effective, build)

@@ -56,7 +56,7 @@ class Planar(FilmActuator):
         Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
         damping in N s/m, film volts per command volt, ramp and hold in s. If both directions move, `mass` and `damping`
         act on the motion along 1.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
     References
@@ -141,7 +141,7 @@ class BlockedPlanar(Rig):
         Stretch between the bars, and across them; both are held.
     gain : float
         Film volts per command volt.
-    sample_time, noise, reading, model_error, command_range, chain, further
+    sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`. The noise is that of a load cell, N.
     """
 
@@ -191,7 +191,7 @@ class BlockedPlanar(Rig):
         )
         shape = Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
         film = build.place(Place.FILM, "film", material_film(shape, self._material, self.prestretch, build))
-        squared = squared_voltage(build.share("film", film), build)
+        squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_field(film, build)
         watch_limits(film, squared, build)
         pull = build.watch("force", film.force(along, squared) / length)

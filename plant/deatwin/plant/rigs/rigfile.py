@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,11 @@ from deatwin.plant.errors import RigError
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
-from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
+from deatwin.plant.rigs.rigmistakes import READINGS, Mistake, format_errors, lines_of, mistakes_of
 from deatwin.plant.rigs.rigreadings import readings_of
 from deatwin.plant.rigs.tomlfile import TomlFile
 from deatwin.plant.substance import Material
+from deatwin.plant.supply import Supply
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +32,8 @@ class DriveSpec:
     start_is_known: bool = True
     command_min: float | None = None
     command_max: float | None = None
+    unit: str = "V"  # Of the commands
+    supply: Supply | None = None
 
     @property
     def command_range(self) -> tuple[float, float] | None:
@@ -71,7 +74,7 @@ class RigFile:
     @staticmethod
     def of(file: TomlFile) -> "RigFile":
         """Make a rig from a file that was read; the error lists all mistakes with their lines."""
-        return _checked(file.data, file.path, file.text)
+        return _checked(_with_material(file.data, Path(file.path).parent), file.path, file.text)
 
     def to_dict(self) -> dict[str, Any]:
         """Return sections, keys and values of a rig file, in its units, ready for JSON."""
@@ -91,12 +94,15 @@ class RigFile:
             "command_range": drive.command_range,
             "sample_time": 1 / sensor.sample_rate,
             "further": self.readings,
+            "supply": drive.supply,
             "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),
         }
 
     @property
     def widest(self) -> float:
         """Longest dimension of the film, m, which no reading of a position exceeds."""
+        if KINDS[self.kind].units[1] != "m":
+            return float("inf")
         known = {"frame_diameter": 1.0, "frame_radius": 2.0, "length": 10.0, "width": 10.0}
         sizes = [factor * self.film[name] for name, factor in known.items() if name in self.film]
         return max(sizes, default=float("inf"))
@@ -123,6 +129,47 @@ def read_rig(path: str | Path) -> RigFile:
     return RigFile.of(TomlFile.read(path))
 
 
+def load_material(path: str | Path) -> Material:
+    """Read a material from a file with a section ``[material]``.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file, as `deatwin material` writes it; a rig file with such a section will do.
+
+    Returns
+    -------
+    Material
+        The material, which every rig takes.
+
+    Raises
+    ------
+    RigError
+        If the file is missing or not TOML, or its section has mistakes; the text names the key.
+    """
+    return _material_of(TomlFile.read(path, "material file"))
+
+
+def _material_of(file: TomlFile) -> Material:
+    found, mistakes = read_material(file.data.get("material", {}))
+    if found is None:
+        places = [Mistake(text=said, at=("material", *at), line_of=("material", *at)) for at, said in mistakes]
+        raise RigError(format_errors(file.path, places, lines_of(file.text) if len(places) > 1 else {}))
+    return found
+
+
+def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
+    """Return a rig file with the section of the material file that it names."""
+    film = data.get("film")
+    named = film.get("material") if isinstance(film, Mapping) else None
+    if film is None or not isinstance(named, str) or not named.endswith(".toml") or "material" in data:
+        return data
+    file = TomlFile.read(folder / named, "material file")
+    _material_of(file)
+    rest = {key: value for key, value in film.items() if key != "material"}
+    return {**data, "film": rest, "material": file.data["material"]}
+
+
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     """Return the rig of sections and keys; several mistakes are listed with their lines in the file's text."""
     if mistakes := mistakes_of(data):
@@ -135,14 +182,20 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
     film, load, drive, sensor = (values.get(section, {}) for section in ("film", "load", "drive", "sensor"))
     own, _ = read_material(data["material"]) if "material" in data else (None, [])
     drive.pop("input", None)
+    limits = {field.name: drive.pop(field.name) for field in fields(Supply) if field.name in drive}
     return RigFile(
         kind=data.get("kind", "diaphragm"),
         material=own or film.pop("material"),
         film=film,
         load={**kind.absent, **load},
-        drive=DriveSpec(**{n: v for n, v in drive.items() if n != "start"}, start_is_known="start" not in drive),
+        drive=DriveSpec(
+            **{n: v for n, v in drive.items() if n != "start"},
+            start_is_known="start" not in drive,
+            unit=kind.units[0],
+            supply=Supply(**limits) if limits else None,
+        ),
         sensor=SensorSpec(
-            **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor["zero"] != "arbitrary"
+            **{n: v for n, v in sensor.items() if n != "zero"}, zero_is_known=sensor.get("zero") != "arbitrary"
         ),
         stated=deepcopy(dict(data)),
         source=source,

@@ -86,7 +86,11 @@ _MV = (("in mV", 1e-3, 0.0),)
 _STRETCH = (("a strain", 1.0, 1.0), ("a strain in %", 0.01, 1.0))
 
 Keys = Mapping[str, NumberKey | TextKey]
-MATERIAL = TextKey(field="material", about="a name in the table of materials", instead="[material]")
+MATERIAL = TextKey(
+    field="material",
+    about="a name in the table of materials, or a material file (.toml) beside this one",
+    instead="[material]",
+)
 THICKNESS = NumberKey(field="thickness", lower=0.001, upper=10.0, per_si=1e3, slips=_MM, about="before stretching")
 PRESTRETCH = NumberKey(
     field="prestretch",
@@ -128,6 +132,26 @@ DRIVE: Keys = {
     "command_max_V": NumberKey(
         field="command_max", lower=-1e5, upper=1e5, required=False, slips=_MV, about="what the drive may give"
     ),
+    "current_limit_uA": NumberKey(
+        field="current_limit", lower=1e-3, upper=1e9, per_si=1e6, required=False, about="largest current into the film"
+    ),
+    "sink_current_uA": NumberKey(
+        field="sink_current",
+        lower=0.0,
+        upper=1e9,
+        per_si=1e6,
+        required=False,
+        about="largest current out of it: 0 for a converter that cannot sink; the limit above if left out",
+    ),
+    "series_resistance_Mohm": NumberKey(
+        field="series_resistance", lower=1e-6, upper=1e9, per_si=1e-6, required=False, about="between drive and film"
+    ),
+    "bleed_resistance_Mohm": NumberKey(
+        field="bleed_resistance", lower=1e-3, upper=1e9, per_si=1e-6, required=False, about="across the film"
+    ),
+    "parallel_capacitance_pF": NumberKey(
+        field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"
+    ),
 }
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
@@ -139,6 +163,20 @@ SENSOR: Keys = {
         field="zero",
         choices=("displacement at zero volts", "arbitrary"),
         about="of the readings: near 0 without voltage, or anywhere",
+    ),
+}
+
+PULL: Keys = {
+    name: NumberKey(
+        field=field, lower=0.1, upper=20.0, required=False, slips=_STRETCH, about="what the machine may give"
+    )
+    for name, field in (("stretch_min", "command_min"), ("stretch_max", "command_max"))
+}
+LOAD_CELL: Keys = {
+    "sample_rate_Hz": SENSOR["sample_rate_Hz"],
+    "noise_mN": NumberKey(field="noise", lower=0.0, upper=1e6, per_si=1e3, about="rms"),
+    "resolution_mN": NumberKey(
+        field="resolution", lower=0.0, upper=1e6, per_si=1e3, required=False, about="0 if left out"
     ),
 }
 

@@ -9,8 +9,10 @@ from typing import Any
 
 from deatwin.plant.rigs.rigkeys import (
     DRIVE,
+    LOAD_CELL,
     MATERIAL,
     PRESTRETCH,
+    PULL,
     SENSOR,
     THICKNESS,
     Keys,
@@ -33,6 +35,9 @@ class RigKind:
     about: str
     film: Keys
     load: Keys = field(default_factory=dict)
+    drive: Keys = field(default_factory=lambda: DRIVE)
+    sensor: Keys = field(default_factory=lambda: SENSOR)
+    units: tuple[str, str] = ("V", "m")  # Of the command and the reading
     below: tuple[Pair, ...] = ()  # Numbers that must be below others, since one part cannot hold the other otherwise
     absent: Mapping[str, float] = field(
         default_factory=dict
@@ -44,13 +49,16 @@ class RigKind:
         """Sections in the order of a file, without [material]."""
         load = {"load": self.load} if self.load else {}
         return {"film": {"material": MATERIAL, "thickness_mm": THICKNESS, **self.film}, **load} | {
-            "drive": DRIVE,
-            "sensor": SENSOR,
+            "drive": self.drive,
+            "sensor": self.sensor,
         }
 
 
 _ELECTRODE_IN_FRAME = (("film", "electrode_diameter_mm"), ("film", "frame_diameter_mm"))
-COMMANDS = (("drive", "command_min_V"), ("drive", "command_max_V"))
+COMMANDS = tuple(
+    (("drive", low), ("drive", high))
+    for low, high in (("command_min_V", "command_max_V"), ("stretch_min", "stretch_max"))
+)
 _SIDE = NumberKey(field="side_prestretch", lower=0.1, upper=10.0, required=False, about="across the motion")
 _FORCE = NumberKey(field="load", lower=-1e3, upper=1e3, required=False, about="0 if left out; it pulls the rig longer")
 _SILICONE: Mapping[str, float | str] = {
@@ -224,6 +232,17 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             },
             examples={**_SILICONE, "pressure_kPa": 0.5},
         ),
+        "coupon": RigKind(
+            about="A coupon: a strip between the clamps of a test machine, whose stretch is given and whose force is read.",
+            film={
+                "width_mm": length("width", "before stretching"),
+                "length_mm": length("length", "between the clamps, before stretching"),
+            },
+            drive=PULL,
+            sensor=LOAD_CELL,
+            units=("1", "N"),
+            examples={"thickness_mm": 1.0, "width_mm": 10.0, "length_mm": 80.0, "stretch_min": 1.0, "stretch_max": 3.0},
+        ),
     }
 )
 """Kinds by the name under ``kind``; a file without it describes a diaphragm."""
@@ -245,7 +264,9 @@ def rig_schema() -> dict[str, Any]:
 
 
 def _schema_of(name: str, kind: RigKind) -> dict[str, Any]:
-    shared = {section: {"$ref": f"#/$defs/{section}"} for section in ("drive", "sensor", "material", "readings")}
+    usual = {"drive": (kind.drive, DRIVE), "sensor": (kind.sensor, SENSOR)}
+    same = [section for section, (own, known) in usual.items() if own is known]
+    shared = {section: {"$ref": f"#/$defs/{section}"} for section in (*same, "material", "readings")}
     sections = {section: _section(keys) for section, keys in kind.sections.items() if section not in shared}
     required = [section for section, keys in kind.sections.items() if any(key.required for key in keys.values())]
     named = {"properties": {"film": {"required": ["material"]}}}

@@ -2,16 +2,17 @@
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from deatwin.plant.errors import nearest
 from deatwin.plant.readings import ELECTRICAL_UNITS
-from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
+from deatwin.plant.rigs.rigkeys import DRIVE, Keys, NumberKey, TextKey, kind_of
 from deatwin.plant.rigs.rigkinds import COMMANDS, KINDS, Pair
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
+from deatwin.plant.supply import Supply
 
 Place = tuple[str, ...]
 """A section, or a section and one of its keys; empty for the whole file."""
@@ -58,7 +59,8 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
         *outside,
         *_material(data, read.get("film")),
         *(m for section, values in read.items() for m in _inside(section, called[section], values, table, data)),
-        *_order((*KINDS[kind].below, COMMANDS), read, called, table),
+        *_order((*KINDS[kind].below, *(p for p in COMMANDS if p[0][1] in table["drive"])), read, called, table),
+        *_of_supply(read.get("drive"), called.get("drive", "drive")),
         *_of_readings(data.get(READINGS, {})),
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
@@ -150,6 +152,19 @@ def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
         line_of=(name,),
         meant=_offered(hint, known),
     )
+
+
+def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
+    """Mistakes of limits of a source behind which the voltage was recorded."""
+    if not isinstance(drive, Mapping) or "input" not in drive:
+        return
+    limits = {key.field for key in DRIVE.values()} & {field.name for field in fields(Supply)}
+    for name in (name for name, key in DRIVE.items() if key.field in limits and name in drive):
+        yield Mistake(
+            text="the recordings hold the film's own voltage, whatever gave it; leave the key out",
+            at=(called, name),
+            line_of=(called, name),
+        )
 
 
 def _of_readings(sections: object) -> Iterator[Mistake]:

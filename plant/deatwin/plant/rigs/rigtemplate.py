@@ -16,8 +16,8 @@ kind = "{kind}"
 _SECTIONS = {
     "film": "the membrane",
     "load": "what the film moves",
-    "drive": "the amplifier, and how the film came to its first voltage",
-    "sensor": "what measures the displacement",
+    "drive": "what gives the commands, and how the film came to the first one",
+    "sensor": "what takes the readings",
 }
 _EXAMPLES: Mapping[str, float | str] = {
     "material": "VHB 4905",
@@ -34,8 +34,15 @@ _EXAMPLES: Mapping[str, float | str] = {
     "start_hold_s": 3.0,
     "command_min_V": 0.0,
     "command_max_V": 3.75,
+    "current_limit_uA": 200.0,
+    "sink_current_uA": 200.0,
+    "series_resistance_Mohm": 0.1,
+    "bleed_resistance_Mohm": 1000.0,
+    "parallel_capacitance_pF": 0.0,
     "sample_rate_Hz": 50.0,
     "noise_um": 2.0,
+    "noise_mN": 1.0,
+    "resolution_mN": 0.1,
     "resolution_um": 0.5,
     "zero": "displacement at zero volts",
 }

@@ -40,6 +40,7 @@ class RigKind(StrEnum):
     ROLL = "roll"
     CONE = "cone"
     PRESSURE = "pressure"
+    COUPON = "coupon"
 
 
 Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
@@ -48,7 +49,7 @@ OutFolder = Annotated[
 ]
 RigOption = Annotated[
     RigKind | None,
-    typer.Option("--rig", metavar="KIND", help="Also write a rig file to fill in, DIR/rig.toml."),
+    typer.Option("--rig", metavar="KIND", help="Also write a rig file to fill in, DIR/rig.toml, and a drawing."),
 ]
 
 
@@ -108,6 +109,7 @@ def look(
             _draw(folder, [one.look for one in seen if one.look is not None])
             if place is not None and rig is not None:
                 folder.text(place.name, _rig_file(seen, rig))
+                folder.text("rig.svg", _rig_drawing(rig))
             end_run(folder, record, "look", result)
             voice.say(folder.summary)
         voice.result(result)
@@ -191,7 +193,27 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     if first is not None:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
         reading = next(channel for channel in first.channels if channel.role == "output")
+        said = "the recording shows at most this: put the data sheet's value here if you have it"
         if reading.unit == "m" and reading.noise:
-            said = "the recording shows at most this: put the data sheet's value here if you have it"
             known["noise_um"] = (1e6 * reading.noise, said)
+        if reading.unit == "N" and reading.noise:
+            known["noise_mN"] = (1e3 * reading.noise, said)
     return rig_template(known, kind)
+
+
+def _rig_drawing(kind: str) -> str:
+    """Return a drawing of the kind with the dimensions of the file's examples."""
+    import re
+    import tomllib
+
+    from deatwin.plant.rigs.rigfile import RigFile
+    from deatwin.plant.rigs.rigtemplate import rig_template
+    from deatwin.plant.rigs.sketch import draw_rig
+    from deatwin.plant.sources import load_plant
+    from deatwin.studies.report.svg import draw, standalone
+
+    filled = re.sub(r"^#(?=\w)", "", rig_template({}, kind), flags=re.MULTILINE)
+    rig = load_plant(RigFile.from_dict(tomllib.loads(filled))).plant.rig
+    with draw((5.4, 3.4)) as figure:
+        draw_rig(rig, figure.add_subplot())
+        return standalone(figure)

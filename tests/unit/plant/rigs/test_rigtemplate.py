@@ -9,7 +9,7 @@ from deatwin.plant import RigError, load_plant, read_rig
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigtemplate import rig_template
 
-KNOWN = {"sample_rate_Hz": (100.0, "as recorded"), "noise_um": (1.25, "at most")}
+KNOWN = {"sample_rate_Hz": (100.0, "as recorded"), "noise_um": (1.25, "at most"), "noise_mN": (2.0, "at most")}
 every = pytest.mark.parametrize("kind", KINDS)
 
 
@@ -28,10 +28,11 @@ def test_filled_in_it_is_a_plant(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "rig.toml"
     path.write_text(re.sub(r"^#(?=\w)", "", rig_template(KNOWN, kind), flags=re.MULTILINE), encoding="utf-8")
     described = read_rig(path)
-    assert (described.sensor.sample_rate, described.sensor.noise) == (100.0, 1.25e-6)
+    assert (described.sensor.sample_rate, described.sensor.noise) == (100.0, 2e-3 if kind == "coupon" else 1.25e-6)
     plant = load_plant(described).plant
     assert (plant.rig.kind, plant.rig.sample_time) == (kind, 0.01)
-    assert plant.equations.states[:2] in (("position", "velocity"), ("deflection", "velocity"))
+    moving = (("position", "velocity"), ("deflection", "velocity"))
+    assert plant.equations.states[:2] in ((("branch_stretch",),) if kind == "coupon" else moving)
 
 
 @every

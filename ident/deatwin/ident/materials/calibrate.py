@@ -1,0 +1,186 @@
+"""One material from several tests: errors, energy, number of branches, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from deatwin.ident.materials.energies import EnergyStart, is_stable, known_energies
+from deatwin.ident.materials.fit import Fit, fewer_and_fewer, fit, neo_hookean_modulus, richest
+from deatwin.ident.materials.noise import Noise, estimate_noise
+from deatwin.ident.materials.notes import notes_of
+from deatwin.ident.materials.observations import Observations
+from deatwin.ident.materials.result import CalibratedMaterial, Choice, Quantity
+from deatwin.ident.materials.section import section_of, stated_energy
+from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.errors import DataError
+from deatwin.plant.laws.energies import yeoh
+
+Array = NDArray[np.float64]
+
+ROUNDS = 2
+"""Rounds of fit and errors: further ones change the errors by less than they are known."""
+HOPELESS = 20.0
+"""Logarithm of the odds against an energy from which on it is left out."""
+UNEXPLAINED = 0.5
+"""Share of the tests from which on a material explains nothing: it would be better to have none."""
+_LOOK = "look at the columns, their signs and units, and at the specimen's dimensions"
+LEVEL = 0.95
+"""Probability of the intervals."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Chosen:
+    """The fit that the evidence takes, what else was tried, and the errors of the tests."""
+
+    fit: Fit
+    choices: tuple[Choice, ...]
+    noise: Noise
+
+
+def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] | None = None) -> CalibratedMaterial:
+    """Fit one material to several tests.
+
+    The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
+    evidence, chooses it and the number of Maxwell branches. Samples are weighed by their errors, which have an absolute and
+    a relative part, a factor of each specimen, and may hang together; all of these are estimated.
+
+    Parameters
+    ----------
+    tests : sequence of MaterialTest
+        Tests of one material, of one specimen or several.
+    about : mapping, optional
+        What tests do not tell, as the section ``[material]`` of a rig file has it: ``name``, ``permittivity``,
+        ``breakdown``, ``density_kg_m3``. An ``energy`` is taken instead of chosen; of a formula of your own
+        ``parameters`` says where the fit starts, with ranges.
+
+    Returns
+    -------
+    CalibratedMaterial
+        The material, its parameters with intervals of 95 %, and notes on what the tests do not tell.
+
+    Raises
+    ------
+    DataError
+        If the tests do not tell the parameters of any energy.
+    RigError
+        If `about` has mistakes.
+    """
+    if not tests:
+        raise DataError("no tests: a material needs one test or more")
+    own = stated_energy(about or {})
+    data = Observations.of(tests)
+    chosen = _choose(data, own)
+    quantities, covariance = _intervals(data, chosen)
+    return CalibratedMaterial(
+        section=section_of(about or {}, chosen.fit, quantities),
+        quantities=quantities,
+        covariance=covariance,
+        noise=chosen.noise,
+        choices=chosen.choices,
+        notes=tuple(notes_of(data, chosen.fit, chosen.noise, chosen.choices, quantities)),
+        tests=tuple(tests),
+        data=data,
+        modelled=chosen.fit.modelled,
+    )
+
+
+def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
+    """Choose energy and number of branches."""
+    noise = Noise.guess(data)
+    white = noise.whitener(data, data.measured)
+    starts = _starts(data, own, neo_hookean_modulus(data, white))
+    flexible = next((start for start in starts if start.energy is yeoh), starts[-1])
+    for _ in range(ROUNDS):
+        rich = richest(data, flexible, white)
+        noise = estimate_noise(data, data.measured - rich.modelled, rich.modelled, rich.slopes)
+        white = noise.whitener(data, rich.modelled)
+    count = noise.count(data)
+    rich_ones = [richest(data, start, white) for start in starts]
+    least = min(one.criterion(count) for one in rich_ones)
+    # Branches cannot make up for odds of e^20: an energy that is so far behind is tried with all branches only.
+    near = [one for one in rich_ones if one.criterion(count) < least + 2.0 * HOPELESS]
+    fits = [one for rich in near for one in fewer_and_fewer(data, rich, white)]
+    allowed = [one for one in fits if one.coordinates.size < count and is_stable(one.start, one.elastic, data.largest)]
+    if not allowed:
+        raise DataError(f"no energy with a stress that rises with the stretch explains these tests; {_LOOK}")
+    best = min(allowed, key=lambda one: one.criterion(count))
+    for _ in range(ROUNDS):
+        white = noise.whitener(data, best.modelled)
+        best = fit(data, best.start, best.elastic, best.branches, white)
+        noise = estimate_noise(data, data.measured - best.modelled, best.modelled, best.slopes)
+    if np.linalg.norm(data.measured - best.modelled) > UNEXPLAINED * np.linalg.norm(data.measured):
+        raise DataError(
+            f"{best.start.called}, the best energy, leaves more than half of the stress unexplained; {_LOOK}"
+        )
+    return _Chosen(fit=best, choices=tuple(_choices(allowed, best, count)), noise=noise)
+
+
+def _starts(data: Observations, own: EnergyStart | str | None, modulus: float) -> list[EnergyStart]:
+    if isinstance(own, EnergyStart):
+        return [own]
+    known = list(known_energies(modulus, data.largest))
+    return [start for start in known if own in (None, start.energy.__name__)]
+
+
+def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
+    """The best of each energy, and of each number of branches with the best energy."""
+    least = min(one.criterion(count) for one in fits)
+    kept: dict[tuple[str, int], Fit] = {}
+    for one in sorted(fits, key=lambda one: one.criterion(count)):
+        name = one.start.called
+        first = not any(called == name for called, _ in kept)
+        if first or name == best.start.called:
+            kept.setdefault((name, one.n_branches), one)
+    for (name, number), one in kept.items():
+        behind = 0.5 * (one.criterion(count) - least)
+        yield Choice(energy=name, branches=number, behind=float(behind), fit=one)
+
+
+def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...], Array]:
+    """Parameters with intervals, and the covariance of their coordinates.
+
+    What specimens scatter is known from as many as there are: their part counts with so many degrees of freedom (Welch
+    and Satterthwaite).
+    """
+    best, noise = chosen.fit, chosen.noise
+    covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
+    alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)
+    own = np.diag(_covariance(alone.whitener(data, best.modelled)(best.slopes), best.prior))
+    whole = np.diag(covariance)
+    free = max(noise.count(data) - best.coordinates.size, 1.0)
+    scattered = np.maximum(whole - own, 0.0) ** 2 / max(len(data.specimens) - 1, 1)
+    freedom = whole**2 / np.maximum(scattered + np.minimum(own, whole) ** 2 / free, 1e-300)
+    half = student.ppf(0.5 + LEVEL / 2, freedom) * np.sqrt(whole)
+    order = np.argsort(best.coordinates[len(best.start.parameters) + best.n_branches :])
+    return tuple(_quantities(best, half, order)), covariance
+
+
+def _covariance(white: Array, prior: Array) -> Array:
+    """Inverse of the information that whitened slopes and the prior hold; a direction without any gets a large variance."""
+    size = np.sqrt(np.sum(white**2, axis=0) + prior)
+    size[size == 0.0] = 1e-150
+    information = (white.T @ white + np.diag(prior)) / np.outer(size, size)
+    values, vectors = np.linalg.eigh(information)
+    return (vectors / np.maximum(values, 1e-12)) @ vectors.T / np.outer(size, size)
+
+
+def _quantities(best: Fit, half: Array, order: NDArray[np.intp]) -> Iterator[Quantity]:
+    bounds, count = best.start.bounds, len(best.start.parameters)
+    for k, parameter in enumerate(best.start.parameters):
+        at = float(best.coordinates[k])
+        ends = np.clip([at - half[k], at + half[k]], bounds[0, k], bounds[1, k])
+        low, high = sorted(parameter.scale.to_value(float(end)) for end in ends)
+        value = min(max(parameter.scale.to_value(at), low), high)
+        yield Quantity(name=parameter.name, value=value, low=low, high=high, unit=parameter.unit)
+    for number, branch in enumerate(order, start=1):
+        name = "branch" if number == 1 else f"branch_{number}"
+        for what, unit, place in (("modulus", "Pa", branch), ("time", "s", best.n_branches + branch)):
+            k = count + int(place)
+            low, value, high = np.exp(best.coordinates[k] + min(half[k], 50.0) * np.array([-1.0, 0.0, 1.0]))
+            yield Quantity(name=f"{name}_{what}", value=float(value), low=float(low), high=float(high), unit=unit)

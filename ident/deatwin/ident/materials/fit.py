@@ -1,0 +1,178 @@
+"""Least squares of an energy with a number of Maxwell branches, and the numbers of branches that are worth trying."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares, nnls
+
+from deatwin.ident.materials.energies import EnergyStart
+from deatwin.ident.materials.noise import Whitener
+from deatwin.ident.materials.observations import PER_DECADE, Observations
+
+Array = NDArray[np.float64]
+
+LEAST, MOST = 1.0, 1e9
+"""Shear modulus of a branch, Pa, as rig files take it."""
+COARSE = PER_DECADE // 3
+"""Relaxation times of the table that are tried first: one in three per decade is as close as tests tell apart."""
+CLOSE, LONGEST = 1e-7, 100
+"""End of a fit: relative change of its loss, which no choice between models sees, and evaluations."""
+BRANCHES = 8
+"""Most branches: more than published spectra of elastomers have within the times of one machine."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """An energy with branches that fits best."""
+
+    start: EnergyStart
+    coordinates: Array  # Of the energy, logarithms of the branches' moduli, Pa, and of their times, s
+    modelled: Array  # (n,), Pa
+    slopes: Array  # (n, k)
+    prior: Array  # (k,): precision of each coordinate before any test
+    loss: float  # Sum of the whitened residuals' squares, and of the prior's
+
+    @property
+    def n_branches(self) -> int:
+        """Number of branches."""
+        return (self.coordinates.size - len(self.start.parameters)) // 2
+
+    @property
+    def elastic(self) -> Array:
+        """Coordinates of the energy."""
+        return self.coordinates[: len(self.start.parameters)]
+
+    @property
+    def branches(self) -> Array:
+        """Moduli in Pa and times in s, shape (2, m), from the shortest time on."""
+        found = np.exp(self.coordinates[len(self.start.parameters) :]).reshape(2, -1)
+        return found[:, np.argsort(found[1])]
+
+    def criterion(self, count: float) -> float:
+        """Schwarz' criterion: minus twice the logarithm of the evidence, errors of an unknown common size."""
+        return count * np.log(max(self.loss, 1e-300)) + self.coordinates.size * np.log(count)
+
+
+def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array, white: Whitener) -> Fit:
+    """Fit from values of the energy's coordinates and of branches. Shapes: (k,), (2, m) in Pa and s."""
+    count, number = len(start.parameters), branches.shape[1]
+    times = data.relaxation or (1.0, 1.0)
+    expected, deviations = _prior(start, number, times)
+
+    def model(x: Array) -> tuple[Array, Array]:
+        stress, slopes = data.elastic(start, x[:count])
+        parts, moved = data.branches(x[count + number :])
+        moduli = np.exp(x[count : count + number])
+        return stress + parts @ moduli, np.hstack([slopes, parts * moduli, moved * moduli])
+
+    low, high = (
+        np.concatenate([ends, np.full(number, np.log(modulus)), np.full(number, np.log(time))])
+        for ends, modulus, time in zip(start.bounds, (LEAST, MOST), times, strict=True)
+    )
+    inside = np.minimum(1e-6 * (high - low), 1e-6)  # a start on a bound would never leave it
+    x = np.clip(np.concatenate([elastic, np.log(branches).ravel()]), low + inside, high - inside)
+    wanted = white(data.measured)
+    found = least_squares(
+        lambda x: np.concatenate([white(model(x)[0]) - wanted, (x - expected) / deviations]),
+        x,
+        jac=lambda x: np.vstack([white(model(x)[1]), np.diag(1.0 / deviations)]),
+        bounds=(low, high),
+        x_scale="jac",
+        ftol=CLOSE,
+        max_nfev=LONGEST,
+    )
+    modelled, slopes = model(found.x)
+    return Fit(
+        start=start,
+        coordinates=found.x,
+        modelled=modelled,
+        slopes=slopes,
+        prior=deviations**-2.0,
+        loss=2.0 * float(found.cost),
+    )
+
+
+def _prior(start: EnergyStart, number: int, times: tuple[float, float]) -> tuple[Array, Array]:
+    """Expected coordinates and their deviations: weak, for directions of which the tests tell nothing.
+
+    Published branches have moduli like that of the equilibrium, within ten times (one deviation); times are spread over
+    all that the tests show.
+    """
+    expected, deviations = start.prior
+    stiff = max((abs(p.value) for p in start.parameters if p.unit == "Pa"), default=1.0)
+    low, high = np.log(times)
+    return (
+        np.concatenate([expected, np.full(number, np.log(stiff)), np.full(number, (low + high) / 2)]),
+        np.concatenate([deviations, np.full(number, np.log(10.0)), np.full(number, max(high - low, 1.0))]),
+    )
+
+
+def neo_hookean_modulus(data: Observations, white: Whitener) -> float:
+    """Shear modulus from which all energies start, Pa: least squares beside branches of the coarse table."""
+    stress = np.concatenate([_neo_hookean(block.elastic) for block in data.blocks])
+    columns = np.column_stack([stress, data.table[:, ::COARSE]]) if data.grid.size else stress[:, None]
+    moduli, _ = nnls(white(columns), white(data.measured))
+    return float(moduli[0]) or 0.01 * float(np.sum(moduli)) or 1.0
+
+
+def _neo_hookean(elastic: object) -> Array:
+    from deatwin.plant.laws.energies import neo_hookean
+    from deatwin.plant.parameters import Parameter
+
+    unit = EnergyStart(
+        energy=neo_hookean, parameters=(Parameter(name="mu", value=1.0, unit="Pa", lower=0.0, upper=2.0),)
+    )
+    return elastic(unit, np.ones(1))[0]  # type: ignore[operator]
+
+
+def richest(data: Observations, start: EnergyStart, white: Whitener) -> Fit:
+    """An energy with as many branches as the coarse table of relaxation times tells apart."""
+    elastic, branches = start.start, np.empty((2, 0))
+    if not data.grid.size:
+        return fit(data, start, elastic, branches, white)
+    parts, times = data.table[:, ::COARSE], data.grid[::COARSE]
+    for _ in range(2):  # energy and branches in turn: each is quick, and together they only start the fit
+        stress, _ = data.elastic(start, elastic)
+        moduli, _ = nnls(white(parts), white(data.measured - stress))
+        branches = _merged_neighbours(moduli, times)
+        elastic = fit(data, start, elastic, branches, white).elastic
+    while branches.shape[1] > BRANCHES:
+        branches = _merged(branches)
+    return fit(data, start, elastic, branches, white)
+
+
+def fewer_and_fewer(data: Observations, rich: Fit, white: Whitener) -> Iterator[Fit]:
+    """Yield fits with ever fewer branches: the two that differ least become one."""
+    yield rich
+    found = rich
+    while found.n_branches:
+        less = _merged(found.branches) if found.n_branches > 1 else np.empty((2, 0))
+        found = fit(data, rich.start, found.elastic, less, white)
+        yield found
+
+
+def _merged_neighbours(moduli: Array, times: Array) -> Array:
+    """Branches of the table, neighbours as one. Shapes: (m,) both; returns (2, k)."""
+    used = np.flatnonzero(moduli > 1e-6 * max(float(moduli.max(initial=0.0)), LEAST))
+    if not used.size:
+        return np.empty((2, 0))
+    runs = np.split(used, np.flatnonzero(np.diff(used) > 1) + 1)
+    return np.array([_one(np.vstack([moduli[run], times[run]])) for run in runs]).T
+
+
+def _merged(branches: Array) -> Array:
+    """The two branches that lose least as one become one. Shapes: (2, m); returns (2, m - 1)."""
+    moduli, apart = branches[0], np.diff(np.log(branches[1]))
+    loss = apart**2 * moduli[1:] * moduli[:-1] / (moduli[1:] + moduli[:-1])
+    k = int(np.argmin(loss))
+    return np.column_stack([branches[:, :k], _one(branches[:, k : k + 2]), branches[:, k + 2 :]])
+
+
+def _one(branches: Array) -> Array:
+    """One branch for several: their modulus together, their mean time on a logarithmic scale."""
+    moduli, times = branches
+    return np.array([moduli.sum(), np.exp(np.sum(moduli * np.log(times)) / moduli.sum())])

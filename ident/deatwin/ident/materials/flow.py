@@ -1,0 +1,119 @@
+"""Stress of a film's points in tests of its material: the laws that every rig has, on a path of stretches."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.plant.laws.stress import nominal_stress
+
+Array = NDArray[np.float64]
+
+STRETCHES: Mapping[str, Callable[[Array], Array]] = MappingProxyType(
+    {
+        "uniaxial": lambda stretch: stretch**-0.5,
+        "equibiaxial": lambda stretch: stretch,
+        "pure shear": np.ones_like,
+    }
+)
+"""Stretch across the pull, by deformation; the film is free in its third direction in all of them."""
+_GAMMA = 0.4358665215084590  # root of x^3/6 - 3 x^2/2 + 3 x - 1: Alexander's three stages are stiffly accurate
+_FIRST, _SECOND = -(6 * _GAMMA**2 - 16 * _GAMMA + 1) / 4, (6 * _GAMMA**2 - 20 * _GAMMA + 5) / 4
+_STAGES = ((), ((1 - _GAMMA) / 2,), (_FIRST, _SECOND))
+_PARTS = 4
+"""Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 where a sample is 0.4 relaxation times long."""
+_NEWTON = 6
+"""Iterations of each stage: the flow is convex, so that they come from one side, and six end below 1e-9."""
+
+
+def elastic_stress(energy: Callable[..., Any], stretches: Array, values: Array) -> tuple[Array, Array]:
+    """Nominal stress along the pull, Pa, and its derivatives by the parameters. Shapes: `stretches` (2, n); `values`
+    (k,); returns (n,), (n, k).
+    """
+    stress, slopes = _elastic(energy, values.size)(*stretches[:, None, :], values[:, None])
+    return np.asarray(stress).ravel(), np.asarray(slopes).reshape(values.size, -1, order="F").T
+
+
+@lru_cache(maxsize=64)
+def _elastic(energy: Callable[..., Any], count: int) -> ca.Function:
+    first, second, p = ca.SX.sym("first"), ca.SX.sym("second"), ca.SX.sym("p", count)
+    stress, _ = nominal_stress(energy, first, second, *ca.vertsplit(p))
+    return ca.Function("elastic", [first, second, p], [stress, ca.densify(ca.jacobian(stress, p)).T])
+
+
+def branch_stress(times: Array, stretches: Array, relaxation: Array) -> Array:
+    r"""Nominal stress of Maxwell branches for a shear modulus of 1, from rest at a stretch of 1.
+
+    The logarithms of the elastic stretches, :math:`a_i = \ln(\lambda_i/\xi_i)`, follow the flow of
+    `deatwin.plant.film.PointwiseFilm`, which is that of `Film` in a strip:
+
+    .. math:: \dot a_i = \frac{d\ln\lambda_i}{dt} - \frac{\sigma_i - \sigma_j/2}{3\mu\tau}
+
+    Shapes: `times` (n,), s, the first one not before 0; `stretches` (2, n); `relaxation` (m,), s; returns (n, m).
+    """
+    paths = np.log(stretches)
+    steps = np.diff(times, prepend=0.0)
+    # From time 0 on the way to the first sample is even; a sample at time 0 itself was reached at once.
+    start = paths[:, 0] if times[0] == 0.0 else np.zeros(2)
+    moves = np.diff(paths, axis=1, prepend=start[:, None])
+    march = _march(times.size)
+    found = np.empty((times.size, relaxation.size))
+    for k, time in enumerate(relaxation):
+        elastic = np.exp(2.0 * np.asarray(march(start, moves, steps[None, :] / time)))
+        found[:, k] = (elastic[0] - 1.0 / (elastic[0] * elastic[1])) / stretches[0]
+    return found
+
+
+@lru_cache(maxsize=64)
+def _march(count: int) -> ca.Function:
+    return _step().mapaccum("march", count)
+
+
+@lru_cache(maxsize=1)
+def _step() -> ca.Function:
+    """One step of given strain and of a given share of the relaxation time, in `_PARTS`."""
+    strain, move, share = ca.SX.sym("strain", 2), ca.SX.sym("move", 2), ca.SX.sym("share")
+    end = strain
+    for _ in range(_PARTS):
+        end = _part(end, move / _PARTS, share / _PARTS)
+    return ca.Function("step", [strain, move, share], [end])
+
+
+def _part(strain: Any, move: Any, share: Any) -> Any:
+    """A step by an L-stable method of third order."""
+    rates: list[Any] = []
+    stage = strain
+    for weights in _STAGES:
+        known = strain + sum((weight * rate for weight, rate in zip(weights, rates, strict=True)), ca.SX(2, 1))
+        for _ in range(_NEWTON):
+            flow, slope = _flow(stage)
+            residual = stage - known - _GAMMA * (move - share * flow)
+            stage = stage - ca.solve(ca.SX.eye(2) + _GAMMA * share * slope, residual)
+        rates.append(move - share * _flow(stage)[0])
+    return stage
+
+
+def _flow(strain: Any) -> tuple[Any, Any]:
+    """Flow of a branch by its relaxation time, and its derivative."""
+    squares = ca.exp(2 * strain)
+    across = 1 / (squares[0] * squares[1])
+    stresses = squares - across
+    flow = ca.vertcat(stresses[0] - stresses[1] / 2, stresses[1] - stresses[0] / 2) / 3
+    first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives, halved for the third
+    slope = ca.vertcat(
+        ca.horzcat(first + third, third - second / 2),
+        ca.horzcat(third - first / 2, second + third),
+    )
+    return flow, slope / 3
+
+
+def dynamic_shares(frequencies: Array, relaxation: Array) -> tuple[Array, Array]:
+    """Storage and loss of branches with a modulus of 1. Shapes: (n,) in Hz, (m,) in s; returns (n, m) each."""
+    turned = 2.0 * np.pi * frequencies[:, None] * relaxation
+    return turned**2 / (1.0 + turned**2), turned / (1.0 + turned**2)

@@ -1,0 +1,213 @@
+"""A material calibrated on tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.materials.fit import Fit
+from deatwin.ident.materials.noise import Noise
+from deatwin.ident.materials.observations import Block, Observations
+from deatwin.ident.materials.section import toml_of
+from deatwin.ident.materials.tests import MaterialTest
+from deatwin.plant.prefixes import with_unit
+from deatwin.plant.rigs.rigmaterial import read_material
+from deatwin.plant.substance import Material
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A parameter with its interval of 95 %, SI."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name}: {with_unit(self.value, self.unit)}, from {with_unit(self.low, self.unit)} to "
+            f"{with_unit(self.high, self.unit)}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Choice:
+    """An energy with a number of branches that was tried."""
+
+    energy: str
+    branches: int
+    behind: float  # Logarithm of the odds of the best one to it
+    fit: Fit
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibratedMaterial:
+    """A material with intervals, calibrated by `calibrate_material`.
+
+    Parameters
+    ----------
+    section : mapping
+        The section ``[material]`` of a rig file; the range of each parameter is its interval of 95 %.
+    quantities : tuple of Quantity
+        Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``, ``low``,
+        ``high``, ``unit``.
+    covariance : ndarray, shape (k, k)
+        Covariance of the fit's coordinates: those of the energy, logarithms of all moduli, logarithms of all times.
+    noise : Noise
+        Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of specimens.
+    choices : tuple of Choice
+        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the logarithm of the
+        odds of the best one to it.
+    notes : tuple of str
+        What the tests do not tell.
+    tests : tuple of MaterialTest
+        The tests.
+    data : Observations
+        Samples that were taken of the tests.
+    modelled : ndarray, shape (n,)
+        What the material says of these samples, Pa.
+    """
+
+    section: Mapping[str, Any]
+    quantities: tuple[Quantity, ...]
+    covariance: Array
+    noise: Noise
+    choices: tuple[Choice, ...]
+    notes: tuple[str, ...]
+    tests: tuple[MaterialTest, ...]
+    data: Observations
+    modelled: Array
+
+    @cached_property
+    def material(self) -> Material:
+        """The material, as every rig takes it."""
+        found, mistakes = read_material(self.section)
+        if found is None:
+            raise ValueError(f"no section of a rig file: {mistakes}")
+        return found
+
+    @property
+    def sentence(self) -> str:
+        """The result in one sentence."""
+        energy, number = self.section["energy"], len(self.section["branches"])
+        branches = f"{number} branch{'' if number == 1 else 'es'}" if number else "no branches"
+        return (
+            f"{self.section['name']}: {energy} with {branches}, from {len(self.tests)} test{'s'[: len(self.tests) > 1]}"
+        )
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """Parameters and notes, as plain text."""
+        return (*map(str, self.quantities), *(f"note: {note}" for note in self.notes))
+
+    def __str__(self) -> str:
+        return "\n".join([self.sentence, *self.lines])
+
+    def to_toml(self) -> str:
+        """Return the text of a file with the section ``[material]``.
+
+        Returns
+        -------
+        str
+        """
+        head = [
+            f"Made by deatwin from {', '.join(test.name for test in self.tests)}.",
+            "low and high: intervals of 95 %.",
+        ]
+        return toml_of(self.section, [*head, *self.notes])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON, SI.
+
+        Returns
+        -------
+        dict
+        """
+        return {
+            "sentence": self.sentence,
+            "material": dict(self.section),
+            "quantities": [asdict(one) for one in self.quantities],
+            "noise": asdict(self.noise),
+            "choices": [{"energy": c.energy, "branches": c.branches, "behind": c.behind} for c in self.choices],
+            "notes": list(self.notes),
+        }
+
+    def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+        """Draw what was measured and what the material says: stress over stretch, stress over time, moduli.
+
+        Parameters
+        ----------
+        axes : sequence of matplotlib Axes, optional
+            One for each of `panels`; new ones by default.
+
+        Returns
+        -------
+        sequence of matplotlib Axes
+        """
+        shown = list(axes or [])
+        if axes is None:
+            from matplotlib import pyplot
+
+            figure = pyplot.figure(layout="constrained")
+            shown = list(np.ravel(figure.subplots(len(self.panels), 1, squeeze=False)))
+        for name, panel in zip(self.panels, shown, strict=True):
+            self.draw_panel(name, panel)
+        return shown
+
+    @property
+    def panels(self) -> tuple[str, ...]:
+        """Names of the pictures that `plot` draws."""
+        kinds = [block.test for block in self.data.blocks]
+        shown = {
+            "stretch": any(not test.is_dma for test in kinds),
+            "time": any(not test.is_dma and test.times is not None for test in kinds),
+            "frequency": any(test.is_dma for test in kinds),
+        }
+        return tuple(name for name, there in shown.items() if there)
+
+    def draw_panel(self, name: str, ax: Axes) -> None:
+        """Draw one of `panels`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the picture.
+        ax : matplotlib Axes
+            Axes to draw on.
+        """
+        for block, place in zip(self.data.blocks, self.data.places, strict=True):
+            if block.test.is_dma == (name == "frequency") and (name != "time" or block.times is not None):
+                _draw_block(name, ax, block, self.modelled[place])
+        labels = {"stretch": "stretch", "time": "time (s)", "frequency": "frequency (Hz)"}
+        ax.set_xlabel(labels[name])
+        ax.set_ylabel("modulus (kPa)" if name == "frequency" else "nominal stress (kPa)")
+        if name != "stretch":
+            ax.set_xscale("log")
+        if name == "frequency":
+            ax.set_yscale("log")
+        ax.legend(fontsize="small", ncols=2 if len(self.tests) > 5 else 1)
+
+
+def _draw_block(name: str, ax: Axes, block: Block, modelled: Array) -> None:
+    if name == "frequency":
+        at = np.asarray(block.test.frequencies)
+        pairs = zip(("storage", "loss"), np.split(block.measured, 2), np.split(modelled, 2), strict=True)
+        for what, measured, said in pairs:
+            (dots,) = ax.plot(at, measured / 1e3, ".", label=f"{block.test.name}: {what}")
+            ax.plot(at, said / 1e3, color=dots.get_color())
+        return
+    at = block.stretches[0] if name == "stretch" or block.times is None else block.times
+    (dots,) = ax.plot(at, block.measured / 1e3, ".", markersize=3, alpha=0.6, label=block.test.name)
+    ax.plot(at, modelled / 1e3, color=dots.get_color())

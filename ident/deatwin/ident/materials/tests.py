@@ -1,0 +1,130 @@
+"""Tests of a material, in SI units: stress on a path of stretches, or moduli over frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.ident.materials.flow import STRETCHES
+from deatwin.plant.errors import DataError, nearest
+
+Array = NDArray[np.float64]
+
+KINDS = ("tension", "relaxation", "cycles", "equibiaxial", "pure shear", "dma")
+"""Kinds of tests. The first three pull a strip; what they are called does not change how they are understood."""
+FEWEST = 4
+"""Samples of a test: fewer say less than its noise takes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialTest:
+    """One test of one specimen, which was at rest and unstretched before.
+
+    Parameters
+    ----------
+    name : str
+        Name in reports, such as the name of the file.
+    kind : str
+        ``"tension"``, ``"relaxation"`` or ``"cycles"`` of a strip with free sides, ``"equibiaxial"``, ``"pure shear"`` (a wide
+        strip, which keeps its width), or ``"dma"``.
+    specimen : str
+        Name of the specimen; tests of one specimen share its deviation from the others. By default the test's name.
+    times : array_like, shape (n,), optional
+        Times, s. The stretch is 1 at time 0, and moves evenly to that of the first sample; a first sample at time 0 was
+        reached at once. Without times the test counts as so slow that all branches are relaxed.
+    stretch : array_like, shape (n,)
+        Stretch along the pull; of a dma test a number, at which the specimen is relaxed, 1 by default.
+    stress : array_like, shape (n,)
+        Force per area of the unstretched specimen, Pa; of an equibiaxial test along one direction. Not in a dma test.
+    frequencies, storage, loss : array_like, shape (n,)
+        Of a dma test: frequencies in Hz, moduli in Pa, referred to the unstretched specimen.
+    shear : bool
+        True if a dma test measured shear moduli; False for those of tension.
+
+    Raises
+    ------
+    DataError
+        If the arrays do not fit each other or the kind, times do not rise, or values cannot be.
+    """
+
+    name: str
+    kind: str
+    specimen: str = ""
+    times: ArrayLike | None = None
+    stretch: ArrayLike = 1.0
+    stress: ArrayLike = ()
+    frequencies: ArrayLike = ()
+    storage: ArrayLike = ()
+    loss: ArrayLike = ()
+    shear: bool = False
+
+    UNIAXIAL: ClassVar[tuple[str, ...]] = ("tension", "relaxation", "cycles")
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise DataError(
+                f"{self.name}: unknown kind {self.kind!r}{nearest(self.kind, KINDS)} (known: {', '.join(KINDS)})"
+            )
+        object.__setattr__(self, "specimen", self.specimen or self.name)
+        names: tuple[str, ...] = ("frequencies", "storage", "loss") if self.is_dma else ("stretch", "stress")
+        names += ("times",) if self.times is not None and not self.is_dma else ()
+        arrays = {name: np.array(getattr(self, name), dtype=float) for name in names}
+        shapes = {values.shape for values in arrays.values()}
+        if len(shapes) != 1 or len(*shapes) != 1 or (count := next(iter(shapes))[0]) < FEWEST:
+            raise DataError(f"{self.name}: a {self.kind} test needs {_listed(names)} of one length, {FEWEST} or more")
+        if self.is_dma:
+            arrays["stretch"] = np.array(float(np.asarray(self.stretch, dtype=float).ravel()[0]))
+        self._require_sound(arrays)
+        for name, values in arrays.items():
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if not self.is_dma and self.times is not None and count and float(np.ptp(arrays["times"])) == 0.0:
+            raise DataError(f"{self.name}: all times are equal")
+
+    def _require_sound(self, arrays: dict[str, Array]) -> None:
+        """Refuse values that no test has."""
+        positive = ("stretch", "frequencies", "storage")
+        for name, values in arrays.items():
+            bad = ~np.isfinite(values) | ((values <= 0.0) if name in positive else False)
+            if np.any(bad):
+                row = int(np.argmax(bad))
+                limit = "positive and finite" if name in positive else "finite"
+                raise DataError(f"{self.name}: {name} at sample {row + 1} must be {limit}")
+        times = arrays.get("times")
+        if times is not None and (times[0] < 0.0 or np.any(np.diff(times) <= 0.0)):
+            row = 1 + int(np.argmax(np.diff(times, prepend=min(-1e-300, times[0])) <= 0.0)) if times[0] >= 0.0 else 1
+            raise DataError(f"{self.name}: times must begin at 0 or later and rise; they do not at sample {row}")
+
+    @property
+    def is_dma(self) -> bool:
+        """True for moduli over frequency."""
+        return self.kind == "dma"
+
+    @property
+    def deformation(self) -> str:
+        """``"uniaxial"``, ``"equibiaxial"`` or ``"pure shear"``."""
+        return self.kind if self.kind in STRETCHES else "uniaxial"
+
+    @property
+    def n_samples(self) -> int:
+        """Number of samples."""
+        return len(np.atleast_1d(self.frequencies if self.is_dma else self.stress))
+
+    @property
+    def clock(self) -> tuple[float, float] | None:
+        """Shortest and longest time that the test shows, s; None if it shows none."""
+        if self.is_dma:
+            turned = 2.0 * np.pi * np.asarray(self.frequencies)
+            return float(1.0 / turned.max()), float(1.0 / turned.min())
+        if self.times is None:
+            return None
+        times = np.asarray(self.times)
+        # A tenth, for a machine may take samples more often where it turns round.
+        return float(np.quantile(np.diff(times), 0.1)), float(times[-1])
+
+
+def _listed(names: tuple[str, ...]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}"

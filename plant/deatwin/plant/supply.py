@@ -1,0 +1,125 @@
+"""Voltage source of a film whose limits are known: its largest current, what it takes back, the resistances around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from deatwin.plant.errors import RigError
+
+if TYPE_CHECKING:
+    from deatwin.plant.builder import Builder
+    from deatwin.plant.film import AnyFilm
+
+Symbol = Any
+
+SHARPNESS = 8
+"""Power of the corner between resistance and limit: where both are as strong, the current is 8 % below them."""
+LEAST_SUNK = 1e-12
+"""Current that a converter takes back which takes none, A: a film of 1 nF falls by 1 mV a second, below its own leakage."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Supply:
+    r"""High-voltage source with limits, and what lies between it and the film.
+
+    .. math:: \frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = I(V_a - V) - \frac{V}{R_b}, \qquad
+              I(x) = \frac{x}{R}\Bigl(1 + \Bigl|\frac{x}{R\,I_\pm}\Bigr|^8\Bigr)^{-1/8}
+
+    A resistance R whose current stays below :math:`I_+` into the film and :math:`I_-` out of it.
+
+    Parameters
+    ----------
+    current_limit : float, optional
+        :math:`I_+`, A; None if it is never reached.
+    sink_current : float, optional
+        :math:`I_-`, A: 0 for a converter that cannot take current back, whose film then falls through `bleed_resistance`
+        alone. None if it is `current_limit`.
+    series_resistance : float
+        R, ohm. The default is of no consequence to a film of some nanofarad.
+    bleed_resistance : float, optional
+        :math:`R_b` across the film, ohm: a probe, a divider, a bleeder; None if there is none.
+    parallel_capacitance : float
+        :math:`C_p` across the film, F: cables, a probe, the converter's output filter.
+
+    Raises
+    ------
+    RigError
+        If a value cannot be.
+    """
+
+    current_limit: float | None = None
+    sink_current: float | None = None
+    series_resistance: float = 1e5
+    bleed_resistance: float | None = None
+    parallel_capacitance: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("current_limit", "series_resistance", "bleed_resistance"):
+            self._require(name, zero=False)
+        for name in ("sink_current", "parallel_capacitance"):
+            self._require(name, zero=True)
+
+    def _require(self, name: str, *, zero: bool) -> None:
+        value = getattr(self, name)
+        if value is None and name not in ("series_resistance", "parallel_capacitance"):
+            return
+        number = isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+        if not number or value < 0.0 or (value == 0.0 and not zero):
+            raise RigError(f"{name} of the supply is {value!r}; it must be a number {'from' if zero else 'above'} 0")
+
+    def voltage(self, wanted: Symbol, film: AnyFilm, build: Builder) -> Symbol:
+        """Return the voltage across the film, V.
+
+        Parameters
+        ----------
+        wanted : casadi.SX
+            Voltage that the source would give without a load, V.
+        film : AnyFilm
+            Film that it charges.
+        build : Builder
+            Builder that gets a state and a coordinate.
+
+        Returns
+        -------
+        casadi.SX
+        """
+        # Constants: films on sources of other sizes share their compiled equations.
+        beside = build.constant("parallel_capacitance", self.parallel_capacitance)
+        bleeder = build.constant(
+            "bleed_conductance", 0.0 if self.bleed_resistance is None else 1 / self.bleed_resistance
+        )
+        resistance = build.constant("supply_resistance", self.series_resistance)
+        whole = film.capacitance / build.signal("electrode_share", otherwise=1.0)
+        # A part of the electrode that loses contact takes its charge along, so that the voltage does not jump.
+        all_of_it, reached = whole + beside, film.capacitance + beside
+        size = build.at_rest("supplied_capacitance", all_of_it)
+        charge = build.state("supplied_charge", scale=1e3)  # divided by the capacitance at rest: V
+        voltage = charge * size / all_of_it
+        current = build.coordinate("supply_current", scale=1e-6)
+        build.rate(charge, (current - bleeder * voltage) * all_of_it / (reached * size))
+        # As a voltage drop: a search for rest from afar would find the current flat.
+        ahead = wanted - voltage
+        build.balance(ahead - resistance * current * self._excess(ahead, build))
+        return voltage
+
+    def _excess(self, ahead: Symbol, build: Builder) -> Symbol:
+        """Ratio of the current that the resistance would let through to that which the source gives."""
+        into = inf if self.current_limit is None else self.current_limit
+        out = into if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
+        drops = [
+            build.constant(name, 1 / (self.series_resistance * i)) for name, i in (("into", into), ("out_of", out))
+        ]
+        return (1 + (ahead * ca.if_else(ahead > 0, *drops)) ** SHARPNESS) ** (1 / SHARPNESS)
+
+
+def supply_from(described: Mapping[str, Any]) -> Supply:
+    """The supply that a rig's plain data describe."""
+    try:
+        return Supply(**described)
+    except TypeError as error:
+        raise RigError(f"malformed supply of a rig: {error}") from None

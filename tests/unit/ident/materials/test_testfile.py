@@ -1,0 +1,77 @@
+"""Lists of tests: all mistakes at once, columns by name, place and unit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from deatwin.ident.materials import read_material_tests
+from deatwin.plant import DataError
+from deatwin.plant.files import write_csv, write_text_atomic
+
+SIZES = "[specimen]\nlength_mm = 50\nwidth_mm = 5\nthickness_mm = 2\n"
+
+
+def listed(folder: Path, text: str) -> Path:
+    write_csv(folder / "a.csv", {"time_s": np.arange(5.0), "x_mm": 5.0 * np.arange(1, 6), "F_N": np.arange(1.0, 6.0)})
+    write_csv(folder / "b.csv", {"e_%": 10.0 * np.arange(1, 6), "s": np.arange(1.0, 6.0)})
+    write_text_atomic(folder / "tests.toml", text)
+    return folder / "tests.toml"
+
+
+def test_displacement_and_force_become_stretch_and_stress(tmp_path: Path) -> None:
+    text = '[[tests]]\nkind = "cycles"\nfile = "a.csv"\ntime = "time_s"\ndisplacement = "#2"\nforce = "F_N"\nwidth_mm = 10\n'
+    (test,) = read_material_tests(listed(tmp_path, SIZES + text)).tests
+    np.testing.assert_allclose(test.stretch, 1 + 0.1 * np.arange(1, 6))
+    np.testing.assert_allclose(test.stress, np.arange(1, 6) / 20e-6)  # its own width
+    np.testing.assert_array_equal(test.times, np.arange(5.0))
+
+
+def test_true_stress_strain_in_per_cent_and_a_rate(tmp_path: Path) -> None:
+    text = '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\ntrue_stress = "s=kPa"\nrate_1_s = 0.05\nspecimen = "A"\n'
+    (test,) = read_material_tests(listed(tmp_path, text)).tests
+    np.testing.assert_allclose(test.stretch, 1 + 0.1 * np.arange(1, 6))
+    np.testing.assert_allclose(test.stress, 1e3 * np.arange(1, 6) / test.stretch)
+    np.testing.assert_allclose(test.times, 2.0 * np.arange(1, 6))
+    assert test.specimen == "A"
+
+
+def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
+    one = '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n'
+    names = [test.name for test in read_material_tests(listed(tmp_path, one + one)).tests]
+    assert names == ["b.csv (1)", "b.csv (2)"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "[specimen]\nwdth_mm = 3\n[[tests]]\nkind = 3\n",
+            r"did you mean .width_mm.*kind: 3 is a number.*.file. is missing",
+        ),
+        ("tests = 3\n", "there is no test"),
+        ('[[tests]]\nkind = "dma"\nfile = "b.csv"\nstress = "s"\n', 'needs the column "frequency".*has no "stress"'),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\n',
+            "one of stress, true_stress, force must be given",
+        ),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstretch = "#1"\nstress = "s"\n',
+            "stretch and strain say the same",
+        ),
+        ('[[tests]]\nkind = "tension"\nfile = "b.csv"\nheld_stretch = 2\nstress = "s"\n', 'needs the column "time"'),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s"\n',
+            'gives no unit.*stress = "s=MPa"',
+        ),
+        ('[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "#1"\n', "as strain and as stress"),
+        ('[[tests]]\nkind = "tension"\nfile = "c.csv"\nstrain = "#1"\nstress = "s"\n', "c.csv: no such file"),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "a.csv"\nstrain = "x_mm"\nstress = "F_N=Pa"\n',
+            "is in N, but is said|is in mm",
+        ),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(DataError, match=said):
+        read_material_tests(listed(tmp_path, text))
