@@ -55,6 +55,8 @@ class Builder:
         self._channels: dict[str, tuple[Symbol, float]] = {}
         self._displaced: list[tuple[Symbol, Symbol]] = []
         self._parts: Parts | None = None
+        self._integrals: dict[str, float] = {}
+        self._reading_size, self._averages = 1.0, False
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
 
@@ -403,6 +405,7 @@ class Builder:
         """
         self.share("sample_time", rig.sample_time)
         self.share("follows_at_once", rig.follows_at_once)
+        self._reading_size, self._averages = rig.reading_size, rig.averages
         for reading in rig.further:
             if reading.name == "current":
                 self.share("series_resistance", reading.series_resistance)
@@ -455,7 +458,8 @@ class Builder:
             equations are missing.
         """
         self._check()
-        output = number(output, "what write returns, the reading,")
+        output = self._as_read("reading", number(output, "what write returns, the reading,"), self._reading_size)
+        rows = self._rows(further)
         x = _column(*(s for s, _, _ in self._states.values()))
         z = _column(*(s for s, _ in self._coordinates.values()))
         d = _column(*(s for s, _ in self._held.values()))
@@ -467,7 +471,6 @@ class Builder:
         mass = _column(*(self._rates[n][1] for n in self._states))
         u = _column(self.command, *self._past, *(s for s, _ in self._channels.values()))
         arguments = [x, z, d, u, self.time, p, c]
-        rows = self._rows(further)
         self._check_symbols(arguments, output)
         moving = f if self._parts is None else self._parts.speed * f
         unknowns = {**{n: s[0] for n, s in self._states.items()}, **{n: s[0] for n, s in self._coordinates.items()}}
@@ -489,6 +492,7 @@ class Builder:
             guess=ca.Function("guess", [p, c], [guess]),
             hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self._past),
+            integrals=self._integrals,
             channels={name: default for name, (_, default) in self._channels.items()},
         )
 
@@ -501,9 +505,23 @@ class Builder:
                 raise RigError(f'this rig has no reading "{name}"{nearest(name, offered)} (it offers {known})')
             if list(further).count(name) > 1:
                 raise RigError(f'two readings of the rig are called "{name}": give each a name of its own')
-        return _column(
-            *(ca.SX(part) for parts in zip(*(offered[name] for name in further), strict=True) for part in parts)
-        )
+        found = [
+            (self._as_read(name, ca.SX(level), 1.0), *rate) for name in further for level, *rate in [offered[name]]
+        ]
+        return _column(*(ca.SX(part) for parts in zip(*found, strict=True) for part in parts))
+
+    def _as_read(self, name: str, value: Symbol, scale: float) -> Symbol:
+        """A reading as its row shows it: the value itself, or its mean over the sample, from an integral that begins
+        each sample at zero.
+        """
+        if not self._averages or value.is_constant():
+            return value
+        width, known = self.sample_time, f"{name}_integral"
+        self.sample_start  # noqa: B018  (tells a step where its sample begins)
+        self._integrals[known] = self.signal("sample_time")
+        integral = self.state(known, scale=scale * self._integrals[known], start=value * width)
+        self.rate(integral, value)
+        return integral / width
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
         """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""

@@ -400,7 +400,10 @@ class _Structure:
         self.plant = plant
         known = {p.name: p.value for p in plant.parameters.values() if p.known}
         rig = {k: v for k, v in plant.rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
-        rig |= {"further": [(reading.name, reading.series_resistance) for reading in plant.rig.further]}
+        rig |= {
+            "averages": plant.rig.averages,
+            "further": [(reading.name, reading.series_resistance) for reading in plant.rig.further],
+        }
         # The classes themselves: two that share a name may write different equations.
         # Functions too: an energy of somebody's own is only named in the plain data.
         energy = getattr(getattr(plant.rig, "material", None), "energy", None)

@@ -20,7 +20,7 @@ from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
@@ -146,9 +146,10 @@ class Diaphragm(Rig):
         return () if self.start_is_known else memories(self._material, effects)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
-        """Return the rig with the other reading time, and with the other contact and prestretch if they are unknown."""
-        other_time = next(t for t in ReadingTime if t is not self.reading)
-        rivals = [replace(self, reading=other_time)]
+        """Return the rig read at the other end of the hold, and with the other contact and prestretch if they are
+        unknown.
+        """
+        rivals = [replace(self, reading=self.reading.other_end)]
         if not self.ball_is_known:
             other = "sliding" if self.ball == "bonded" else "bonded"
             rivals.append(replace(self, ball=other))

@@ -11,6 +11,7 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.readings import Reading
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigmistakes import READINGS, format_errors, lines_of, mistakes_of
@@ -43,12 +44,13 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sensor: sample rate in Hz, rms noise and resolution in m, and if its zero is that without voltage."""
+    """Sensor: sample rate in Hz, rms noise and resolution in m, if its zero is that without voltage, when it reads."""
 
     sample_rate: float
     noise: float
     resolution: float = 0.0
     zero_is_known: bool = True
+    reading: str = ReadingTime.END_OF_HOLD.value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +88,7 @@ class RigFile:
             "start_is_known": drive.start_is_known,
             "zero_is_known": sensor.zero_is_known,
             "command_range": drive.command_range,
+            "reading": ReadingTime(sensor.reading),
             "sample_time": 1 / sensor.sample_rate,
             "further": self.readings,
             "noise": float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))),

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.safe_read import clipped
 
 
@@ -139,6 +140,12 @@ SENSOR: Keys = {
         field="zero",
         choices=("displacement at zero volts", "arbitrary"),
         about="of the readings: near 0 without voltage, or anywhere",
+    ),
+    "reading": TextKey(
+        field="reading",
+        choices=tuple(taken.value for taken in ReadingTime),
+        required=False,
+        about="when a row is read while its command is held, or that a logger averages meanwhile; its end if left out",
     ),
 }
 

@@ -38,6 +38,7 @@ _EXAMPLES: Mapping[str, float | str] = {
     "noise_um": 2.0,
     "resolution_um": 0.5,
     "zero": "displacement at zero volts",
+    "reading": "end of hold",
 }
 
 
