@@ -63,6 +63,8 @@ class Diaphragm(Rig):
         then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls, as that of a sensor on the other side does.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
@@ -92,6 +94,7 @@ class Diaphragm(Rig):
     ball_is_known: bool = False
     start_is_known: bool = True
     zero_is_known: bool = True
+    direction: float = 1.0
     prestretch_is_known: bool = True
     resolution: str = "reduced"
     elements: int = 4
@@ -187,7 +190,7 @@ class Diaphragm(Rig):
         for number in range(len(shape.coordinates)):
             build.balance(forces[1 + number] / mass)
         build.guess(deflection, self.sag(self.contact_radius, build))
-        return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+        return build.place(Place.SENSOR, "reading", self.direction * displacement + build.parameter("zero"))
 
     def sag(self, radius: float, build: Builder) -> Symbol:
         r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.
