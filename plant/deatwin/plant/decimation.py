@@ -131,13 +131,13 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     return shares
 
 
-def low_pass_gain(factor: int, frequencies: Array) -> Array:
-    """Return the gain of the filter of `decimate`. `factor` number of old samples for a new one; `frequencies` in
+def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Array:
+    """Return the gain of the filter, or of the mean, of `decimate`. `factor` number of old samples for a new one; `frequencies` in
     cycles per new sample, from 0 to 0.5.
     """
     if factor == 1:
         return np.ones_like(frequencies)
-    taps = _low_pass(factor, 0)
+    taps = np.full(factor, 1.0 / factor) if reading is ReadingTime.MEAN_OVER_HOLD else _low_pass(factor, 0)
     lags = np.arange(taps.size) - taps.size // 2
     return np.asarray(np.abs(np.exp(-2j * np.pi * np.outer(frequencies / factor, lags)) @ taps))
 
