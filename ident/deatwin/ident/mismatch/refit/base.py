@@ -218,7 +218,7 @@ def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
     found, least = near.plant, (1.0 - ROUGH) * near.rms**2
     for parameter in (p for p in known if p.scale is Scale.LOGARITHMIC and not errors[p.name] < np.log(DECADE)):
         down, up = (np.log10(end / parameter.value) for end in (parameter.lower, parameter.upper))
-        for power in range(int(np.ceil(down)), int(np.floor(up)) + 1):
+        for power in (k for k in range(int(np.ceil(down)), int(np.floor(up)) + 1) if k):
             tried = found.with_values({parameter.name: parameter.value * DECADE**power})
             residuals = free_run_residuals(tried, openings)
             if residuals is not None and np.mean(residuals**2) < least:
