@@ -403,7 +403,7 @@ class Builder:
                 return otherwise
             raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
-    def finish(self, output: Symbol, further: Sequence[str] = ()) -> Equations:
+    def finish(self, output: Symbol, further: Sequence[str] = (), *, mean_size: float = 0.0) -> Equations:
         """Check that the equations are complete, and return them.
 
         Parameters
@@ -412,6 +412,8 @@ class Builder:
             Reading of the rig, SI.
         further : sequence of str
             Names of its further readings.
+        mean_size : float
+            Typical size of the reading, SI, if rows are means over their samples; 0 if they are values at one time.
 
         Returns
         -------
@@ -430,7 +432,29 @@ class Builder:
                     f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
                     f"rig does not have{nearest(effect.signal, names)}"
                 )
+        if mean_size:
+            output = self._mean("reading", number(output, "what write returns, the reading,"), mean_size)
+            for name in set(further):
+                self._average(name)
         return self.written.equations(output, further)
+
+    def _average(self, name: str) -> None:
+        """Let a further reading be the mean of its level over the sample."""
+        offered = {**{n: (value, 0.0, 1.0) for n, value in self.written.watched.items()}, **self.written.measured}
+        if name in offered:  # or the equations are refused
+            level, stored, share = offered[name]
+            self.written.measured[name] = (self._mean(name, ca.SX(level), 1.0), stored, share)
+
+    def _mean(self, name: str, value: Symbol, size: float) -> Symbol:
+        """The mean of a signal over the sample, from an integral that begins each sample at zero."""
+        if value.is_constant():
+            return value
+        width, known = self.sample_time, f"{name}_integral"
+        self.sample_start  # noqa: B018  (tells a step where its sample begins)
+        self.written.integrals[known] = self.signal("sample_time")
+        integral = self.state(known, scale=size * self.written.integrals[known], start=value * width)
+        self.rate(integral, value)
+        return integral / width
 
     def _unknown(self, name: str) -> Symbol:
         if name in self.written.states or name in self.written.coordinates:

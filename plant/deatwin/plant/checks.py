@@ -104,3 +104,13 @@ def check_motion(recording: Recording, widest: float) -> None:
     if 1e-3 * span <= widest:
         text += "; this looks like µm: call the column displacement_um, or divide it by 1000"
     raise DataError(text)
+
+
+def falls_with_voltage(recordings: Sequence[Recording]) -> bool:
+    """Return whether the readings fall where the squared voltage, which moves a film, rises, and half of what they vary
+    by does so.
+    """
+    both = np.concatenate([[r.inputs[0] ** 2, r.outputs[0]] for r in recordings if len(r.outputs)], axis=1)
+    both = both[:, np.isfinite(both).all(axis=0)]
+    moves = both.shape[1] > 0 and np.ptp(both, axis=1).all()
+    return bool(moves and np.corrcoef(both)[0, 1] < -np.sqrt(0.5))

@@ -32,7 +32,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     factor : int
         Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        Time within a row at which the reading is taken.
+        Time within a row at which the reading is taken. If rows are means, so are the new ones, of ``factor`` rows in
+        all signals: that is exact, no filter is needed, and nothing is dropped but what fills no new row.
 
     Returns
     -------
@@ -48,6 +49,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
         raise DataError(f"factor = {factor!r}; it must be an integer of at least 1")
     if factor == 1:
         return recording
+    if reading is ReadingTime.MEAN_OVER_HOLD:
+        return _averaged(recording, int(factor))
     odd, held = _low_pass(factor, 0), _low_pass(factor, (factor - 1) % 2)
     half = odd.size // 2
     rows = np.arange(-(-half // factor) * factor, recording.n_samples - half - factor + 1, factor)
@@ -80,6 +83,25 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     )
 
 
+def _averaged(recording: Recording, factor: int) -> Recording:
+    """Means of as many old rows as a new one has."""
+    n = recording.n_samples // factor
+    if n < 2:
+        raise DataError(f"{recording.n_samples} samples are too few for two means of {factor}")
+
+    def means(signals: Array) -> Array:
+        return np.asarray(signals[..., : n * factor].reshape(*signals.shape[:-1], n, factor).mean(axis=-1))
+
+    return replace(
+        recording,
+        inputs=means(recording.inputs),
+        outputs=means(recording.outputs),
+        extras={name: means(values) for name, values in recording.extras.items()},
+        sample_time=recording.sample_time * factor,
+        provenance={**recording.provenance, "decimated": f"means of {factor}, from {recording.sample_time:g} s"},
+    )
+
+
 def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     """Return the share of each signal's variance that `decimate` removes.
 
@@ -109,13 +131,13 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
     return shares
 
 
-def low_pass_gain(factor: int, frequencies: Array) -> Array:
-    """Return the gain of the filter of `decimate`. `factor` number of old samples for a new one; `frequencies` in
+def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Array:
+    """Return the gain of the filter, or of the mean, of `decimate`. `factor` number of old samples for a new one; `frequencies` in
     cycles per new sample, from 0 to 0.5.
     """
     if factor == 1:
         return np.ones_like(frequencies)
-    taps = _low_pass(factor, 0)
+    taps = np.full(factor, 1.0 / factor) if reading is ReadingTime.MEAN_OVER_HOLD else _low_pass(factor, 0)
     lags = np.arange(taps.size) - taps.size // 2
     return np.asarray(np.abs(np.exp(-2j * np.pi * np.outer(frequencies / factor, lags)) @ taps))
 

@@ -47,6 +47,8 @@ class Equations:
     guess: ca.Function  # ``(p, c) -> (x; z)`` to start the search of the rest state
     hold: ca.Function  # ``(x, z, p, c) -> d`` at rest
     further: ca.Function | None = None  # ``(x, z, d, u, t, p, c) ->`` rows of the further readings, if any
+    integrals: Mapping[str, float] = field(default_factory=dict)
+    """States that begin each sample at zero, and how long that lasts, s."""
     history: int = 0  # Number of past samples of the command that follow it in *u*
     channels: Mapping[str, float] = field(default_factory=dict)
 
@@ -54,6 +56,11 @@ class Equations:
         """The reading, above the rows of the further readings."""
         first = self.output(*point)
         return first if self.further is None else ca.vertcat(first, self.further(*point))
+
+    @property
+    def begins_at_zero(self) -> np.ndarray:
+        """Places of the states that begin each sample at zero, which are integrals of readings that are means."""
+        return np.array([self.states.index(name) for name in self.integrals], dtype=int)
 
     def held_inputs(self, command: float) -> np.ndarray:
         """Inputs under a command that has been constant for long. Shapes: returns (n_u,)."""

@@ -57,27 +57,27 @@ class Resampling:
         """Times between rows of one piece, s."""
         return np.concatenate([np.diff(self.timepts[first:last]) for first, last in self.rows])
 
-    @property
-    def bandwidth(self) -> float:
+    def bandwidth(self, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> float:
         """Frequency at which a reading has lost 3 dB, Hz; the new Nyquist frequency where it has not lost that much."""
         # Between rows that are finer than the old ones, interpolation leaves nothing at the old sampling rate.
         frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
-        gain = np.abs(self._interpolation(frequencies)) * low_pass_gain(self.factor, frequencies * self.sample_time)
+        gain = np.abs(self._interpolation(frequencies))
+        gain *= low_pass_gain(self.factor, frequencies * self.sample_time, reading)
         lost = gain < math.sqrt(0.5)
         return float(frequencies[np.argmax(lost)] if lost.any() else frequencies[-1])
 
-    @property
-    def sentence(self) -> str:
-        """Description of the resampling in one line."""
+    def sentence(self, reading: ReadingTime) -> str:
+        """Describe the resampling in one line. `reading` when a row is read."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
         nyquist = 0.5 / self.sample_time
         told = f"steps of {steps.min():.4g} to {steps.max():.4g} s (usually {usual:.4g} s, jitter {spread:.2g} s rms)"
         told = told if spread > _ROUNDED * usual else f"even steps of {usual:.6g} s"
-        thinned = f" after a low-pass filter, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
+        how = f"by means of {self.factor}" if reading is ReadingTime.MEAN_OVER_HOLD else "after a low-pass filter"
+        thinned = f" {how}, from {self.sample_time / self.factor:.4g} s" if self.factor > 1 else ""
         return (
             f"from {told} onto an even clock of {self.sample_time:.6g} s{thinned}: readings are interpolated "
-            f"linearly and keep {self.bandwidth:.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
+            f"linearly and keep {self.bandwidth(reading):.3g} Hz to 3 dB (Nyquist frequency {nyquist:.4g} Hz); commands are held"
         )
 
     def readings(self, piece: int, values: Floats) -> Floats:
@@ -251,6 +251,6 @@ def resample(
         extras={extra: plan.readings(0, row) for extra, row in recording.extras.items()},
         sample_time=sample_time / plan.factor,
         start=float(plan.clocks[0][0]),
-        provenance={**recording.provenance, "resampled": plan.sentence},
+        provenance={**recording.provenance, "resampled": plan.sentence(reading)},
     )
     return decimate(fine, plan.factor, reading=reading)

@@ -90,7 +90,7 @@ def settled(
 def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | None:
     """Equilibrium by Newton's method from the unknowns of a nearby point; None if it fails."""
     here, *known = point
-    evaluate = sample_functions(equations).dynamics
+    evaluate = sample_functions(equations).resting
     for _ in range(UPDATES):
         value, slope, _ = (np.asarray(v) for v in evaluate(here, *known[:2], time, known[2], equations.constants))
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
@@ -157,11 +157,13 @@ def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: fl
 class SampleFunctions:
     """Derivatives that one sample needs, evaluated by CasADi's virtual machine: nothing is compiled.
 
-    `dynamics`: ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``; `output` likewise of the reading; `rest_slope`:
-    ``(w, u, p, c) ->`` derivative of the equations of rest.
+    `dynamics`: ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``; `resting`: likewise, with integrals over a sample as they
+    are at its end; `output` likewise of the reading; `rest_slope`: ``(w, u, p, c) ->`` derivative of the equations of
+    rest.
     """
 
     dynamics: ca.Function
+    resting: ca.Function
     output: ca.Function
     rest_slope: ca.Function
 
@@ -175,8 +177,12 @@ def sample_functions(equations: Equations) -> SampleFunctions:
     arguments, split = [w, d, u, t, p, c], [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
     f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
     rest = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
+    ends = ca.SX(f)
+    for row, width in zip(equations.begins_at_zero.tolist(), equations.integrals.values(), strict=True):
+        ends[row] -= w[row] / width
     return SampleFunctions(
         dynamics=ca.Function("small_dynamics", arguments, _with_slopes(f, w, u)),
+        resting=ca.Function("small_resting", arguments, _with_slopes(ends, w, u)),
         output=ca.Function("small_output", arguments, _with_slopes(y, w, u)),
         rest_slope=ca.Function("small_rest", [w, u, p, c], [ca.densify(ca.jacobian(rest, w))]),
     )

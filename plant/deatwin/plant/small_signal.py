@@ -97,6 +97,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
     for later in second:
         step = np.hstack([later[:, :n_x] @ step[:n_x, :n_x], later[:, :n_x] @ step[:n_x, n_x:] + later[:, n_x:]])
+    step[:, equations.begins_at_zero] = 0.0
 
     seen = inputs_at(equations, inputs, time - sample_time, time)
     reading = functions.output(here, held, seen, time, values, equations.constants)
@@ -123,7 +124,7 @@ def _static_gain(equations: Equations, point: Point, time: float, sample_time: f
     (here, held, inputs, values), functions, count = point, sample_functions(equations), 1 + equations.history
     inputs = inputs_at(equations, inputs, time - sample_time, time)
     arguments = (here, held, inputs, time, values, equations.constants)
-    by_unknowns, by_inputs = (np.asarray(v) for v in functions.dynamics(*arguments)[1:])
+    by_unknowns, by_inputs = (np.asarray(v) for v in functions.resting(*arguments)[1:])
     scaled, pushed = by_unknowns * equations.scale, -by_inputs[:, :count].sum(axis=1)
     rows = np.abs(scaled).max(axis=1, initial=0.0)
     rows[rows == 0.0] = 1.0

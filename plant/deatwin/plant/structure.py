@@ -45,7 +45,10 @@ class Structure:
         """Return the structure of a rig with effects."""
         known = {p.name: p.value for p in parameters.values() if p.known}
         stated = {k: v for k, v in rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
-        stated |= {"further": [(reading.name, reading.series_resistance) for reading in rig.further]}
+        stated |= {
+            "averages": rig.averages,
+            "further": [(reading.name, reading.series_resistance) for reading in rig.further],
+        }
         # The classes themselves: two that share a name may write different equations.
         # Functions too: an energy of somebody's own is only named in the plain data.
         energy = getattr(getattr(rig, "material", None), "energy", None)
@@ -68,9 +71,10 @@ class Structure:
 
 @lru_cache(maxsize=256)
 def _equations(structure: Structure) -> Equations:
-    build = Builder(structure.parameters, structure.effects)
-    with written(structure.rig, build) as reading:
-        return build.finish(reading, [further.name for further in structure.rig.further])
+    rig, build = structure.rig, Builder(structure.parameters, structure.effects)
+    with written(rig, build) as reading:
+        further = [each.name for each in rig.further]
+        return build.finish(reading, further, mean_size=rig.reading_size if rig.averages else 0.0)
 
 
 @lru_cache(maxsize=64)

@@ -39,7 +39,7 @@ class Timeline:
         parts = [_start_commands(procedure, experiment.recordings[0].inputs[0, 0], sample_time)]
         origin = experiment.start - parts[0].size * sample_time
         first, readings = parts[0].size, []
-        offset = 0 if reading is ReadingTime.END_OF_HOLD else -1
+        offset = -1 if reading is ReadingTime.START_OF_HOLD else 0
         before = None
         for record in experiment.recordings:
             at = first + (0 if before is None else _pause(before, record))

@@ -47,6 +47,7 @@ class Written:
     channels: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol, value where none is measured
     displaced: list[tuple[Symbol, Symbol]] = field(default_factory=list)  # State, its value at rest
     parts: Parts | None = None
+    integrals: dict[str, float] = field(default_factory=dict)  # States that begin each sample at zero: its width, s
 
     def equations(self, output: Symbol, further: Sequence[str]) -> Equations:
         """Return the equations with a reading and further ones; errors name what is missing or wrong."""
@@ -85,6 +86,7 @@ class Written:
             guess=ca.Function("guess", [p, c], [guess]),
             hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self.past),
+            integrals=self.integrals,
             channels={name: default for name, (_, default) in self.channels.items()},
         )
 

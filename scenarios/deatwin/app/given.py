@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.checks import check_command_range, check_motion
+from deatwin.plant.checks import check_command_range, check_motion, falls_with_voltage
 from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
@@ -15,6 +15,7 @@ from deatwin.plant.files.usual import COLUMNS, usual_unit
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile
+from deatwin.plant.rigs.rigkeys import AGAINST
 from deatwin.plant.sources import load_plant, read_described
 
 
@@ -92,6 +93,16 @@ class GivenPlant:
             input_unit=rig.input_unit,
             rig=self.described,
         )
+
+
+def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:
+    """Tell where the readings run against those of the rig file, in a sentence."""
+    if plant.described is None or plant.described.sensor.direction == AGAINST or not falls_with_voltage(records):
+        return []
+    return [
+        f"the {plant.model.plant.rig.output_name} falls where the voltage rises, and that of a {plant.described.kind} rises: "
+        f'if the sensor looks from the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
+    ]
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:

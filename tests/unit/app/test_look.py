@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from deatwin.app.cli import main
+from deatwin.app.given import GivenPlant, direction_notes
 
 RNG = np.random.default_rng(0)
 
@@ -138,6 +139,22 @@ def test_a_rig_file_to_fill_in(at_desk: Path, capsys: pytest.CaptureFixture[str]
     assert main(["simulate", str(path), "a.csv", "--out", "predicted.csv"]) == 0
     assert main(["look", "a.csv", "--rig", "diaphragm", "--out", "looked"]) == 2  # what was filled in stays
     assert main(["look", "a.csv", "--rig", "diaphragm"]) == 2
+
+
+@pytest.mark.parametrize(("sign", "direction"), [(1.0, "along the motion"), (-1.0, "against the motion")])
+def test_a_sensor_on_the_other_side(at_desk: Path, sign: float, direction: str) -> None:
+    times = 0.1 * np.arange(400)
+    u = 2.0 + np.sin(times)
+    y = 5.0 + sign * 0.01 * u**2 + 1e-3 * np.random.default_rng(1).normal(size=400)
+    table("a.csv", "time_s,command_V,displacement_mm", [times, u, y])
+    assert main(["look", "a.csv", "--rig", "cone", "--out", "looked"]) == 0
+    text = Path("looked/rig.toml").read_text(encoding="utf-8")
+    assert f'{"" if sign < 0 else "#"}direction = "{direction}"' in text.splitlines()
+    filled = re.sub(r"^#(?=\w)", "", text, flags=re.MULTILINE).replace(direction, "along the motion")
+    Path("rig.toml").write_text(filled, encoding="utf-8")
+    given = GivenPlant.load("rig.toml")
+    notes = direction_notes(given, given.experiment(["a.csv"]).recordings)
+    assert len(notes) == (sign < 0) and all("against the motion" in note for note in notes)
 
 
 @pytest.mark.parametrize(

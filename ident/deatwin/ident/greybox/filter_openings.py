@@ -43,11 +43,12 @@ class Opening:
 
 def places(plant: Plant) -> tuple[Opening, ...]:
     """Places that can be opened in a plant."""
-    declared = dict.fromkeys([COMMAND, *_heard(plant), READING])
+    declared, equations = dict.fromkeys([COMMAND, *_heard(plant), READING]), plant.equations
+    states = [name for name in equations.states if name not in equations.integrals]
     found = [
         *(Opening(place=place, signal=signal) for place, signal in declared),
         *(Opening(place=Place.PARAMETER.value, signal=name) for name in plant.parameters.free),
-        *(Opening(place=STATE, signal=name) for name in plant.equations.states),
+        *(Opening(place=STATE, signal=name) for name in states),
     ]
     return tuple(sorted(found, key=lambda o: LAST.index(o.place) + 1 if o.place in LAST else 0))
 

@@ -15,7 +15,6 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime
 
 TOLERANCE = 1e-5
 """Relative, of refits: 0.005 % of a residual that is nearly all structure."""
@@ -73,8 +72,7 @@ class StructuralScale:
 
 
 def _read_otherwise(plant: Plant) -> Plant:
-    reading = next(t for t in ReadingTime if t is not plant.rig.reading)
-    return plant.with_rig(replace(plant.rig, reading=reading))
+    return plant.with_rig(replace(plant.rig, reading=plant.rig.reading.other_end))
 
 
 def _part(experiment: Experiment, readings: Sequence[np.ndarray]) -> Part:

@@ -281,7 +281,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
         readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
         take = {"input": commands, "output": readings, "extra": readings}
-        about = source.origin(*rows) | {"resampled": plan.sentence}
+        about = source.origin(*rows) | {"resampled": plan.sentence(reading)}
         fine = source.recording(clock, plan.sample_time / plan.factor, take, about)
         try:
             made.append(decimate(fine, plan.factor, reading=reading))

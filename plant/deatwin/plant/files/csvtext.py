@@ -132,6 +132,8 @@ def is_number(cell: str) -> bool:
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and what the line of units says."""
+    # Below names and units may stand a line of the channels' rates, ranges or the like.
+    head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
@@ -165,6 +167,12 @@ def _are_units(cells: list[str]) -> bool:
     return bool(known) and all(
         cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*", cell) for cell in filled
     )
+
+
+def _are_quantities(cells: list[str]) -> bool:
+    """Return whether a line holds numbers with units, as in ``200 Hz``."""
+    parts = [re.fullmatch(r"([-+±\d.,eE]*\d)\s*([^\d\s].*)", cell) for cell in cells if cell]
+    return bool(parts) and all(part and _is_value(part[1].lstrip("±")) and find_unit(part[2]) for part in parts)
 
 
 def _width(lines: list[str], delimiter: str) -> int:

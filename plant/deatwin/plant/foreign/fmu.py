@@ -194,7 +194,7 @@ class FmuModel:
         rows = result[self.output]
         if len(rows) <= time.size:
             raise RuntimeError(f"the FMU stopped at {result['time'][-1]:.6g} s{f': {said[-1]}' if said else ''}")
-        read = rows[1 : time.size + 1] if self.reading is ReadingTime.END_OF_HOLD else rows[: time.size]
+        read = rows[: time.size] if self.reading is ReadingTime.START_OF_HOLD else rows[1 : time.size + 1]
         return self._unit(self.output).to_si(np.asarray(read, dtype=float))
 
 

@@ -156,10 +156,10 @@ class _Around:
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings
-        if self._runner.reading is ReadingTime.END_OF_HOLD:
-            before, after = np.concatenate([readings[:1], readings[:-1]]), readings
-        else:
+        if self._runner.reading is ReadingTime.START_OF_HOLD:
             before, after = readings, np.concatenate([readings[1:], readings[-1:]])
+        else:
+            before, after = np.concatenate([readings[:1], readings[:-1]]), readings
         first = float(readings[0])
         simulator = self._simulator.resting({BEFORE: first, AFTER: first})
         run = simulator.run_with_sensitivities if sensitive else simulator.run

@@ -16,6 +16,7 @@ doi:10.1007/978-3-642-05221-7.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -83,7 +84,24 @@ def step_functions(equations: Equations) -> StepFunctions:
     place = equations.step_middle
     if place is not None:
         plain, sensitive = _in_two(plain, 2, place), _in_two(sensitive, 3, place)
+    place = equations.sample_start
+    if place is not None and equations.integrals:
+        plain = _begun_at_zero(plain, (0,), equations, place)
+        sensitive = _begun_at_zero(sensitive, (0, 2), equations, place)
     return StepFunctions(plain=plain, sensitive=sensitive, in_lanes=stages.in_lanes)
+
+
+def _begun_at_zero(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
+    """A step before which integrals over the sample are put to zero where the sample begins. `rows` the arguments that
+    have a row for each state: the states, and their derivatives; `place` of the time at which the sample begins.
+    """
+    arguments = step.mx_in()
+    u, t, h = arguments[-5:-2]
+    begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample
+    integral = np.isin(np.arange(len(equations.states)), equations.begins_at_zero)
+    kept = 1 - begins * ca.DM(integral.astype(float))
+    given = [ca.repmat(kept, 1, a.size2()) * a if n in rows else a for n, a in enumerate(arguments)]
+    return ca.Function(f"{step.name()}_from_zero", arguments, step.call(given))
 
 
 def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:

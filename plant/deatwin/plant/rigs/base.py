@@ -37,6 +37,13 @@ class ReadingTime(Enum):
     """The row's command has acted for a whole sample when the row's reading is taken."""
     START_OF_HOLD = "start of hold"
     """The row's reading is taken at the instant at which the row's command is applied."""
+    MEAN_OVER_HOLD = "mean over the hold"
+    """The row's reading is the mean over the time for which the row's command is held, as loggers that average give it."""
+
+    @property
+    def other_end(self) -> ReadingTime:
+        """The end of the hold at which the reading may be taken instead."""
+        return ReadingTime.START_OF_HOLD if self is ReadingTime.END_OF_HOLD else ReadingTime.END_OF_HOLD
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,6 +270,17 @@ class Rig(ABC):
         Rig
         """
         return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
+
+    @property
+    def averages(self) -> bool:
+        """True if each row's readings are means over its hold."""
+        return self.reading is ReadingTime.MEAN_OVER_HOLD
+
+    @property
+    def reading_size(self) -> float:
+        """Typical size of the first reading, SI."""
+        sizes = self.sizes or Sizes()
+        return sizes.reading or sizes.motion
 
     @property
     def share_of_motion(self) -> float:

@@ -54,7 +54,7 @@ class Cone(FilmActuator):
         k, N/m, and :math:`F_0`, N, of a linear spring; 0 for none.
     snap_force, snap_middle, snap_reach : float
         :math:`F_s` in N, 0 for none, and c and d in m, of a bistable spring.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m,
         film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

@@ -20,7 +20,7 @@ from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.rigs.base import ReadingTime, Rig, StartProcedure
+from deatwin.plant.rigs.base import Rig, StartProcedure
 from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
@@ -63,6 +63,8 @@ class Diaphragm(Rig):
         then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls, as that of a sensor on the other side does.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
@@ -92,6 +94,7 @@ class Diaphragm(Rig):
     ball_is_known: bool = False
     start_is_known: bool = True
     zero_is_known: bool = True
+    direction: float = 1.0
     prestretch_is_known: bool = True
     resolution: str = "reduced"
     elements: int = 4
@@ -146,9 +149,10 @@ class Diaphragm(Rig):
         return () if self.start_is_known else memories(self._material, effects)
 
     def rivals(self) -> tuple[Diaphragm, ...]:
-        """Return the rig with the other reading time, and with the other contact and prestretch if they are unknown."""
-        other_time = next(t for t in ReadingTime if t is not self.reading)
-        rivals = [replace(self, reading=other_time)]
+        """Return the rig read at the other end of the hold, and with the other contact and prestretch if they are
+        unknown.
+        """
+        rivals = [replace(self, reading=self.reading.other_end)]
         if not self.ball_is_known:
             other = "sliding" if self.ball == "bonded" else "bonded"
             rivals.append(replace(self, ball=other))
@@ -186,7 +190,7 @@ class Diaphragm(Rig):
         for number in range(len(shape.coordinates)):
             build.balance(forces[1 + number] / mass)
         build.guess(deflection, self.sag(self.contact_radius, build))
-        return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+        return build.place(Place.SENSOR, "reading", self.direction * displacement + build.parameter("zero"))
 
     def sag(self, radius: float, build: Builder) -> Symbol:
         r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.

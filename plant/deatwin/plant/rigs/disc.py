@@ -55,7 +55,7 @@ class Disc(FilmActuator):
         Equal-biaxial stretch of the mounted film.
     mass : float
         Mass that the electrode's edge carries besides the film, such as a marker, kg.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m,
         film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

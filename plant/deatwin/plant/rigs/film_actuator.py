@@ -58,6 +58,8 @@ class FilmActuator(Rig):
         then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
+    direction : float
+        1 if the reading grows with the displacement, -1 if it falls, as that of a sensor on the other side does.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         As for every `Rig`.
     """
@@ -71,6 +73,7 @@ class FilmActuator(Rig):
     start_hold: float = 0.0
     start_is_known: bool = True
     zero_is_known: bool = True
+    direction: float = 1.0
     sample_time: float = 0.02
     noise: float = 2e-6
 
@@ -141,7 +144,7 @@ class FilmActuator(Rig):
         forces = film.force(unknowns, squared) + ca.gradient(self._potential(position, shape, build), unknowns)
         build.rate(position, velocity)
         self._move(velocity, shape, forces, build)
-        return build.place(Place.SENSOR, "reading", displacement + build.parameter("zero"))
+        return build.place(Place.SENSOR, "reading", self.direction * displacement + build.parameter("zero"))
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         """Write the motion: `forces` of film and loads hold back the position, and then each further coordinate."""

@@ -52,7 +52,7 @@ class Planar(FilmActuator):
         Stretch across the motion; None for the same stretch as along it.
     sides : {"equal", "free", "clamped"}
         Support of the sides.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
         damping in N s/m, film volts per command volt, ramp and hold in s. If both directions move, `mass` and `damping`
         act on the motion along 1.

@@ -45,7 +45,7 @@ class Pressure(FilmActuator):
         Pressure inside above that outside, Pa.
     mass : float
         Mass on the apex besides the film, kg; its weight is not counted.
-    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+    material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film and start, as in every film actuator: material, undeformed thickness in m, damping of the apex in N s/m,
         film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

@@ -10,6 +10,8 @@ import numpy as np
 
 from deatwin.plant.errors import RigError
 from deatwin.plant.readings import Reading
+from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.rigkeys import DIRECTIONS
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.rigs.rigmistakes import READINGS, Mistake, format_errors, lines_of, mistakes_of
@@ -44,12 +46,16 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sensor: sample rate in Hz, rms noise and resolution in m, and if its zero is that without voltage."""
+    """Sensor: sample rate in Hz, rms noise and resolution in m, if its zero is that without voltage, where it
+    looks from, and when it reads.
+    """
 
     sample_rate: float
     noise: float
     resolution: float = 0.0
     zero_is_known: bool = True
+    direction: str = next(iter(DIRECTIONS))
+    reading: str = ReadingTime.END_OF_HOLD.value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +98,8 @@ class RigFile:
             "start_is_known": drive.start_is_known,
             "zero_is_known": sensor.zero_is_known,
             "command_range": drive.command_range,
+            "direction": DIRECTIONS[sensor.direction],
+            "reading": ReadingTime(sensor.reading),
             "sample_time": 1 / sensor.sample_rate,
             "further": self.readings,
             "supply": drive.supply,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.safe_read import clipped
 
 
@@ -153,6 +154,9 @@ DRIVE: Keys = {
         field="parallel_capacitance", lower=0.0, upper=1e9, per_si=1e12, required=False, about="across the film"
     ),
 }
+AGAINST = "against the motion"
+DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}
+"""Factor of the motion in the reading, by the text of the file."""
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
     "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),
@@ -163,6 +167,18 @@ SENSOR: Keys = {
         field="zero",
         choices=("displacement at zero volts", "arbitrary"),
         about="of the readings: near 0 without voltage, or anywhere",
+    ),
+    "direction": TextKey(
+        field="direction",
+        choices=tuple(DIRECTIONS),
+        required=False,
+        about="whether the readings grow with the motion that voltage causes, or fall; along the motion if left out",
+    ),
+    "reading": TextKey(
+        field="reading",
+        choices=tuple(taken.value for taken in ReadingTime),
+        required=False,
+        about="when a row is read while its command is held, or that it is the mean over that time; end of hold if left out",
     ),
 }
 

@@ -45,10 +45,12 @@ _EXAMPLES: Mapping[str, float | str] = {
     "resolution_mN": 0.1,
     "resolution_um": 0.5,
     "zero": "displacement at zero volts",
+    "direction": "along the motion",
+    "reading": "end of hold",
 }
 
 
-def rig_template(known: Mapping[str, tuple[float, str]], kind: str = "diaphragm") -> str:
+def rig_template(known: Mapping[str, tuple[float | str, str]], kind: str = "diaphragm") -> str:
     """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key."""
     parts, described = [_HEAD.format(about=KINDS[kind].about, kind=kind)], KINDS[kind]
     for section, keys in described.sections.items():
@@ -59,7 +61,9 @@ def rig_template(known: Mapping[str, tuple[float, str]], kind: str = "diaphragm"
     return "\n".join(parts)
 
 
-def _entry(name: str, key: NumberKey | TextKey, known: tuple[float, str] | None, example: float | str) -> list[str]:
+def _entry(
+    name: str, key: NumberKey | TextKey, known: tuple[float | str, str] | None, example: float | str
+) -> list[str]:
     """Return the lines of a key: what it means, and its value or an example."""
     allowed = f"one of {', '.join(MATERIALS)}" if name == "material" else key.allowed
     said = [f"# {name}: {key.about}; {allowed}", "" if key.required else "may be left out"]

@@ -38,7 +38,7 @@ class Stack(FilmActuator):
         A, the area of each layer before stretching, m².
     load : float
         F, a dead load on the lower end, N; positive pulls the stack longer.
-    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known
+    material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
         Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
         damping in N s/m, film volts per command volt, ramp and hold in s.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

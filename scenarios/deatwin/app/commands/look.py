@@ -186,9 +186,11 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
 
 def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     """Return the rig file to fill in, with what the first recording tells of it."""
+    from deatwin.plant.checks import falls_with_voltage
+    from deatwin.plant.rigs.rigkeys import AGAINST
     from deatwin.plant.rigs.rigtemplate import rig_template
 
-    known: dict[str, tuple[float, str]] = {}
+    known: dict[str, tuple[float | str, str]] = {}
     first = next((one.look for one in seen if one.look is not None), None)
     if first is not None:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
@@ -198,6 +200,8 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
             known["noise_um"] = (1e6 * reading.noise, said)
         if reading.unit == "N" and reading.noise:
             known["noise_mN"] = (1e3 * reading.noise, said)
+        if falls_with_voltage(first.recordings):
+            known["direction"] = (AGAINST, "the readings of the recording fall where the voltage rises")
     return rig_template(known, kind)
 
 

@@ -88,7 +88,7 @@ def test_several_recordings_count_together():
 
 
 @pytest.mark.parametrize("factor", [2, 3, 5, 8])
-@pytest.mark.parametrize("reading", ReadingTime)
+@pytest.mark.parametrize("reading", [ReadingTime.START_OF_HOLD, ReadingTime.END_OF_HOLD])
 def test_the_timing_of_inputs_and_readings(factor, reading):
     # A row's input is held over the row: its middle counts. A row's reading is taken at the end, or the start.
     T, start, omega = 0.01, 3.0, 2 * np.pi * 1.0

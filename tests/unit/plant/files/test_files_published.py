@@ -111,6 +111,13 @@ class TestBlanks:
         assert (recording.input_units, recording.output_units) == (("V",), ("m",))
         np.testing.assert_array_equal(recording.outputs, [[0.5e-3, 1e-3, 0.5e-3, 2e-3]])
 
+    @pytest.mark.parametrize("rates", ["200 Hz\t200 Hz\t200 Hz", "200 Hz\t±10 V\t50,0 mm", "\t10 kHz\t10 kHz"])
+    def test_a_line_of_rates_or_ranges_below_names_and_units(self, write, rates: str) -> None:
+        for names in (["time\tu\ty", "s\tV\tmm"], ["time [s]\tu [V]\ty [mm]"]):
+            recording = read_recording(write("Test 4", *names, rates, *rows(seconds, "\t")), **NAMED)
+            np.testing.assert_array_equal((recording.inputs[0], 1e3 * recording.outputs[0]), (U, Y))
+            assert (recording.input_units, recording.output_units) == (("V",), ("m",))
+
     def test_a_missing_cell_is_no_shift_of_the_others(self, write) -> None:
         lines = rows(seconds, "  ")
         lines[3] = "0.06        0.5"

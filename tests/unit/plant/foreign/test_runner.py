@@ -1,6 +1,7 @@
 """A model that was written elsewhere runs, with its derivatives, as the same equations in deatwin do."""
 
 import sys
+from dataclasses import replace
 from types import ModuleType
 
 import numpy as np
@@ -29,6 +30,7 @@ from deatwin.plant import (
     PeriodicDisturbance,
     Plant,
     Reading,
+    ReadingTime,
     RigError,
     SensorCurvature,
     SensorDrift,
@@ -49,6 +51,14 @@ def run(plant: Plant, held: np.ndarray) -> Run:
         rest_command=0.0,
         values=plant.free_values,
     )
+
+
+def test_rows_that_are_means_are_those_of_straight_readings() -> None:
+    _, foreign = plants()
+    ended = foreign.simulate(experiment(commands())).require().outputs[0][0]
+    averaged = replace(foreign, rig=replace(foreign.rig, reading=ReadingTime.MEAN_OVER_HOLD))
+    found = averaged.simulate(experiment(commands())).require().outputs[0][0]
+    np.testing.assert_allclose(found[1:], (ended[1:] + ended[:-1]) / 2, rtol=1e-9, atol=1e-12 * np.abs(ended).max())
 
 
 @pytest.mark.parametrize(

@@ -76,3 +76,10 @@ def test_an_arbitrary_zero_may_be_anywhere():
         Plant(rig=Diaphragm(zero_is_known=False)).parameters["zero"].upper
         == Plant(rig=Disc(zero_is_known=False)).parameters["zero"].upper
     )
+
+
+def test_readings_of_a_sensor_on_the_other_side_fall() -> None:
+    held = Experiment(recordings=(Recording.from_arrays([0.0, 1.0, 2.0], np.zeros(3), 0.02),))
+    for rig in (Diaphragm, Disc):
+        along, against = (Plant(rig=rig(direction=d)).simulate(held).require().outputs[0] for d in (1.0, -1.0))
+        np.testing.assert_allclose(against, -along, rtol=1e-9)

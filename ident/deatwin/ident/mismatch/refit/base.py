@@ -14,11 +14,21 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.naming.datasets import base_tables
 from deatwin.ident.mismatch.naming.drawing import draw_base
-from deatwin.ident.mismatch.refit.search import OPENING_SAMPLES, approach, at_its_time, finish, opening, roughly, settle
+from deatwin.ident.mismatch.refit.search import (
+    OPENING_SAMPLES,
+    ROUGH,
+    approach,
+    at_its_time,
+    finish,
+    opening,
+    roughly,
+    settle,
+)
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, several
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Scale
 from deatwin.plant.rigs.base import Rig
 
 if TYPE_CHECKING:
@@ -28,6 +38,8 @@ if TYPE_CHECKING:
 OPENS_AS_WELL = 1.2
 """Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them; by its
 linear model, where its few simulations did not do."""
+DECADE = 10.0
+"""Standard error of a parameter, as a factor, from which on the readings do not know its order of magnitude."""
 MORE_STARTS, SPREAD = 2, 0.2
 """Fits also start from so many other values, off by this much: what data sheets of elastomers are wrong by."""
 
@@ -175,7 +187,8 @@ def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
         return None
-    rough = at_its_time(roughly(min(usable, key=lambda fit: fit.rms).plant, bench.fitted), bench.fitted)
+    best = min(usable, key=lambda fit: fit.rms)
+    rough = at_its_time(roughly(_where_it_acts(best, bench.fitted), bench.fitted), bench.fitted)
     return _judged(bench, finish(rough, bench.fitted)) if rough.status.ok else None
 
 
@@ -191,6 +204,26 @@ def _starts(form: Plant) -> list[Plant]:
         pairs = zip(free, factors, strict=True)
         starts.append(form.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
     return starts
+
+
+def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
+    """Move each parameter that the readings hardly depend on, where a fit has ended, to the decade that fits best.
+
+    A descent has no slope to follow there, as with a damping that is far too small to be seen: it stays, or drifts to a
+    bound.
+    """
+    errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
+    known = (near.plant.parameters[name] for name in near.names)
+    openings = [opening(part, OPENING_SAMPLES) for part in parts]
+    found, least = near.plant, (1.0 - ROUGH) * near.rms**2
+    for parameter in (p for p in known if p.scale is Scale.LOGARITHMIC and not errors[p.name] < np.log(DECADE)):
+        down, up = (np.log10(end / parameter.value) for end in (parameter.lower, parameter.upper))
+        for power in (k for k in range(int(np.ceil(down)), int(np.floor(up)) + 1) if k):
+            tried = found.with_values({parameter.name: parameter.value * DECADE**power})
+            residuals = free_run_residuals(tried, openings)
+            if residuals is not None and np.mean(residuals**2) < least:
+                found, least = tried, float(np.mean(residuals**2))
+    return found
 
 
 def _same_form(one: Candidate, other: Candidate) -> bool:

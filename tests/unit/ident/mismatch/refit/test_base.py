@@ -1,14 +1,18 @@
 """Which forms of the base plant are fitted to all samples."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from made_rigs import Bare
 
 from deatwin.ident.greybox import Calibration, FitStatus
+from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.refit import base
-from deatwin.plant import Diaphragm, Plant, ReadingTime, SensorJump
+from deatwin.ident.mismatch.refit.search import approach
+from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, ReadingTime, Recording, Scale, SensorJump
+from deatwin.plant.builder import Builder
 
 ALONG, ACROSS = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
 
@@ -106,3 +110,32 @@ def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_go
     assert base.beside_rivals(None, found) is found
     monkeypatch.setattr(base, "_other_forms", lambda bench, first: [])
     assert base.beside_rivals(None, alone) is alone
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lag(Bare):
+    """It follows its command late."""
+
+    kind: ClassVar[str] = "lag"
+    late: float = 1e-4
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(name="late", value=self.late, unit="s", lower=1e-6, upper=1e4, scale=Scale.LOGARITHMIC),)
+
+    def write(self, build: Builder) -> Any:
+        position = build.state("position", scale=1.0)
+        build.rate(position, build.command - position, mass=build.parameter("late"))
+        return position
+
+
+def test_a_parameter_that_does_nothing_where_a_fit_ended_is_looked_for_by_decades():
+    commands = np.random.default_rng(1).normal(size=300)
+    held = Experiment(recordings=(Recording.from_arrays(commands, np.zeros(300), 0.02),))
+    readings = Plant(rig=Lag(late=0.05)).simulate(held).require().outputs[0][0]
+    parts = [Part.whole(Experiment(recordings=(Recording.from_arrays(commands, readings, 0.02),)))]
+    known = approach(Plant(rig=Lag(late=0.06)), parts)
+    assert base._where_it_acts(known, parts) is known.plant
+    # The lag is over within each sample: of its size the readings say nothing.
+    asleep = replace(known, plant=Plant(rig=Lag()), covariance=np.full((1, 1), 1e4), residuals=readings - commands)
+    assert np.isclose(base._where_it_acts(asleep, parts).parameters["late"].value, 0.1)
