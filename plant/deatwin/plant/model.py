@@ -83,6 +83,20 @@ class Plant:
         """Canonical names of the effects."""
         return tuple(e.name for e in self.effects)
 
+    def lacks(self, effect: Effect) -> bool:
+        """Tell if no effect of this plant is the given one, at whatever place.
+
+        Parameters
+        ----------
+        effect : Effect
+            Effect to look for.
+
+        Returns
+        -------
+        bool
+        """
+        return all(own.cause != effect.cause for own in self.effects)
+
     @property
     def event_times(self) -> tuple[str, ...]:
         """Names of the parameters that are times of events."""
