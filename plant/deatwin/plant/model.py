@@ -14,6 +14,7 @@ import numpy as np
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
+from deatwin.plant.effects.places import everywhere
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
@@ -382,7 +383,7 @@ class Plant:
         """
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        own = {effect.name: effect for effect in rig.effects()}  # at the sizes of this rig, and its own ones
+        own = {effect.name: effect for effect in everywhere(rig.effects())}  # at the sizes of this rig, and its own ones
         effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}
