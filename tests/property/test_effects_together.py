@@ -25,9 +25,12 @@ def every():
                     yield kind()
 
 
-EFFECTS = sorted((e for e in everywhere(every()) if e.signal != "pressure"), key=lambda e: e.name)
+EFFECTS = sorted(every(), key=lambda e: e.name)
 NAMED = {e.name: e for e in EFFECTS}
-each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+EVERYWHERE = [e for e in everywhere(EFFECTS) if e.signal != "pressure"]
+each = pytest.mark.parametrize("effect", EVERYWHERE, ids=lambda e: e.name)
+each_at_first = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+"""Pairs of places would take as long as all else."""
 
 
 def off(effect):
@@ -175,13 +178,19 @@ def brought(*kinds):
     ]
 
 
-@each
+@each_at_first
 def test_any_two_effects_make_one_plant_in_either_order(effect):
     for other in EFFECTS[EFFECTS.index(effect) + 1 :]:
         plant = Plant(rig=Diaphragm(), effects=(effect, other))
         assert plant.equations is Plant(rig=Diaphragm(), effects=(other, effect)).equations
         # Nothing of one overwrites what the other brings.
         assert sorted(brought(effect, other)) == sorted(brought(effect) + brought(other))
+
+
+def test_an_effect_at_all_its_places_makes_one_plant():
+    for effect in (e for e in EFFECTS if e.places):
+        placed = [e for e in EVERYWHERE if e.cause == effect.name]
+        assert sorted(brought(*placed)) == sorted(itertools.chain.from_iterable(map(brought, placed)))
 
 
 SAME_NODE = [
