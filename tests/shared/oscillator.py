@@ -31,6 +31,7 @@ class Oscillator(Rig):
         x, v = build.state("x", scale=1e-3), build.state("v", scale=0.1)
         pull = 1e-3 * build.place(Place.DRIVE, "command", build.command)
         drag = build.place(Place.BALL, "force", -build.parameter("damping") * v)
+        build.watch("speed", v)
         build.rate(x, v)
         build.rate(v, pull + drag - build.parameter("stiffness") * x, mass=MASS)
         return build.place(Place.SENSOR, "reading", x)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.worth import takes_most
 
 
 def causes_of(candidate: Candidate) -> tuple[str, ...]:
@@ -17,14 +18,19 @@ def causes_of(candidate: Candidate) -> tuple[str, ...]:
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
     """The same answer without rivals that are its best explanation at other places, and these.
 
-    Of others with the same causes the first is kept.
+    Of others with the same causes the first is kept. A plant that does not rest before the first reading is simulated
+    as if a tone began with it. Nobody knows that it did, so that what this shows of its place is left open.
     """
     if naming.best is None:
         return naming, ()
-    elsewhere = tuple(c for c in naming.rivals if _is_elsewhere(c, [naming.best]))
+    best, rig = naming.best, naming.base.calibration.plant.rig
+    effects = (e for e in best.calibration.plant.effects if e.name in best.effects)
+    is_open = rig.start.hold == 0.0 and any(e.cycle(()) > 0.0 and (e.places or e.placed_at) for e in effects)
+    known = [c for c in naming.candidates if takes_most(c, naming.base)] if is_open else naming.rivals
+    elsewhere = tuple(c for c in known if _is_elsewhere(c, [best]))
     others: list[Candidate] = []
     for rival in naming.rivals:
-        if rival not in elsewhere and not _is_elsewhere(rival, others):
+        if not _is_elsewhere(rival, [best]) and not _is_elsewhere(rival, others):
             others.append(rival)
     return replace(naming, rivals=tuple(others)), elsewhere
 
