@@ -383,7 +383,9 @@ class Plant:
         """
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        own = {effect.name: effect for effect in everywhere(rig.effects())}  # at the sizes of this rig, and its own ones
+        own = {
+            effect.name: effect for effect in everywhere(rig.effects())
+        }  # at the sizes of this rig, and its own ones
         effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}

@@ -108,5 +108,5 @@ def test_a_rig_has_the_places_whose_signals_it_has():
 def test_another_place_is_refused_with_those_that_there_are():
     with pytest.raises(RigError, match=r"periodic_disturbance has no place 'ball'.*command, force, pressure"):
         PeriodicDisturbance().placed("ball")
-    with pytest.raises(RigError, match="creep has no place 'reading'.*no other"):
+    with pytest.raises(RigError, match=r"creep has no place 'reading'.*no other"):
         Creep().placed("reading")

@@ -71,9 +71,7 @@ def test_a_late_camera_beside_an_undelayed_current_is_placed_at_the_reading():
 @pytest.mark.usefixtures("uncompiled")
 def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_place_is_open():
     tone = replace(PeriodicDisturbance(), amplitude=0.1e-3, frequency=6.0, phase=0.7)
-    found = diagnose(
-        Plant(rig=Oscillator()), recorded(Oscillator(), tone, level=40.0), effects=[PeriodicDisturbance()]
-    )
+    found = diagnose(Plant(rig=Oscillator()), recorded(Oscillator(), tone, level=40.0), effects=[PeriodicDisturbance()])
     (cause,) = found.causes
     assert (found.verdict, cause.effect, cause.place) == (Verdict.NAMED, "periodic_disturbance", None)
     assert set(cause.places) == {"reading", "command", "force"}
