@@ -1,7 +1,8 @@
-"""Table of the effects with a small picture of each one's signature, drawn while the site is built.
+"""Table of the effects with a small picture of each one's signature, and matrix of effects and places, drawn while the
+site is built.
 
-A hook of MkDocs (`on_page_markdown`), named in mkdocs.yml: it takes the place of ``<!-- signatures -->`` on a page. The
-curves come from docs/data/signatures.json, names and sentences from the catalogue.
+A hook of MkDocs (`on_page_markdown`), named in mkdocs.yml: they take the place of ``<!-- signatures -->`` and of
+``<!-- places -->`` on a page. The curves come from docs/data/signatures.json, names and sentences from the catalogue.
 """
 
 from __future__ import annotations
@@ -14,14 +15,16 @@ from typing import Any
 
 from deatwin.plant import Effect, catalogue
 
-MARK = "<!-- signatures -->"
+MARK, PLACES = "<!-- signatures -->", "<!-- places -->"
 DATA = Path(__file__).parents[1] / "data" / "signatures.json"
 WIDTH, HEIGHT = 180.0, 48.0
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put the table where the page asks for it."""
-    return markdown.replace(MARK, table()) if MARK in markdown else markdown
+    """Put the tables where the page asks for them."""
+    for mark, made in ((MARK, table), (PLACES, matrix)):
+        markdown = markdown.replace(mark, made()) if mark in markdown else markdown
+    return markdown
 
 
 def table() -> str:
@@ -37,11 +40,33 @@ def table() -> str:
     return f'<table class="signatures"><thead>{heads}</thead><tbody>{"".join(rows)}</tbody></table>'
 
 
+def matrix() -> str:
+    """HTML of the effects that have further places: one row for each effect, one column for each place."""
+    data = json.loads(DATA.read_text(encoding="utf-8"))["added_um"]
+    several = [effect for effect in catalogue() if effect.places]
+    columns = list(dict.fromkeys(place for e in several for place in (e.signal, *e.places)))
+    heads = "".join(f"<th>{place.replace('_', ' ')}</th>" for place in ("effect", *columns))
+    rows = []
+    for effect in several:
+        names = {effect.signal: effect.name, **{at: f"{effect.name}_at_{at}" for at in effect.places}}
+        cells = (cell(names[place], data) if place in names else "" for place in columns)
+        rows.append(f"<tr><td>{link(effect)}</td>{''.join(f'<td>{one}</td>' for one in cells)}</tr>")
+    return f'<table class="signatures"><thead><tr>{heads}</tr></thead><tbody>{"".join(rows)}</tbody></table>'
+
+
+def cell(name: str, data: dict[str, list[list[float]]]) -> str:
+    """Picture of an effect at a place, if the diaphragm has it."""
+    return picture(data[name], "µm") if name in data else "on rigs that have it"
+
+
+def link(effect: Effect) -> str:
+    """Name with a link to the effect's entry."""
+    return f'<a href="#deatwin.plant.{type(effect).__name__}"><code>{effect.name}</code></a>'
+
+
 def row(effect: Effect, added: list[list[float]]) -> str:
     """Name with a link, sentence, and picture."""
-    kind = type(effect).__name__
-    link = f'<a href="#deatwin.plant.{kind}"><code>{effect.name}</code></a>'
-    return f"<tr><td>{link}</td><td>{sentence(effect)}</td><td>{picture(added, 'µm')}</td></tr>"
+    return f"<tr><td>{link(effect)}</td><td>{sentence(effect)}</td><td>{picture(added, 'µm')}</td></tr>"
 
 
 def sentence(effect: Effect) -> str:

@@ -11,6 +11,7 @@ import pytest
 
 from deatwin.plant import Diaphragm, Effect, Experiment, Plant, Recording, effects
 from deatwin.plant.builder import Builder
+from deatwin.plant.effects.places import everywhere
 
 SAMPLE = 0.02
 
@@ -26,7 +27,10 @@ def every():
 
 EFFECTS = sorted(every(), key=lambda e: e.name)
 NAMED = {e.name: e for e in EFFECTS}
-each = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+EVERYWHERE = [e for e in everywhere(EFFECTS) if e.signal != "pressure"]
+each = pytest.mark.parametrize("effect", EVERYWHERE, ids=lambda e: e.name)
+each_at_first = pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+"""Pairs of places would take as long as all else."""
 
 
 def off(effect):
@@ -66,11 +70,16 @@ def test_an_effect_that_is_off_is_nothing_beside_others(effect):
     np.testing.assert_allclose(with_off, read(plant, commands()), rtol=0, atol=1e-12)
 
 
-NOT_EVEN = {"amplifier_offset", "amplifier_slew"}
-"""Under a whole experiment of opposite polarity: what adds a voltage, or treats rise and fall differently."""
-NOT_BLIND_TO_REVERSALS = {
+NOT_EVEN = {
     "amplifier_offset",
     "amplifier_slew",
+    "periodic_disturbance_at_command",
+    "sensor_drift_at_command",
+}
+"""Under a whole experiment of opposite polarity: what adds a voltage, or treats rise and fall differently."""
+NOT_BLIND_TO_REVERSALS = {
+    *NOT_EVEN,
+    "sensor_lag_at_command",
     "backlash",
     "charge_injection",
     "delay",
@@ -169,13 +178,19 @@ def brought(*kinds):
     ]
 
 
-@each
+@each_at_first
 def test_any_two_effects_make_one_plant_in_either_order(effect):
     for other in EFFECTS[EFFECTS.index(effect) + 1 :]:
         plant = Plant(rig=Diaphragm(), effects=(effect, other))
         assert plant.equations is Plant(rig=Diaphragm(), effects=(other, effect)).equations
         # Nothing of one overwrites what the other brings.
         assert sorted(brought(effect, other)) == sorted(brought(effect) + brought(other))
+
+
+def test_an_effect_at_all_its_places_makes_one_plant():
+    for effect in (e for e in EFFECTS if e.places):
+        placed = [e for e in EVERYWHERE if e.cause == effect.name]
+        assert sorted(brought(*placed)) == sorted(itertools.chain.from_iterable(map(brought, placed)))
 
 
 SAME_NODE = [

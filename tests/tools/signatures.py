@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant import Diaphragm, Effect, Experiment, Plant, Recording, catalogue
+from deatwin.plant.effects.places import everywhere
 
 SCHEMA = "deatwin/signatures/1"
 SAMPLE_TIME = 0.02
@@ -66,7 +67,8 @@ def signatures() -> dict[str, object]:
     levels = {"drive": plant.parameters["gain"].value * float(u.max()), "ball": top, "sensor": top}
     added = {
         effect.name: outline(1e6 * (reading(plant.with_effects(shown(effect, levels)), u) - base))
-        for effect in catalogue()
+        for effect in everywhere(catalogue())
+        if plant.accepts(effect)
     }
     return {"schema": SCHEMA, "seconds": CORNERS[-1][0], "command_V": outline(u), "added_um": added}
 

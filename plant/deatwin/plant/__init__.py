@@ -6,6 +6,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.datasheets import Amplifier, Converter, Laser, Part, quantise
 from deatwin.plant.effects import (
+    Alone,
     AmplifierOffset,
     AmplifierSaturation,
     AmplifierSlew,
@@ -39,6 +40,7 @@ from deatwin.plant.effects import (
     SensorJump,
     SensorLag,
     SensorSaturation,
+    Site,
     Sizes,
     StrainStiffening,
     ThermalStiffness,
@@ -79,6 +81,7 @@ __all__ = [
     "MATERIALS",
     "ActuationCurve",
     "Actuator",
+    "Alone",
     "Amplifier",
     "AmplifierOffset",
     "AmplifierSaturation",
@@ -150,6 +153,7 @@ __all__ = [
     "SensorSaturation",
     "Simulation",
     "SimulationError",
+    "Site",
     "Sizes",
     "Stack",
     "StartProcedure",

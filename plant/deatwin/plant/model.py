@@ -12,6 +12,7 @@ import numpy as np
 
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
+from deatwin.plant.effects.places import everywhere
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import ParameterSet
@@ -79,6 +80,20 @@ class Plant:
     def effect_names(self) -> tuple[str, ...]:
         """Canonical names of the effects."""
         return tuple(e.name for e in self.effects)
+
+    def lacks(self, effect: Effect) -> bool:
+        """Tell if no effect of this plant is the given one, at whatever place.
+
+        Parameters
+        ----------
+        effect : Effect
+            Effect to look for.
+
+        Returns
+        -------
+        bool
+        """
+        return all(own.cause != effect.cause for own in self.effects)
 
     @property
     def event_times(self) -> tuple[str, ...]:
@@ -364,7 +379,9 @@ class Plant:
         """
         described = dict(data["rig"])
         rig = rig_kind(described.pop("kind")).from_dict(described)
-        own = {effect.name: effect for effect in rig.effects()}  # at the sizes of this rig, and its own ones
+        own = {
+            effect.name: effect for effect in everywhere(rig.effects())
+        }  # at the sizes of this rig, and its own ones
         effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}

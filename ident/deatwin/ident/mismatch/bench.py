@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from math import log
 
 from deatwin.ident.greybox.parts import Part, first_only
 from deatwin.plant.effects.base import Effect
@@ -27,6 +30,8 @@ class Bench:
         Model error that the user's rig states, SI.
     expected_error : float
         What that is for the motion seen, SI.
+    elsewhere : tuple of Effect
+        Effects at further places, to be tried in place of the same effects at other ones.
     """
 
     nominal: Plant
@@ -37,6 +42,28 @@ class Bench:
     jobs: int
     stated_error: float
     expected_error: float
+    elsewhere: tuple[Effect, ...] = ()
+
+    @property
+    def everywhere(self) -> tuple[Effect, ...]:
+        """Return all effects that may be missing, at all places."""
+        return (*self.effects, *self.elsewhere)
+
+    def log_prior(self, names: Collection[str]) -> float:
+        """Return the logarithm of the share of the prior of effects that falls to these places: each takes as much.
+
+        Parameters
+        ----------
+        names : collection of str
+            Names of effects, at their places.
+
+        Returns
+        -------
+        float
+        """
+        places = Counter(effect.cause for effect in self.everywhere)
+        chosen = (effect for effect in self.everywhere if effect.name in names)
+        return -sum(log(places[effect.cause]) for effect in chosen)
 
     @property
     def of_first(self) -> Bench:

@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
@@ -28,6 +29,7 @@ from deatwin.ident.mismatch.taught import taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
+from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
 
 MARGIN = 0.05
@@ -60,7 +62,7 @@ def conclude(findings: Findings) -> Diagnosis:
     )
     causes = _causes(findings) if findings.named else ()
     rivals = findings.naming.rivals if findings.named else ()
-    names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in c.effects))
+    names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in causes_of(c)))
     diagnosis = Diagnosis(
         output=Output(name=rig.output_name, unit=unit),
         verdict=findings.verdict,
@@ -74,7 +76,7 @@ def conclude(findings: Findings) -> Diagnosis:
         free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
-        rivals=tuple(rival.effects for rival in rivals),
+        rivals=tuple(causes_of(rival) for rival in rivals),
         indistinguishable=_indistinguishable(findings) if findings.named else (),
         advice=None if findings.advice is None else findings.advice.summary,
         sentence="",
@@ -145,11 +147,11 @@ def _beyond(rms: float, noise: float) -> float:
 
 
 def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
-    rivals = {"+".join(rival.effects) for rival in findings.naming.rivals}
+    known = {"+".join(c.effects): "+".join(causes_of(c)) for c in (findings.answer, *findings.naming.rivals)}
     return tuple(
-        IndistinguishablePair(effects=pair.effects, d2=pair.d2)
+        IndistinguishablePair(effects=tuple(known[name] for name in pair.effects), d2=pair.d2)
         for pair in findings.naming.distances
-        if pair.effects[1] in rivals
+        if all(name in known for name in pair.effects)
     )
 
 
@@ -199,7 +201,7 @@ def _forms_of_rivals(findings: Findings) -> Iterator[str]:
 def _causes(findings: Findings) -> tuple[Cause, ...]:
     naming, final, base = findings.naming, findings.final, findings.base
     shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
-    causes = []
+    causes, every = [], findings.bench.everywhere
     for effect in final.plant.effects:
         if effect.name not in findings.answer.effects:
             continue  # the plant on the bench had it already
@@ -209,10 +211,13 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             value = final.plant.parameters[parameter.name].value
             short = parameter.name.removeprefix(f"{effect.name}.")
             parameters[short] = Interval(value=value, low=low, high=high, unit=parameter.unit)
-        weight = sum(p for names, p in naming.probabilities.items() if effect.name in names)
+        places, same = _places(effect, findings), {e.name for e in every if e.cause == effect.cause}
+        weight = sum(p for names, p in naming.probabilities.items() if same.intersection(names))
         causes.append(
             Cause(
-                effect=effect.name,
+                effect=effect.cause,
+                place=places[0] if len(places) == 1 and (effect.places or effect.placed_at) else None,
+                places=places if len(places) > 1 else None,
                 family=effect.family.value,
                 probability=(1.0 - MARGIN) * min(1.0, weight),
                 share_explained=shares[effect.name],
@@ -220,6 +225,16 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             )
         )
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
+
+
+def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
+    """Where an effect of the answer may enter, first where it does in the amended plant."""
+    nominal, others = findings.bench.nominal, findings.elsewhere
+    found = [effect, *(e for c in others for e in c.calibration.plant.effects if e.cause == effect.cause)]
+    if not nominal.rig.further:
+        same = [at for at, site in effect.places.items() if site.alone is Alone.AS_FIRST]
+        found += [e for e in map(effect.placed, same) if nominal.accepts(e)]
+    return tuple(dict.fromkeys(e.placed_at or e.signal for e in found))
 
 
 def _fit_summary(findings: Findings) -> FitSummary:
@@ -241,7 +256,7 @@ def _location(findings: Findings) -> LocationSummary | None:
         return None
     located = findings.location.summary
     found = {place.place: place for place in located.place}
-    place_of = {effect.name: effect.place.value for effect in findings.bench.effects}
+    place_of = {effect.name: effect.place.value for effect in findings.bench.everywhere}
     base = findings.base.chosen
     missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
     shares: dict[str, float] = {}

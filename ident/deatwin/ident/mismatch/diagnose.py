@@ -22,6 +22,7 @@ from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
+from deatwin.ident.mismatch.naming.places import without_places
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.partly import acting
 from deatwin.ident.mismatch.prepare import prepare
@@ -129,6 +130,7 @@ def diagnose(
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
+    naming, elsewhere = without_places(naming)
     verdict = _verdict(bench, checked, base, detection, naming, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
@@ -160,6 +162,7 @@ def diagnose(
             answer=answer,
             final=refit(last, bench.everything) if whole is None else whole,
             left=left,
+            elsewhere=elsewhere if answer is naming.best else (),
         )
     )
     tell(1.0, "done")

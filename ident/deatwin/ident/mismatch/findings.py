@@ -51,6 +51,8 @@ class Findings:
         The answer, fitted to all sound samples.
     left : Location or None
         Where the answer leaves what it does not explain, of a partial one.
+    elsewhere : tuple of Candidate
+        The answer at other places that the recordings cannot rule out.
     """
 
     bench: Bench
@@ -66,6 +68,7 @@ class Findings:
     answer: Candidate
     final: Calibration
     left: Location | None = None
+    elsewhere: tuple[Candidate, ...] = ()
 
     @property
     def named(self) -> bool:

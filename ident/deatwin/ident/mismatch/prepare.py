@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
-from deatwin.plant.effects.base import Effect
+from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
@@ -84,17 +84,33 @@ def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
 
 def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None) -> Bench:
     rig = plant.rig.for_motion(_motion(checked))
-    fitted, unseen, everything = split(checked, onset, _weights(rig, checked))
+    weights = _weights(rig, checked)
+    fitted, unseen, everything = split(checked, onset, weights)
+    known = tuple(e for e in effects if plant.accepts(e))
+    beside_others = (Alone.AS_FIRST, Alone.AS_ANOTHER) if weights else ()
     return Bench(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
         expected_error=rig.model_error,
-        effects=tuple(e for e in effects if plant.accepts(e)),
+        effects=(*known, *_elsewhere(plant, known, beside_others)),
+        elsewhere=_elsewhere(plant, known, (Alone.TOLD,)),
         fitted=fitted,
         unseen=unseen,
         everything=everything,
         jobs=jobs,
     )
+
+
+def _elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]) -> tuple[Effect, ...]:
+    """The effects at those further places that the plant has, unless another one does the same there."""
+    names = {effect.name for effect in effects}
+    placed = (
+        effect.placed(at)
+        for effect in effects
+        for at, site in effect.places.items()
+        if site.alone in alone and site.covered_by not in names
+    )
+    return tuple(effect for effect in placed if plant.accepts(effect))
 
 
 def _same_parts(one: Bench, other: Bench) -> bool:

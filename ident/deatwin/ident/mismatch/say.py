@@ -256,9 +256,11 @@ def _part(share: float) -> str:
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """In the effect's own words, which a user's effect brings along in the model."""
     own = () if diagnosis.model is None else diagnosis.model.plant.effects
-    effect = next((e for e in own if e.name == cause.effect), None) or effect_named(cause.effect)
+    effect = next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
     text = effect.wording.format(**{name: _with_interval(p) for name, p in cause.parameters.items()})
-    return text[0].lower() + text[1:]
+    others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
+    elsewhere = f" (or the same happens at {' or '.join(others)}: these recordings cannot tell)" if others else ""
+    return text[0].lower() + text[1:] + elsewhere
 
 
 def _with_interval(parameter: Interval) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from deatwin.plant.prefixes import prefixed
+from deatwin.plant.records import OPTIONAL
 
 NOTHING = 1e-3
 """Share of its interval below which a value is written as 0."""
@@ -125,6 +126,10 @@ class Cause:
         Share of the mismatch's energy that goes with it, from 0 to 1.
     parameters : mapping of str to Interval
         The effect's own parameters.
+    place : str or None
+        Where it enters the plant; None where it has no other place, or the recordings cannot tell.
+    places : tuple of str or None
+        Where it may enter if the recordings cannot tell; first the place in the amended plant, with the parameters.
     """
 
     effect: str
@@ -132,6 +137,8 @@ class Cause:
     probability: float
     share_explained: float
     parameters: Mapping[str, Interval]
+    place: str | None = field(default=None, metadata=OPTIONAL)
+    places: tuple[str, ...] | None = field(default=None, metadata=OPTIONAL)
 
 
 @dataclass(frozen=True, kw_only=True)

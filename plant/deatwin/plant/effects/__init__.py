@@ -4,7 +4,7 @@ from deatwin.plant.effects.amplifier_offset import AmplifierOffset
 from deatwin.plant.effects.amplifier_saturation import AmplifierSaturation
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew
 from deatwin.plant.effects.backlash import Backlash
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
 from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.plant.effects.charge_injection import ChargeInjection
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
@@ -37,6 +37,7 @@ from deatwin.plant.effects.strain_stiffening import StrainStiffening
 from deatwin.plant.effects.thermal_stiffness import ThermalStiffness
 
 __all__ = [
+    "Alone",
     "AmplifierOffset",
     "AmplifierSaturation",
     "AmplifierSlew",
@@ -70,6 +71,7 @@ __all__ = [
     "SensorJump",
     "SensorLag",
     "SensorSaturation",
+    "Site",
     "Sizes",
     "StrainStiffening",
     "ThermalStiffness",

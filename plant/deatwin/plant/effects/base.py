@@ -37,6 +37,51 @@ class Place(Enum):
     PARAMETER = "parameter"
 
 
+class Alone(Enum):
+    """Whether one reading alone tells a further place of an effect."""
+
+    TOLD = "told"
+    """It may, so that the place is tried in every diagnosis."""
+    AS_FIRST = "as first"
+    """It reads the same as with the effect at its first place, whatever the plant, unless a clock moves that, too."""
+    AS_ANOTHER = "as another"
+    """It takes the effect there for another one, so that the place is tried beside further readings only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """A further place at which an effect may enter a plant, by the same law.
+
+    Parameters
+    ----------
+    place : Enum
+        Place in the plant, as `Effect.place`.
+    signal : str
+        Signal that the effect rewrites there.
+    wording : str
+        As `Effect.wording`.
+    strength : Parameter, or None
+        Strength with its typical value, unit and range there; None if they are those of the first place.
+    family : Enum, or None
+        Family there; None if it is that of the first place.
+    order : int
+        As `Effect.order`.
+    alone : Alone
+        What one reading alone tells of this place.
+    covered_by : str
+        Name of another effect that does the same there: a plant that takes it has no such place of this effect.
+    """
+
+    place: Enum
+    signal: str
+    wording: str
+    strength: Parameter | None = None
+    family: Enum | None = None
+    order: int = 0
+    alone: Alone = Alone.TOLD
+    covered_by: str = ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
     """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
@@ -66,6 +111,10 @@ class Effect(ABC):
     parameter ``effect.at_start`` displaces that state from rest."""
     wording: ClassVar[str]
     """Says in a sentence what the physics does; with ``{parameter}`` fields."""
+    places: ClassVar[Mapping[str, Site]] = MappingProxyType({})
+    """Further places at which the effect may enter, by name. The first place has the name of its signal."""
+    placed_at: ClassVar[str] = ""
+    """Name of the further place at which this effect enters; empty at the first one."""
 
     @abstractmethod
     def describe(self) -> tuple[Parameter, ...]:
@@ -118,6 +167,39 @@ class Effect(ABC):
             Period, s; 0 if there is no cycle or if the recordings measure it.
         """
         return 0.0
+
+    @property
+    def cause(self) -> str:
+        """Name of the effect, whatever its place; `name` is this one at the first place."""
+        return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
+
+    def placed(self, at: str) -> Effect:
+        """Return this effect at another place, at its typical strength there.
+
+        Parameters
+        ----------
+        at : str
+            Name of a place among `places`.
+
+        Returns
+        -------
+        Effect
+            Of the name ``effect_at_place``.
+
+        Raises
+        ------
+        RigError
+            If the effect has no such place.
+
+        Examples
+        --------
+        >>> from deatwin.plant import PeriodicDisturbance
+        >>> PeriodicDisturbance().placed("force").describe()[0].unit
+        'N'
+        """
+        from deatwin.plant.effects.places import placed  # which is made of effects
+
+        return placed(type(self), at)()
 
     @property
     def entry(self) -> str | dict[str, Any]:

@@ -13,6 +13,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.dead_zone import DeadZone
 from deatwin.plant.effects.dry_friction import DryFriction
 from deatwin.plant.effects.free_form import FreeForm
+from deatwin.plant.effects.places import placed
 from deatwin.plant.effects.relaxation import Relaxation
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.safe_read import clipped
@@ -100,6 +101,7 @@ def effect_named(name: str) -> Effect:
     60.0
     """
     types = {**{t.name: t for t in MACHINES}, **_types()}
+    types |= {f"{kind.name}_at_{at}": placed(kind, at) for kind in types.values() for at in kind.places}
     try:
         return types[name]()
     except KeyError:

@@ -1,15 +1,16 @@
-"""A tone in the reading."""
+"""A tone in the reading, the command, a force or a pressure."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Effect, Family, Place, Site
 from deatwin.plant.effects.lines import tones
 from deatwin.plant.parameters import Parameter
 
@@ -17,11 +18,29 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
 
+PHASES = 2 * np.pi / 4 * np.arange(-1, 3)
+"""Phases at which a tone is tried behind a plant that shifts it: one of them is within an eighth of a turn, and
+promises half of what the right one does."""
+
+
+def _added(to: str, unit: str, amplitude: float, upper: float, place: Place) -> Site:
+    return Site(
+        place=place,
+        signal=to,
+        order=-1,
+        strength=Parameter(name="amplitude", value=amplitude, unit=unit, lower=0.0, upper=upper),
+        wording=f"A tone of {{frequency}} and {{amplitude}} is added to the {to}, at a phase of {{phase}}",
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class PeriodicDisturbance(Effect):
-    r"""A sinusoidal disturbance is added to the reading: the mains, a fan, a shaking table.
+    r"""A sinusoidal disturbance is added to a signal, first of all the reading: the mains, a fan, a shaking table.
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
+
+    Further places: the ``command``, the ``force`` on the body that moves, and a ``pressure``, if the rig has them.
+    There the plant filters the tone, and its answer changes with the voltage.
 
     No state. A tone above half the sampling rate is recorded at its alias: mains of 50 Hz, sampled at 50 Hz, beats
     within 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the spectrum, even at a
@@ -30,7 +49,7 @@ class PeriodicDisturbance(Effect):
     Parameters
     ----------
     amplitude : float
-        a in the unit of the reading; m for a displacement.
+        a in the unit of the signal; m for a displacement.
     frequency : float
         f in Hz.
     phase : float
@@ -53,6 +72,13 @@ class PeriodicDisturbance(Effect):
     order: ClassVar[int] = -1
     """It precedes the sensor's lag and limit, but not its curvature, which acts on the motion alone."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
+    places: ClassVar[Mapping[str, Site]] = MappingProxyType(
+        {
+            "command": _added("command", "V", 0.02, 1.0, Place.DRIVE),
+            "force": _added("force", "N", 0.3e-3, 1.0, Place.BALL),
+            "pressure": _added("pressure", "Pa", 10.0, 1e4, Place.PARAMETER),
+        }
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
@@ -82,10 +108,14 @@ class PeriodicDisturbance(Effect):
         -------
         tuple of Effect
             Up to three effects with amplitude and phase, at frequencies within this effect's range and below half the
-            sampling rate.
+            sampling rate. Behind a plant, which shifts a tone, only the strongest line, at several phases and with this
+            effect's own amplitude.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]
+        if self.placed_at:
+            found = [t.frequency for t in tones(timepts, residual, count=1) if slowest <= t.frequency <= fastest]
+            return tuple(replace(self, frequency=f, phase=float(phase)) for f in found for phase in PHASES)
         return tuple(
             replace(self, amplitude=min(t.amplitude, ranges["amplitude"][1]), frequency=t.frequency, phase=t.phase)
             for t in tones(timepts, residual, count=3)

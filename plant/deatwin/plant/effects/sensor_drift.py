@@ -1,17 +1,35 @@
-"""Slow drift of the sensor's zero."""
+"""Slow drift of the sensor's zero, or of its gain, or of the amplifier's."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
 from deatwin.plant.parameters import Parameter, Scale
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+
+
+def _drifting(what: str, place: Place, signal: str, family: Family, strength: Parameter, order: int = 0) -> Site:
+    return Site(
+        place=place,
+        signal=signal,
+        family=family,
+        strength=strength,
+        order=order,
+        alone=Alone.AS_ANOTHER,
+        wording=f"{what} drifts by {{change}} with a time constant of {{time}}",
+    )
+
+
+GAIN = Parameter(name="change", value=0.05, unit="1", lower=-0.5, upper=0.5)
+VOLTS = Parameter(name="change", value=0.02, unit="V", lower=-1.0, upper=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +38,10 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
+    Further places, beside a second reading: the offset of the amplifier's ``command``, and the gains of amplifier and
+    sensor, ``command_gain`` and ``reading_gain``, where :math:`s \to s\,[1 + a\,(1 - e^{-t/\tau})]`. One reading alone
+    takes a gain that drifts for a `permittivity_drift`.
+
     No state: the clock is known. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms
     up or its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
     `permittivity_drift` instead scales the motion and leaves the sag at 0 V. Off at a = 0.
@@ -27,7 +49,7 @@ class SensorDrift(Effect):
     Parameters
     ----------
     change : float
-        a, the final change, m.
+        a, the final change, in the unit of the signal; of a gain relative to it.
     time : float
         :math:`\tau` in s.
 
@@ -46,6 +68,13 @@ class SensorDrift(Effect):
     strength: ClassVar[str] = "change"
     order: ClassVar[int] = 10
     """Added to what the sensor's curve makes of the motion."""
+    places: ClassVar[Mapping[str, Site]] = MappingProxyType(
+        {
+            "reading_gain": _drifting("The sensor's gain", Place.SENSOR, "reading", Family.SENSOR, GAIN, order=9),
+            "command": _drifting("The amplifier's offset", Place.DRIVE, "command", Family.ELECTRICAL, VOLTS),
+            "command_gain": _drifting("The amplifier's gain", Place.DRIVE, "command", Family.ELECTRICAL, GAIN),
+        }
+    )
     wording: ClassVar[str] = "The sensor's zero drifts by {change} with a time constant of {time}"
 
     def describe(self) -> tuple[Parameter, ...]:
@@ -56,4 +85,5 @@ class SensorDrift(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         elapsed = ca.fmax(build.time, 0.0)
-        return signal + self.own("change", build) * (1 - ca.exp(-elapsed / self.own("time", build)))
+        change = self.own("change", build) * (1 - ca.exp(-elapsed / self.own("time", build)))
+        return signal * (1 + change) if self.placed_at.endswith("gain") else signal + change

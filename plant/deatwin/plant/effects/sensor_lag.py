@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.base import Effect, Family, Place, Site
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ class SensorLag(Effect):
     series, 1/2 a Butterworth filter; above that the sensor rings. Typical: 0.1 to 20 ms of averaging. Signature: like a
     `delay` with a roll-off above :math:`1/(2\pi\tau_s)`, but behind all nonlinearity, so that each harmonic lags
     according to its own frequency; the ball's ringing is damped in the reading only. Off at :math:`\tau_s = 0`, where
-    y = x.
+    y = x. Further place: the ``command`` of a rig without a film; with one, that is an `electrode_rc`.
 
     Parameters
     ----------
@@ -46,6 +48,17 @@ class SensorLag(Effect):
     strength: ClassVar[str] = "time"
     order: ClassVar[int] = 20
     """After all that happens to the light, before the output clips."""
+    places: ClassVar[Mapping[str, Site]] = MappingProxyType(
+        {
+            "command": Site(
+                place=Place.DRIVE,
+                signal="command",
+                family=Family.ELECTRICAL,
+                covered_by="electrode_rc",
+                wording="The drive lags with a time constant of {time}, and an inertia of {inertia} times its square",
+            )
+        }
+    )
     wording: ClassVar[str] = (
         "The sensor lags with a time constant of {time}, and an inertia of {inertia} times its square"
     )
@@ -58,7 +71,8 @@ class SensorLag(Effect):
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
         time, inertia = self.own("time", build), self.own("inertia", build)
-        reading, rise = build.state("lagged_reading", scale=1e-3), build.state("lagged_rise", scale=1e-3)
-        build.rate(reading, rise, mass=time)
-        build.rate(rise, signal - reading - rise, mass=inertia * time)
-        return reading
+        names = (f"lagged_{self.signal}", f"rise_of_lagged_{self.signal}")
+        lagged, rise = (build.state(name, scale=1.0 if self.placed_at else 1e-3) for name in names)
+        build.rate(lagged, rise, mass=time)
+        build.rate(rise, signal - lagged - rise, mass=inertia * time)
+        return lagged

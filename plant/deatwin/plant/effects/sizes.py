@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.places import Elsewhere, placed
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -154,8 +155,12 @@ class _Similar(Effect):
         )
         return tuple(self.sizes.of(effect) for effect in found)
 
+    def placed(self, at: str) -> Effect:
+        return self.sizes.of(self.original().placed(at))
+
     def __reduce__(self) -> tuple[Any, ...]:
-        return _made, (self.original, self.sizes, {f.name: getattr(self, f.name) for f in fields(self)})
+        first = self.original.first if issubclass(self.original, Elsewhere) else self.original
+        return _made, (first, self.placed_at, self.sizes, {f.name: getattr(self, f.name) for f in fields(self)})
 
 
 class _View:
@@ -216,8 +221,8 @@ def _kind(original: type[Effect], sizes: Sizes) -> type[Effect]:
     return type(original.__name__, (_Similar, original), own)
 
 
-def _made(original: type[Effect], sizes: Sizes, values: Mapping[str, float]) -> Effect:
-    return _kind(original, sizes)(**values)
+def _made(first: type[Effect], at: str, sizes: Sizes, values: Mapping[str, float]) -> Effect:
+    return _kind(placed(first, at) if at else first, sizes)(**values)
 
 
 def _powers(unit: str) -> Counter[str]:

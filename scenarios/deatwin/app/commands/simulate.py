@@ -101,10 +101,13 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     from dataclasses import replace
 
     from deatwin.plant.effects import effect_named
+    from deatwin.plant.effects.places import everywhere
     from deatwin.plant.errors import RigError
 
     plant = model.plant
-    own = {effect.name: effect for effect in plant.rig.effects()}  # at the sizes of this rig, and its own ones
+    own = {
+        effect.name: effect for effect in everywhere(plant.rig.effects())
+    }  # at the sizes of this rig, and its own ones
     for name in names:
         effect = own.get(name) or effect_named(name)
         if name in plant.effect_names:

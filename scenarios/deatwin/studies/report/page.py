@@ -77,7 +77,8 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     if diagnosis.readings is None:
         return []
     size = reported_size(diagnosis.output.unit, diagnosis.readings.experiments[0].recordings[0].output_units[0])
-    chosen = {cause.effect for cause in diagnosis.causes}
+    causes, plant = {cause.effect for cause in diagnosis.causes}, diagnosis.model and diagnosis.model.plant
+    chosen = {effect.name for effect in plant.effects if effect.cause in causes} if plant else causes
     rows = [
         {
             "effects": " + ".join(c.effects) or "none: the calibrated plant",

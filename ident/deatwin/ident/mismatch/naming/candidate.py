@@ -43,6 +43,8 @@ class Candidate:
         Fitted and held-out samples of each experiment; empty where there is one.
     measured : ndarray, shape (m + n,)
         Readings of the fitted and the held-out part, SI; empty where nothing is to depend on them.
+    log_prior : float
+        Logarithm of the share of its effects' prior that falls to the places at which they are.
     """
 
     effects: tuple[str, ...]
@@ -52,6 +54,7 @@ class Candidate:
     contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sizes: tuple[tuple[int, int], ...] = ()
     measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    log_prior: float = 0.0
 
     @cached_property
     def fitted_test(self) -> Excess:
@@ -120,8 +123,8 @@ class Candidate:
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the evidence over both parts."""
-        return evidence(self.losses, len(self.calibration.names))
+        """Logarithm of the evidence over both parts, and of the prior of the effects' places."""
+        return evidence(self.losses, len(self.calibration.names)) + self.log_prior
 
 
 def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | None:
@@ -153,6 +156,7 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
         measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
+        log_prior=bench.log_prior(added),
     )
 
 

@@ -173,8 +173,11 @@ class Search(Tried):
             timed = bool(effect.event) or effect.cycle(()) > 0.0
             return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
 
-        given = self.tried[best].calibration.plant.effect_names
-        return [effect for effect in self.bench.effects if effect.name not in given and is_open(effect)]
+        rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
+        others = [effect for effect in self.bench.effects if rest.lacks(effect)]
+        # What the set has at one place may be at another one.
+        others += [effect for effect in self.bench.elsewhere if rest.lacks(effect) and not full.lacks(effect)]
+        return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
         """Try what was not tried, against the best of the sets of as many effects."""
@@ -226,7 +229,7 @@ class Search(Tried):
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)
-        free = [effect for effect in self.bench.effects if effect.name not in fit.plant.effect_names]
+        free = [effect for effect in self.bench.effects if fit.plant.lacks(effect)]
         times = reading_times(base.plant, first_only(self.bench.fitted))
         looking = [effect for effect in free if effect.starts(times, fit.residuals[: times.size])]
         again = footprints(self.bench, base, looking, fit)
@@ -288,7 +291,7 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
     singles = [names for names in search.tried if len(names) == 1]
     for names, events in zip(singles, search.event_leads(*singles), strict=True):
         fit = search.tried[names].calibration
-        free = [f for f in search.known() if f.effect.name not in fit.plant.effect_names]
+        free = [f for f in search.known() if fit.plant.lacks(f.effect)]
         found = most_promising(leads(free, fit), events)
         alone = linearised_rms(fit.residuals, fit.movable) ** 2
         for lead, trial in zip(found, trials_of(unbent_like(search.bench, fit.plant), fit, found), strict=True):

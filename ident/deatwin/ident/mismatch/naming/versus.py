@@ -45,7 +45,7 @@ def advantage(one: Candidate, other: Candidate) -> float:
         in `deatwin.ident.mismatch.losses.evidence`.
     """
     more = len(other.calibration.names) - len(one.calibration.names)
-    cost = more / 2 * float(np.log(one.losses.size))
+    cost = more / 2 * float(np.log(one.losses.size)) + one.log_prior - other.log_prior
     by_blocks, by_shape = one.evidence - other.evidence - cost, _by_shape(one, other)
     return max(by_blocks, by_shape, key=abs) + cost
 

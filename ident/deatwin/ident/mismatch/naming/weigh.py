@@ -63,7 +63,12 @@ class Scale:
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect, whose law is as likely exact as not."""
         either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
-        return self.weight(pair) - float(either) + pair_odds(len(self.bench.effects))
+        return self.weight(pair) - float(either) + self._pair_odds + pair.log_prior - alone.log_prior
+
+    @property
+    def _pair_odds(self) -> float:
+        """Log odds of any two effects over any one."""
+        return pair_odds(len({effect.cause for effect in self.bench.everywhere}))
 
     def weight(self, candidate: Candidate) -> float:
         """Log evidence of a candidate's fit."""
@@ -111,7 +116,7 @@ class Scale:
 
     def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
         """Derivatives and the plant's own error in deviations beforehand, (n, k), and where the fit lies in them."""
-        fit, effects = candidate.calibration, {effect.name: effect for effect in self.bench.effects}
+        fit, effects = candidate.calibration, {effect.name: effect for effect in self.bench.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.readings), 0.99))
@@ -164,11 +169,11 @@ class Scale:
         among = products(self.error, own, changes)
         found: dict[str, float] = {}
         for change, along, square in zip(changes[1:], among[0, 1:], np.diagonal(among)[1:], strict=True):
-            if change.effect in fit.plant.effect_names or square <= 0.0:
+            if not fit.plant.lacks(effects[change.effect]) or square <= 0.0:
                 continue
             law = self._missed(alone)[1] / max(_rms(change.readings), FAR)
             odds = _gain(along, square, change.deviation, change.one_sided) - _gain(along, square, law, False)
-            found[change.effect] = max(found.get(change.effect, -np.inf), odds + pair_odds(len(self.bench.effects)))
+            found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._pair_odds)
         return found
 
 

@@ -1,0 +1,41 @@
+"""Explanations that differ only in the places at which their effects enter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.worth import takes_most
+
+
+def causes_of(candidate: Candidate) -> tuple[str, ...]:
+    """Names of a candidate's effects, whatever their places."""
+    return tuple(e.cause for e in candidate.calibration.plant.effects if e.name in candidate.effects)
+
+
+def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
+    """The same answer without rivals that are its best explanation at other places, and these.
+
+    Of others with the same causes the first is kept. A plant that does not rest before the first reading is simulated
+    as if a tone began with it. Nobody knows that it did, so that what this shows of its place is left open.
+    """
+    if naming.best is None:
+        return naming, ()
+    best, rig = naming.best, naming.base.calibration.plant.rig
+    effects = (e for e in best.calibration.plant.effects if e.name in best.effects)
+    is_open = rig.start.hold == 0.0 and any(e.cycle(()) > 0.0 and (e.places or e.placed_at) for e in effects)
+    known = [c for c in naming.candidates if takes_most(c, naming.base)] if is_open else naming.rivals
+    elsewhere = tuple(c for c in known if _is_elsewhere(c, [best]))
+    others: list[Candidate] = []
+    for rival in naming.rivals:
+        if not _is_elsewhere(rival, [best]) and not _is_elsewhere(rival, others):
+            others.append(rival)
+    return replace(naming, rivals=tuple(others)), elsewhere
+
+
+def _is_elsewhere(candidate: Candidate, known: Iterable[Candidate]) -> bool:
+    """Whether one of the `known` has the same causes, of which any are at other places."""
+    causes = set(causes_of(candidate))
+    return any(set(causes_of(c)) == causes and set(c.effects) != set(candidate.effects) for c in known)

@@ -1,0 +1,100 @@
+"""Effects at further places in a diagnosis: named where they enter, or told as one cause whose place is open."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oscillator import Oscillator
+
+from deatwin.ident.mismatch import Verdict, diagnose
+from deatwin.ident.mismatch.gate.gate import gate
+from deatwin.ident.mismatch.prepare import prepare
+from deatwin.plant import (
+    Creep,
+    Delay,
+    Diaphragm,
+    Experiment,
+    PeriodicDisturbance,
+    Plant,
+    Reading,
+    Recording,
+    Rig,
+    SensorDrift,
+    SensorLag,
+)
+from deatwin.plant.integrator.compiled import compiler
+
+COMPILED = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
+
+
+def recorded(rig: Rig, *effects, count: int = 1200, seed: int = 1, level: float = 1.8, late: int = 0) -> Experiment:
+    """Steps and noise of a rig with effects; of the first reading so many samples `late`, as a camera's are."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(level * rng.uniform(0.4, 1.6, count // 80), 40)
+    noise = level * (1 + 0.5 * np.convolve(rng.standard_normal(count // 2 + 19), np.ones(20) / 20, "valid"))
+    commands = np.concatenate([steps, noise])
+    found = rig.with_effects(*effects).record(
+        Experiment(recordings=(Recording.from_arrays(commands, np.zeros((0, commands.size)), rig.sample_time),)), rng
+    )
+    record = found.recordings[0]
+    outputs = np.array(record.outputs)
+    outputs[0] = np.concatenate([np.full(late, outputs[0, 0]), outputs[0, : outputs.shape[1] - late]])
+    return Experiment(recordings=(replace(record, outputs=outputs),))
+
+
+@COMPILED
+def test_a_force_tone_of_one_millinewton_is_named_as_a_force():
+    tone = replace(PeriodicDisturbance().placed("force"), amplitude=1e-3, frequency=6.0, phase=0.7)
+    found = diagnose(Plant(rig=Diaphragm()), recorded(Diaphragm(), tone), effects=[PeriodicDisturbance()])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect, cause.place, cause.places) == (
+        Verdict.NAMED,
+        "periodic_disturbance",
+        "force",
+        None,
+    )
+    amplitude = cause.parameters["amplitude"]
+    assert amplitude.low < 1e-3 < amplitude.high < 1.05e-3
+    assert amplitude.unit == "N"
+    assert "is added to the force" in found.sentence
+
+
+@COMPILED
+def test_a_late_camera_beside_an_undelayed_current_is_placed_at_the_reading():
+    rig = Diaphragm(further=(Reading(name="current", noise=20e-9),))
+    found = diagnose(Plant(rig=rig), recorded(rig, late=5), effects=[Delay(), SensorLag()])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect, cause.place, cause.family) == (Verdict.NAMED, "delay", "reading", "sensor")
+    assert cause.parameters["time"].low < 0.1 < cause.parameters["time"].high
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_place_is_open():
+    tone = replace(PeriodicDisturbance(), amplitude=0.1e-3, frequency=6.0, phase=0.7)
+    found = diagnose(Plant(rig=Oscillator()), recorded(Oscillator(), tone, level=40.0), effects=[PeriodicDisturbance()])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect, cause.place) == (Verdict.NAMED, "periodic_disturbance", None)
+    assert set(cause.places) == {"reading", "command", "force"}
+    assert found.rivals == ()
+    assert found.names == ("periodic_disturbance",)
+    assert "these recordings cannot tell" in found.sentence
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_one_reading_has_no_more_effects_than_before_and_two_have_the_places_that_they_tell_apart():
+    effects = [Creep(), Delay(), PeriodicDisturbance(), SensorDrift(), SensorLag()]
+    one, two = Oscillator(), Oscillator(further=(Reading(name="speed", noise=1e-3),))
+    benches = {}
+    for rig in (one, two):
+        checked = gate(Plant(rig=rig), recorded(rig, level=40.0, count=400))
+        benches[rig] = prepare(Plant(rig=rig), checked, effects)[0]
+    usual = [e.name for e in effects if one.with_effects().accepts(e)]
+    assert [e.name for e in benches[one].effects] == usual
+    tried = {"periodic_disturbance_at_command", "periodic_disturbance_at_force", "sensor_lag_at_command"}
+    assert {e.name for e in benches[one].elsewhere} == tried
+    told = {"delay_at_reading", *(f"sensor_drift_at_{at}" for at in ("reading_gain", "command", "command_gain"))}
+    assert {e.name for e in benches[two].effects} == {*usual, *told}
+    # The prior of an effect is shared by its places; an effect with one place keeps the whole.
+    assert benches[one].log_prior(["periodic_disturbance_at_force"]) == pytest.approx(-np.log(3))
+    assert benches[one].log_prior(["delay"]) == 0.0
+    assert benches[two].log_prior(["sensor_drift", "delay"]) == pytest.approx(-np.log(4) - np.log(2))
