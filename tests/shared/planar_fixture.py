@@ -1,6 +1,6 @@
-"""A free planar film by equations of its own and another integrator, with a concealed fault and three readings."""
+"""A free planar film by equations of its own and another integrator, with a concealed fault and four readings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -18,7 +18,7 @@ SERIES_RESISTANCE = 1e5
 """Ohm; the fixtures that leak conduct over it."""
 CORNER = 150.0
 """Rounding of the saturation, V: an output stage that runs out of current, which looks like a leak."""
-NOISE = {"displacement": 2e-5, "current": 2e-7, "capacitance": 2e-11}
+NOISE = {"displacement": 2e-5, "current": 2e-7, "capacitance": 2e-11, "film_voltage": 2.0}
 FAULTS = ("none", "permittivity_drift", "gain_drift", "leakage", "amplifier_saturation")
 
 Law = Callable[[float, float], float]
@@ -64,8 +64,10 @@ def _film_voltage(given: float, stretch: float, conduction: Law) -> float:
     return brentq(left, 0.0, given, xtol=1e-6) if left(given) > 0.0 and given > 0.0 else given
 
 
-def recorded(fault: str, size: float, commands: np.ndarray, rng: np.random.Generator) -> Experiment:
-    """Displacement, current and capacitance under held commands, from rest, with white noise."""
+def recorded(
+    fault: str, size: float, commands: np.ndarray, rng: np.random.Generator, noise: Mapping[str, float] = NOISE
+) -> Experiment:
+    """Displacement, current, capacitance and film voltage under held commands, from rest, with white noise."""
     permittivity, drive, conduction = _laws(fault, size)
     load = _pull(PRESTRETCH) / 2 * LENGTH * THICKNESS
 
@@ -96,8 +98,9 @@ def recorded(fault: str, size: float, commands: np.ndarray, rng: np.random.Gener
         "displacement": LENGTH * (stretch[1:] - PRESTRETCH),
         "current": np.diff(held * volt) / STEP + leak[1:],
         "capacitance": held[1:],
+        "film_voltage": volt[1:],
     }
-    noisy = {name: row + NOISE[name] * rng.standard_normal(row.size) for name, row in exact.items()}
+    noisy = {name: row + noise[name] * rng.standard_normal(row.size) for name, row in exact.items()}
     displacement = noisy.pop("displacement")
     return Experiment(recordings=(Recording.from_arrays(commands, displacement, STEP, extras=noisy),))
 

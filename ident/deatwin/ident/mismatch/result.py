@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 
+from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.plant.datasets import variable
 from deatwin.plant.records import OPTIONAL, Json, key
 
@@ -217,6 +218,10 @@ class AdviceSummary:
         The signal that would tell apart what the input leaves.
     undecided : tuple of str or None
         Explanations that the input leaves with another one nearby.
+    log_odds : float or None
+        Expected log odds of an explanation over the nearest other one after the best waveform alone.
+    readings : tuple of PricedReading
+        What each further reading would tell, the best first.
     """
 
     file: str | None
@@ -227,6 +232,8 @@ class AdviceSummary:
     added_mass_g: float | None = None
     measure: str | None = None
     undecided: tuple[str, ...] | None = field(default=None, metadata=OPTIONAL)
+    log_odds: float | None = field(default=None, metadata=OPTIONAL)
+    readings: tuple[PricedReading, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

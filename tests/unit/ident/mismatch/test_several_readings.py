@@ -31,6 +31,7 @@ from deatwin.plant import (
 
 CURRENT = Reading(name="current", noise=NOISE["current"], series_resistance=SERIES_RESISTANCE)
 CAPACITANCE = Reading(name="capacitance", noise=NOISE["capacitance"])
+VOLTAGE = Reading(name="film_voltage", noise=NOISE["film_voltage"])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +84,9 @@ def test_the_plant_follows_other_equations_in_every_reading() -> None:
     rng = np.random.default_rng(2)
     made = recorded("permittivity_drift", -0.05, excitation(20.0, rng), rng)
     drift = PermittivityDrift(relative_change=-0.05, time=30.0)
-    run = planar(CURRENT, CAPACITANCE).with_effects(drift).simulate(made).require()
+    run = planar(CURRENT, CAPACITANCE, VOLTAGE).with_effects(drift).simulate(made).require()
     record = made.recordings[0]
-    measured = np.stack([record.outputs[0], record.extras["current"], record.extras["capacitance"]])
+    measured = np.stack([record.outputs[0], *(record.extras[name] for name in list(NOISE)[1:])])
     # Of white noise of 1000 samples: 0.022 is one deviation.
     assert np.std(measured - run.outputs[0], axis=1) == pytest.approx(list(NOISE.values()), rel=0.1)
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, OwnError
-from deatwin.ident.mismatch.likelihood.whitening import grams
+from deatwin.ident.mismatch.likelihood.beforehand import PRIORS
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, taken_up
 
 SURE = 0.95
 """Probability from which on an effect is named."""
@@ -37,15 +37,10 @@ class Change:
     one_sided: bool
 
 
-def products(error: OwnError, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
+def products(error: OwnErrors, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
     """What readings say of changes and of pairs of them, (k, k); `derivatives` (n, p) in deviations beforehand, SI."""
-    nuisance = np.column_stack([derivatives, error.columns])
-    rows = np.vstack([nuisance.T, *(change.readings for change in changes)]) / error.noise
-    clock = (error.times, error.records)
-    (whole,), _ = grams(error.process, np.array([error.ratio]), clock, np.ascontiguousarray(rows))
-    m = nuisance.shape[1]
-    own, across, among = whole[:m, :m] + np.eye(m), whole[:m, m:], whole[m:, m:]
-    return np.asarray(among - across.T @ np.linalg.solve(own, across))
+    rows = np.vstack([derivatives.T, *(change.readings for change in changes)])
+    return taken_up(error.products(rows), derivatives.shape[1])
 
 
 def smallest(square: float, deviation: float, catalogue: int) -> float:

@@ -6,6 +6,7 @@ import pytest
 from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
 from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.likelihood.several import OwnErrors
 from deatwin.ident.mismatch.plan.seen import SURE, Change, distances, products, smallest
 
 N, STEP, NOISE = 800, 0.02, 2e-6
@@ -17,6 +18,10 @@ DERIVATIVES = np.column_stack([READINGS, np.full(N, 1e-4)])
 
 def change(readings, effect="a", typical=1.0, deviation=2.0, one_sided=True):
     return Change(effect=effect, readings=readings, typical=typical, deviation=deviation, one_sided=one_sided)
+
+
+def alone(error):
+    return OwnErrors(of=(error,), at=(np.arange(N),))
 
 
 @pytest.fixture
@@ -36,7 +41,7 @@ def test_the_smallest_strength_has_the_evidence_that_is_asked_for():
 def test_expected_evidence_is_that_of_drawn_readings(error):
     """Of 150 draws the mean is within three of its standard errors of the closed form: it is not in 1 of 370."""
     one = change(1e-5 * np.sin(3.0 * TIME) ** 3, deviation=1.0, one_sided=False)
-    square = products(error, DERIVATIVES, [one])[0, 0]
+    square = products(alone(error), DERIVATIVES, [one])[0, 0]
     strength = 4.0 / np.sqrt(square)
     nuisance = np.column_stack([DERIVATIVES, error.columns])
     fast = LogNormal(median=error.ratio * NOISE)
@@ -70,7 +75,7 @@ def test_expected_evidence_is_that_of_drawn_readings(error):
 
 def test_what_a_parameter_does_is_not_seen(error):
     sharp = 1e3 * DERIVATIVES  # nothing is known of them
-    seen = products(error, sharp, [change(1e-5 * np.sin(3.0 * TIME)), change(DERIVATIVES[:, 0])])
+    seen = products(alone(error), sharp, [change(1e-5 * np.sin(3.0 * TIME)), change(DERIVATIVES[:, 0])])
     assert seen[1, 1] < 1e-3 * seen[0, 0]
 
 
