@@ -2,65 +2,28 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from dataclasses import replace
+from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
-from planar_fixture import NOISE, SERIES_RESISTANCE, excitation, recorded
+from planar_fixture import COMPRESSIONS, DRIFTS, NOISE, SERIES_RESISTANCE, excitation, recorded
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.plant import (
-    AmplifierSaturation,
-    Builder,
     Effect,
     Experiment,
-    Family,
-    Leakage,
-    Parameter,
     PermittivityDrift,
-    Place,
     Planar,
     Plant,
     Reading,
-    Scale,
 )
 
 CURRENT = Reading(name="current", noise=NOISE["current"], series_resistance=SERIES_RESISTANCE)
 CAPACITANCE = Reading(name="capacitance", noise=NOISE["capacitance"])
 VOLTAGE = Reading(name="film_voltage", noise=NOISE["film_voltage"])
-
-
-@dataclass(frozen=True, kw_only=True)
-class GainDrift(Effect):
-    """The amplifier's gain relaxes to another one."""
-
-    relative_change: float = -0.03
-    time: float = 60.0
-
-    name: ClassVar[str] = "gain_drift"
-    family: ClassVar[Family] = Family.ELECTRICAL
-    place: ClassVar[Place] = Place.DRIVE
-    signal: ClassVar[str] = "amplifier_voltage"
-    strength: ClassVar[str] = "relative_change"
-    wording: ClassVar[str] = "The amplifier's gain drifts by {relative_change} with a time constant of {time}"
-
-    def describe(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.6, upper=1.0),
-            Parameter(name="time", value=self.time, unit="s", lower=5.0, upper=2e4, scale=Scale.LOGARITHMIC),
-        )
-
-    def rewrite(self, signal: Any, build: Builder) -> Any:
-        grown = 1 - ca.exp(-ca.fmax(build.time, 0) / self.own("time", build))
-        return signal * (1 + self.own("relative_change", build) * grown)
-
-
-DRIFTS = (PermittivityDrift(relative_change=-0.05, time=60.0), GainDrift())
-COMPRESSIONS = (Leakage(resistance=1e9), AmplifierSaturation(limit=1.8e3, rounding=100.0))
 
 
 def planar(*readings: Reading) -> Plant:

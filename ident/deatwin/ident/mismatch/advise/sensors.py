@@ -1,14 +1,16 @@
 r"""Which reading to buy: what each that a rig could have would tell, before anybody has it.
 
-A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth, the
-other is refitted to all readings to first order, by the likelihood that the readings would have
-(`deatwin.ident.mismatch.likelihood.several`). The truth then has the expected log odds :math:`d^2/2` over the other.
+A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth,
+with noise that is drawn, the other is refitted to all readings to first order, and the likelihood that weighs
+explanations (`deatwin.ident.mismatch.likelihood.several`) says the log odds. So it is done for the two that are nearest
+to each other with all scales known.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +20,10 @@ from deatwin.ident.mismatch.advise.distance import TOLD_APART
 from deatwin.ident.mismatch.advise.offer import THERMOMETER, PricedReading, SensorOffer
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, OwnError, coordinate
-from deatwin.ident.mismatch.likelihood.several import own_errors, products_of, taken_up
+from deatwin.ident.mismatch.likelihood.model import Prior
+from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, products_of, taken_up
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.plant.errors import RigError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
@@ -110,58 +115,100 @@ def error_of(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Beside:
+    """A reading beside the recordings: what each explanation makes of it, in the order of the question's fits."""
+
+    sensor: SensorOffer
+    reading: Reading
+    signals: tuple[Signal, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Prices:
-    """What each reading that could be had would tell of each pair of a question: `squares` are its d², (pairs,)."""
+    """What readings that could be had would tell of the explanations of a question."""
 
     question: Question
-    squares: Mapping[SensorOffer, np.ndarray]
+    beside: tuple[_Beside, ...]
 
     def among(self, explanations: Collection[int]) -> tuple[PricedReading, ...]:
         """The readings, the best first, for telling some of the explanations apart, which are given by number."""
-        asked = np.array([{*pair} <= {*explanations} for pair in self.question.pairs])
-        nearest = {sensor: float(squares[asked].min()) for sensor, squares in self.squares.items() if asked.any()}
-        priced = [
-            PricedReading(**vars(sensor), log_odds=square / 2.0, resolves=square >= TOLD_APART)
-            for sensor, square in nearest.items()
+        asked = [number for number, pair in enumerate(self.question.pairs) if {*pair} <= {*explanations}]
+        found = []
+        for one in self.beside if asked else ():
+            nearest = min(asked, key=lambda number: self._square(one, number))
+            odds = self._log_odds(one, nearest)
+            found.append(PricedReading(**vars(one.sensor), log_odds=odds, resolves=2.0 * odds >= TOLD_APART))
+        return tuple(sorted(found, key=lambda priced: -priced.log_odds))
+
+    def _square(self, one: _Beside, number: int) -> float:
+        """d² of a pair, with all scales known."""
+        truth, rival = self.question.pairs[number]
+        spread = self._spreads[rival]
+        rows = np.vstack([(one.signals[rival][1] * spread).T, one.signals[truth][0] - one.signals[rival][0]])
+        own = self._own(number) + products_of(self._error(one, truth), rows)
+        return float(taken_up(own, spread.size)[0, 0])
+
+    def _log_odds(self, one: _Beside, number: int) -> float:
+        """Log odds of the truth over the rival, by the likelihood of the recordings and of a reading that is drawn."""
+        truth, rival = self.question.pairs[number]
+        own, error = self._errors(truth), self._error(one, truth)
+        size, count = own.readings.size, error.readings.size
+        errors = OwnErrors(of=(*own.of, error), at=(*own.at, size + np.arange(count)))
+        drawn = error.noise * np.random.default_rng(self.question.seed).standard_normal(count)
+        weights = []
+        for number in (truth, rival):
+            fit, (values, slopes) = self.question.fits[number], one.signals[number]
+            moved = np.vstack([fit.jacobian, slopes]) * self._spreads[number]
+            residual = np.concatenate([fit.residuals, drawn + one.signals[truth][0] - values])
+            columns = np.column_stack([moved, errors.columns])
+            weights.append(evidence(errors.likelihood(residual, columns), Prior.of((columns.shape[1], None))).log)
+        return float(weights[0] - weights[1])
+
+    def _error(self, one: _Beside, truth: int) -> OwnError:
+        bench = self.question.bench
+        return error_of(one.sensor, one.reading, one.signals[truth][0], bench.fitted, bench.nominal)
+
+    def _errors(self, truth: int) -> OwnErrors:
+        """The plant's own error in what was recorded, as an explanation moves."""
+        bench = self.question.bench
+        readings = readings_of_fit(bench.fitted, self.question.fits[truth].residuals)
+        return own_errors(bench.nominal.rig, bench.fitted, readings, self.question.noise, bench.expected_error)
+
+    def _own(self, number: int) -> np.ndarray:
+        """What the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
+        (truth, rival), memory = self.question.pairs[number], self.question.memories[number]
+        rows = np.vstack([(memory.jacobian * self._spreads[rival]).T, memory.known.left])
+        return self._errors(truth).products(rows)
+
+    @cached_property
+    def _spreads(self) -> list[np.ndarray]:
+        """Deviations of each explanation's coordinates beforehand, (p,) each."""
+        bench = self.question.bench
+        effects = {effect.name: effect for effect in bench.effects}
+        largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(bench.fitted)])), 0.99))
+        return [
+            np.array([coordinate(f.plant.parameters[n], bench.nominal, effects, largest).deviation for n in f.names])
+            for f in self.question.fits
         ]
-        return tuple(sorted(priced, key=lambda one: -one.log_odds))
 
 
 def prices(question: Question) -> Prices:
     """Price the readings that a question's rig could have beside its recordings."""
-    bench, plants = question.bench, [fit.plant for fit in question.fits]
+    bench, fits = question.bench, question.fits
     records = [record for part in bench.everything for record in part.experiment.recordings]
     recorded = {part.reading for part in bench.everything}
     recorded |= {"temperature"} if all("temperature" in record.extras for record in records) else set()
-    wanted, parts = offered(plants, recorded), bench.fitted
-    seen = [signals(fit.plant, fit.names, parts, wanted) for fit in question.fits]
-    whole = [_on_the_recordings(question, number) for number in range(len(question.pairs))]
-    found = {}
+    wanted = offered([fit.plant for fit in fits], recorded)
+    seen = [signals(fit.plant, fit.names, bench.fitted, wanted) for fit in fits]
+    found = []
     for reading in wanted:
         known = [one[reading.name][0] for one in seen if reading.name in one]
-        if not known:
-            continue
-        sensor = offer(reading, bench.nominal.rig.further, max(float(np.abs(values).max()) for values in known))
-        squares = []
-        for (truth, rival), (own, spread) in zip(question.pairs, whole, strict=True):
-            one, other = (seen[k].get(reading.name, _constant(known[0], spread.size)) for k in (truth, rival))
-            rows = np.vstack([(other[1] * spread).T, one[0] - other[0]])
-            error = error_of(sensor, reading, one[0], parts, plants[truth])
-            squares.append(float(taken_up(own + products_of(error, rows), spread.size)[0, 0]))
-        found[sensor] = np.array(squares)
-    return Prices(question=question, squares=found)
-
-
-def _on_the_recordings(question: Question, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """What the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference, and deviations (p,)."""
-    bench, memory, rival = question.bench, question.memories[number], question.fits[question.pairs[number][1]]
-    effects = {effect.name: effect for effect in bench.effects}
-    readings = memory.known.readings
-    error = own_errors(bench.nominal.rig, bench.fitted, readings, question.noise, bench.expected_error)
-    largest = float(np.quantile(np.abs(error.of[0].readings), 0.99))
-    known = [coordinate(rival.plant.parameters[name], bench.nominal, effects, largest) for name in rival.names]
-    spread = np.array([one.deviation for one in known])
-    return error.products(np.vstack([(memory.jacobian * spread).T, memory.known.left])), spread
+        if known:
+            sensor = offer(reading, bench.nominal.rig.further, max(float(np.abs(values).max()) for values in known))
+            pairs = zip(seen, fits, strict=True)
+            each = tuple(one.get(reading.name, _constant(known[0], len(fit.names))) for one, fit in pairs)
+            found.append(_Beside(sensor=sensor, reading=reading, signals=each))
+    return Prices(question=question, beside=tuple(found))
 
 
 def _constant(known: np.ndarray, count: int) -> Signal:
