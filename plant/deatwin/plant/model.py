@@ -18,6 +18,7 @@ from deatwin.plant.equations import Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
+from deatwin.plant.readings import ROOM_TEMPERATURE
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.base import Rig
@@ -421,6 +422,7 @@ def _equations(structure: _Structure) -> Equations:
     plant = structure.plant
     build = Builder(plant.parameters, plant.effects)
     build.share_sampling(plant.rig)
+    build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect that knows better replaces it
     with users_code(f"the rig {plant.rig.kind}"):
         return build.finish(plant.rig.write(build), [reading.name for reading in plant.rig.further])
 

@@ -12,6 +12,7 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Family, Place
 from deatwin.plant.effects.lines import slow_cycles
 from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.readings import ROOM_TEMPERATURE
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -65,7 +66,7 @@ class ThermalStiffness(Effect):
         "The modulus follows the temperature by {change_per_kelvin} for each kelvin "
         "(unless it was measured: a swing of one kelvin with a period of {period} and a phase of {phase})"
     )
-    reference: ClassVar[float] = 293.15
+    reference: ClassVar[float] = ROOM_TEMPERATURE
     """:math:`T_0` in K."""
     not_measured: ClassVar[float] = 0.0
     """Value of the channel in recordings without a thermometer, K."""

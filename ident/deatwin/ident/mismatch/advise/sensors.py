@@ -19,7 +19,7 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
 from deatwin.ident.mismatch.advise.offer import THERMOMETER, PricedReading, SensorOffer
 from deatwin.ident.mismatch.advise.question import Question
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, OwnError, coordinate
+from deatwin.ident.mismatch.likelihood.beforehand import OwnError, coordinate
 from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, products_of, taken_up
@@ -45,15 +45,15 @@ Signal = tuple[np.ndarray, np.ndarray]
 
 
 def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
-    """Readings that some plants of one rig have and nobody recorded, those of the rig file first."""
+    """Readings that all plants of one rig have and nobody recorded, those of the rig file first."""
     rig = plants[0].rig
     stated = [reading for reading in rig.further if reading.name not in recorded]
     known = {*recorded, *(reading.name for reading in stated)}
-    if "temperature" in recorded:
-        known.add(THERMOMETER)
-    units = {**ELECTRICAL_UNITS, **rig.offers, THERMOMETER: "K"}
+    units = {**ELECTRICAL_UNITS, **rig.offers}
+    if "temperature" not in recorded and any("temperature" in plant.channels for plant in plants):
+        units |= {THERMOMETER: "K"}
     more = [Reading(name=name, unit=unit, noise=SOME) for name, unit in units.items() if name not in known]
-    return tuple(one for one in (*stated, *more) if any(has(plant, one) for plant in plants))
+    return tuple(one for one in (*stated, *more) if all(has(plant, one) for plant in plants))
 
 
 def has(plant: Plant, reading: Reading) -> bool:
@@ -83,35 +83,17 @@ def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ..
     return tuple(replace(part, reading=one.name) for one in readings for part in silent)
 
 
-def signals(
-    plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]
-) -> dict[str, Signal]:
-    """What a plant with its fitted coordinates makes of readings that nobody took; without those that it does not have."""
-    own = [reading for reading in wanted if has(plant, reading)]
-    asked = unread(parts, own)
+def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]) -> list[Signal]:
+    """What a plant with its fitted coordinates makes of readings that nobody took; none if it cannot be simulated."""
+    asked = unread(parts, wanted)
     if not asked:
-        return {}
-    problem = Problem(plant=plant.with_rig(replace(plant.rig, further=tuple(own))), parts=asked, names=names)
+        return []
+    problem = Problem(plant=plant.with_rig(replace(plant.rig, further=tuple(wanted))), parts=asked, names=names)
     found = problem.evaluate(problem.start())
     if found is None:
-        return {}
-    pieces = np.split(np.arange(found[0].size), len(own))
-    return {one.name: (-found[0][at], found[1][at]) for one, at in zip(own, pieces, strict=True)}
-
-
-def error_of(
-    sensor: SensorOffer, reading: Reading, readings: np.ndarray, parts: Sequence[Part], plant: Plant
-) -> OwnError:
-    """The plant's own error in a reading that nobody took, with these values (n,), SI."""
-    first, spread = first_only(parts), float(np.std(readings))
-    return OwnError(
-        readings=readings,
-        times=np.concatenate([part.timepts for part in first]),
-        records=np.repeat(np.arange(len(first)), [part.size for part in first]),
-        sample_time=plant.rig.sample_time,
-        noise=max(sensor.noise, ACCURACY * spread),
-        stated=max(reading.model_error, plant.rig.share_of_motion * spread),
-    )
+        return []
+    pieces = np.split(np.arange(found[0].size), len(wanted))
+    return [(-found[0][at], found[1][at]) for at in pieces]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -165,8 +147,11 @@ class Prices:
         return float(weights[0] - weights[1])
 
     def _error(self, one: _Beside, truth: int) -> OwnError:
-        bench = self.question.bench
-        return error_of(one.sensor, one.reading, one.signals[truth][0], bench.fitted, bench.nominal)
+        """The plant's own error in a reading that nobody took, as an explanation moves."""
+        bench, reading = self.question.bench, replace(one.reading, noise=one.sensor.noise)
+        parts = [replace(part, reading=reading.name) for part in first_only(bench.fitted)]
+        rig = replace(bench.nominal.rig, further=(reading,))
+        return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
         """The plant's own error in what was recorded, as an explanation moves."""
@@ -199,18 +184,15 @@ def prices(question: Question) -> Prices:
     recorded = {part.reading for part in bench.everything}
     recorded |= {"temperature"} if all("temperature" in record.extras for record in records) else set()
     wanted = offered([fit.plant for fit in fits], recorded)
-    seen = [signals(fit.plant, fit.names, bench.fitted, wanted) for fit in fits]
-    found = []
-    for reading in wanted:
-        known = [one[reading.name][0] for one in seen if reading.name in one]
-        if known:
-            sensor = offer(reading, bench.nominal.rig.further, max(float(np.abs(values).max()) for values in known))
-            pairs = zip(seen, fits, strict=True)
-            each = tuple(one.get(reading.name, _constant(known[0], len(fit.names))) for one, fit in pairs)
-            found.append(_Beside(sensor=sensor, reading=reading, signals=each))
-    return Prices(question=question, beside=tuple(found))
+    each = zip(*(signals(fit.plant, fit.names, bench.fitted, wanted) for fit in fits), strict=False)
+    return Prices(
+        question=question,
+        beside=tuple(
+            _Beside(sensor=offer(one, bench.nominal.rig.further, _largest(known)), reading=one, signals=known)
+            for one, known in zip(wanted, each, strict=False)  # none where an explanation cannot be simulated
+        ),
+    )
 
 
-def _constant(known: np.ndarray, count: int) -> Signal:
-    """What a plant reads that has no such signal: the mean of what another one does (n,), whatever its parameters."""
-    return np.full(known.size, known.mean()), np.zeros((known.size, count))
+def _largest(known: Sequence[Signal]) -> float:
+    return max(float(np.abs(values).max()) for values, _ in known)

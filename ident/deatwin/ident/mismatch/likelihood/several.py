@@ -58,10 +58,13 @@ class OwnErrors:
             for one, at in zip(self.of, self.at, strict=True)
         ]
 
+    def each(self, rows: np.ndarray) -> list[np.ndarray]:
+        """What each reading says of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        return [products_of(one, rows[:, at]) for one, at in zip(self.of, self.at, strict=True)]
+
     def products(self, rows: np.ndarray) -> np.ndarray:
         """What all readings say of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
-        pairs = zip(self.of, self.at, strict=True)
-        return np.asarray(sum((products_of(one, rows[:, at]) for one, at in pairs), np.zeros((len(rows), len(rows)))))
+        return np.sum(self.each(rows), axis=0)
 
     def _joined(self, pieces: Sequence[np.ndarray]) -> np.ndarray:
         found = np.empty(sum(at.size for at in self.at))

@@ -54,8 +54,8 @@ def smallest(square: float, deviation: float, catalogue: int) -> float:
     return float(np.sqrt((2.0 * odds + np.log1p(deviation**2 * square)) / square))
 
 
-def distances(changes: Sequence[Change], among: np.ndarray) -> np.ndarray:
-    """d² from each change at its typical strength to the nearest of each effect, (k, number of effects).
+def distances(changes: Sequence[Change], among: np.ndarray, numbers: Sequence[int]) -> np.ndarray:
+    """d² from some changes at their typical strengths to the nearest of each effect, (numbers, effects).
 
     What another effect does may be spread over its shapes, as that of a law with several times: the nearest sum of its
     changes that all act one way counts.
@@ -64,10 +64,10 @@ def distances(changes: Sequence[Change], among: np.ndarray) -> np.ndarray:
     seen = (axes * np.sqrt(np.maximum(squares, 0.0))).T  # columns with the same products
     names = list(dict.fromkeys(change.effect for change in changes))
     typical = np.array([change.typical for change in changes])
-    found = np.empty((len(changes), len(names)))
+    found = np.empty((len(numbers), len(names)))
     for j, name in enumerate(names):
         own = [k for k, change in enumerate(changes) if change.effect == name]
         ways = (1.0,) if changes[own[0]].one_sided else (1.0, -1.0)
-        for k in range(len(changes)):
-            found[k, j] = min(nnls(way * seen[:, own], typical[k] * seen[:, k])[1] for way in ways)
+        for i, k in enumerate(numbers):
+            found[i, j] = min(nnls(way * seen[:, own], typical[k] * seen[:, k])[1] for way in ways)
     return found**2

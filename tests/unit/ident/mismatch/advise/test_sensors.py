@@ -55,7 +55,7 @@ def bought(number: int, seconds: float) -> tuple[float, PricedReading, float]:
     """
     rng = np.random.default_rng(2000 + number)
     fault = ("permittivity_drift", "gain_drift", "leakage", "amplifier_saturation")[number % 4]
-    low, high = {"leakage": (1e8, 5e8), "amplifier_saturation": (2000.0, 2300.0)}.get(fault, (-0.08, -0.02))
+    low, high = {"leakage": (3e7, 1e8), "amplifier_saturation": (2300.0, 2500.0)}.get(fault, (-0.08, -0.02))
     size, commands, seed = float(rng.uniform(low, high)), excitation(seconds, rng), int(rng.integers(2**32))
     effects = (DRIFTS, COMPRESSIONS)[number % 4 // 2]
 
@@ -65,7 +65,7 @@ def bought(number: int, seconds: float) -> tuple[float, PricedReading, float]:
 
     right = 1.0 if fault == effects[0].name else -1.0
     # A sensor that hardly tells a leak from an amplifier that runs out of current
-    sensor = {**NOISE, "displacement": NOISE["displacement"] * (1.0 if fault.endswith("drift") else 30.0)}
+    sensor = {**NOISE, "displacement": NOISE["displacement"] * (1.0 if fault.endswith("drift") else 10.0)}
     plant = Plant(rig=Planar(noise=sensor["displacement"], further=(STATED,)))
     bench, found, weights = weighed(plant, measured(sensor), effects)
     before = right * float(weights[0] - weights[1])

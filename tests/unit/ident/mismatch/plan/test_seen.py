@@ -83,12 +83,12 @@ def test_distances_are_those_to_the_nearest_one_sided_sum():
     among = np.array([[4.0, 4.0, -2.0], [4.0, 9.0, 0.0], [-2.0, 0.0, 4.0]])
     blank = np.zeros(1)
     pair = [change(blank, "a"), change(blank, "b"), change(blank, "c")]
-    found = distances(pair, among)
+    found = distances(pair, among, range(len(pair)))
     # from a to b: 4 - 4²/9; to c, which acts the other way: nothing of it helps
     assert found[0] == pytest.approx([0.0, 4.0 - 16.0 / 9.0, 4.0], abs=1e-9)
     both = [pair[0], pair[1], change(blank, "c", one_sided=False)]
-    assert distances(both, among)[0, 2] == pytest.approx(4.0 - 4.0 / 4.0)
+    assert distances(both, among, [0])[0, 2] == pytest.approx(4.0 - 4.0 / 4.0)
     spread = [pair[0], change(blank, "b"), change(blank, "b", one_sided=False)]
-    assert distances(spread, np.diag([4.0, 9.0, 1.0]))[0].tolist() == pytest.approx([0.0, 4.0])
+    assert distances(spread, np.diag([4.0, 9.0, 1.0]), [0])[0].tolist() == pytest.approx([0.0, 4.0])
     stronger = [change(blank, "a", typical=3.0), *pair[1:]]
-    assert distances(stronger, among)[0, 1] == pytest.approx(9.0 * (4.0 - 16.0 / 9.0))
+    assert distances(stronger, among, [0])[0, 1] == pytest.approx(9.0 * (4.0 - 16.0 / 9.0))
