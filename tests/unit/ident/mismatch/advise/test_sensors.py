@@ -91,7 +91,7 @@ def test_the_reading_of_the_rig_file_is_offered_with_its_noise() -> None:
 
 
 def test_the_reading_that_is_advised_tells_what_displacement_leaves_open() -> None:
-    before, best, after = bought(1, 20.0)
+    before, best, after = bought(1, 8.0)
     assert abs(before) < SURE
     assert best.resolves
     assert after > SURE
@@ -103,7 +103,7 @@ def test_of_forty_open_cases_the_advised_reading_resolves_most() -> None:
     """From displacement alone neither explanation is 95 % probable; other equations and another integrator made them."""
     resolved, number = [], 0
     while len(resolved) < 40:
-        before, best, after = bought(number, 20.0)
+        before, best, after = bought(number, 8.0)
         if abs(before) < SURE:
             resolved.append(best.resolves and after > SURE)
             print(number, best.reading, f"{before:.2f}, expected {best.log_odds:.3g}, got {after:.3g}", flush=True)
