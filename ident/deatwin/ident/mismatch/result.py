@@ -8,6 +8,7 @@ from operator import attrgetter
 
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.plant.datasets import variable
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.records import OPTIONAL, Json, key
 
 
@@ -17,6 +18,45 @@ class Output:
 
     name: str
     unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingSummary:
+    """What one of several readings taught; SI.
+
+    Parameters
+    ----------
+    reading, unit : str
+        Name of the signal, and its SI unit.
+    noise : float
+        Standard deviation of its noise.
+    before, after : float or None
+        Rms residual of the calibrated plant, and of that with the causes; None where there is none.
+    with_it, without_it : mapping of str to float, or None
+        Probabilities of the explanations by all readings, and by all but this one; None where there are not two.
+    """
+
+    reading: str
+    unit: str
+    noise: float
+    before: float | None
+    after: float | None
+    with_it: Mapping[str, float] | None
+    without_it: Mapping[str, float] | None
+
+    @property
+    def sentence(self) -> str:
+        """What the reading taught, in words."""
+        noise, before = with_unit(self.noise, self.unit), with_unit(self.before or 0.0, self.unit)
+        left = before if self.after is None else f"{before}, with the causes {with_unit(self.after, self.unit)}"
+        said = f"{self.reading.replace('_', ' ')} (noise {noise}): residual {left}"
+        if self.with_it is None or self.without_it is None:
+            return said
+        return f"{said}; with it {_odds(self.with_it)}, without it {_odds(self.without_it)}"
+
+
+def _odds(probabilities: Mapping[str, float]) -> str:
+    return ", ".join(f"{names.replace('_', ' ')} {share:.2f}" for names, share in probabilities.items())
 
 
 # Detection

@@ -1,6 +1,6 @@
 """Diagnoses of recordings with several readings, made by other equations and another integrator."""
 
-import re
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -58,12 +58,17 @@ def test_a_capacitance_tells_a_drifting_gain_from_a_drifting_permittivity() -> N
     # From the displacement alone they are ambiguous, as the study below shows at some length.
     found = diagnosed("gain_drift", -0.04, 20.0, 1, CAPACITANCE)
     assert (found.verdict, [cause.effect for cause in found.causes]) == (Verdict.NAMED, ["gain_drift"])
-    (line,) = (warning for warning in found.warnings if warning.startswith("the reading capacitance"))
-    with_it, without_it = (
-        {name: float(odds) for name, odds in re.findall(r"(\w+_drift) ([0-9.]+)", half)} for half in line.split(";")
-    )
-    assert with_it["gain_drift"] > 0.99
-    assert min(without_it.values()) > 0.05, line
+    assert found.taught is not None
+    first, second = found.taught
+    assert (first.reading, second.reading, second.unit) == ("displacement", "capacitance", "F")
+    assert first.noise == pytest.approx(NOISE["displacement"], rel=0.1)
+    assert second.noise == pytest.approx(NOISE["capacitance"], rel=0.1)
+    assert second.after == pytest.approx(NOISE["capacitance"], rel=0.1)
+    assert second.before is not None and second.before > 1.2 * NOISE["capacitance"]
+    assert second.with_it is not None and second.with_it["gain_drift"] > 0.99
+    assert second.without_it is not None and min(second.without_it.values()) > 0.05
+    assert json.loads(json.dumps(found.to_dict()))["readings"][1]["reading"] == "capacitance"
+    assert Diagnosis.from_dict(found.to_dict()).taught == found.taught
 
 
 def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is() -> None:
