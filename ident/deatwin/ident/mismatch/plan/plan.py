@@ -197,7 +197,7 @@ def _seen(
     shown, slopes = {change.effect for change in changes}, run[1][:, moves]
     rows = np.vstack([(slopes * spreads[moves]).T, *(change.readings for change in changes)])
     each, own = error.each(rows), 1 + len(plant.rig.further)
-    taken = sum(each[:own])
+    taken = np.sum(each[:own], axis=0)
     bases = [tangent_basis(slopes[at]) for at in error.at[:own]]
     rms = [
         [np.sqrt(np.mean(taken_off(c.readings[at], basis) ** 2)) for at, basis in zip(error.at, bases, strict=False)]
