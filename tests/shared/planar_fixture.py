@@ -1,12 +1,27 @@
-"""A free planar film by equations of its own and another integrator, with a concealed fault and three readings."""
+"""A free planar film by equations of its own and another integrator, with a concealed fault and four readings."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
+import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from deatwin.plant import Experiment, Recording
+from deatwin.plant import (
+    AmplifierSaturation,
+    Builder,
+    Effect,
+    Experiment,
+    Family,
+    Leakage,
+    Parameter,
+    PermittivityDrift,
+    Place,
+    Recording,
+    Scale,
+)
 
 STEP, GAIN = 0.02, 800.0
 LENGTH, THICKNESS, PRESTRETCH = 50e-3, 0.5e-3, 3.0
@@ -18,7 +33,7 @@ SERIES_RESISTANCE = 1e5
 """Ohm; the fixtures that leak conduct over it."""
 CORNER = 150.0
 """Rounding of the saturation, V: an output stage that runs out of current, which looks like a leak."""
-NOISE = {"displacement": 2e-5, "current": 2e-7, "capacitance": 2e-11}
+NOISE = {"displacement": 2e-5, "current": 2e-7, "capacitance": 2e-11, "film_voltage": 2.0}
 FAULTS = ("none", "permittivity_drift", "gain_drift", "leakage", "amplifier_saturation")
 
 Law = Callable[[float, float], float]
@@ -64,8 +79,10 @@ def _film_voltage(given: float, stretch: float, conduction: Law) -> float:
     return brentq(left, 0.0, given, xtol=1e-6) if left(given) > 0.0 and given > 0.0 else given
 
 
-def recorded(fault: str, size: float, commands: np.ndarray, rng: np.random.Generator) -> Experiment:
-    """Displacement, current and capacitance under held commands, from rest, with white noise."""
+def recorded(
+    fault: str, size: float, commands: np.ndarray, rng: np.random.Generator, noise: Mapping[str, float] = NOISE
+) -> Experiment:
+    """Displacement, current, capacitance and film voltage under held commands, from rest, with white noise."""
     permittivity, drive, conduction = _laws(fault, size)
     load = _pull(PRESTRETCH) / 2 * LENGTH * THICKNESS
 
@@ -96,8 +113,9 @@ def recorded(fault: str, size: float, commands: np.ndarray, rng: np.random.Gener
         "displacement": LENGTH * (stretch[1:] - PRESTRETCH),
         "current": np.diff(held * volt) / STEP + leak[1:],
         "capacitance": held[1:],
+        "film_voltage": volt[1:],
     }
-    noisy = {name: row + NOISE[name] * rng.standard_normal(row.size) for name, row in exact.items()}
+    noisy = {name: row + noise[name] * rng.standard_normal(row.size) for name, row in exact.items()}
     displacement = noisy.pop("displacement")
     return Experiment(recordings=(Recording.from_arrays(commands, displacement, STEP, extras=noisy),))
 
@@ -109,3 +127,32 @@ def excitation(seconds: float, rng: np.random.Generator) -> np.ndarray:
     tones = np.linspace(0.05, 0.8, 12)
     waves = np.sin(2 * np.pi * tones[:, None] * times + rng.uniform(0, 2 * np.pi, (12, 1))).sum(axis=0)
     return 1.65 + 0.85 * waves / np.abs(waves).max()
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainDrift(Effect):
+    """The amplifier's gain relaxes to another one."""
+
+    relative_change: float = -0.03
+    time: float = 60.0
+
+    name: ClassVar[str] = "gain_drift"
+    family: ClassVar[Family] = Family.ELECTRICAL
+    place: ClassVar[Place] = Place.DRIVE
+    signal: ClassVar[str] = "amplifier_voltage"
+    strength: ClassVar[str] = "relative_change"
+    wording: ClassVar[str] = "The amplifier's gain drifts by {relative_change} with a time constant of {time}"
+
+    def describe(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.6, upper=1.0),
+            Parameter(name="time", value=self.time, unit="s", lower=5.0, upper=2e4, scale=Scale.LOGARITHMIC),
+        )
+
+    def rewrite(self, signal: Any, build: Builder) -> Any:
+        grown = 1 - ca.exp(-ca.fmax(build.time, 0) / self.own("time", build))
+        return signal * (1 + self.own("relative_change", build) * grown)
+
+
+DRIFTS = (PermittivityDrift(relative_change=-0.05, time=60.0), GainDrift())
+COMPRESSIONS = (Leakage(resistance=1e9), AmplifierSaturation(limit=1.8e3, rounding=100.0))

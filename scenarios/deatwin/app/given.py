@@ -106,8 +106,12 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:
-    """Column header for a rig's readings, and how many of its units one of the rig's is."""
-    name, unit = rig.output_name, rig.output_unit
+    """Column header for a rig's first reading, and how many of its units one of the rig's is."""
+    return column_of(rig.output_name, rig.output_unit)
+
+
+def column_of(name: str, unit: str) -> tuple[str, float]:
+    """Column header for a signal with an SI unit, and how many of its units one of the SI's is."""
     if usual_unit(name) != unit:  # of another kind, or in the rig's own unit
         return (name if unit in ("", "1") else f"{name}_{unit}"), 1.0
     shown = UNITS[split_unit(COLUMNS[name])[1]]

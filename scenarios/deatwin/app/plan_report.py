@@ -64,6 +64,18 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
                 {"input": lambda item: item[0], "confusion": lambda item: f"{item[1]:.3f}"},
             )
         )
+    if found.readings:
+        tables.append(
+            Table.of(
+                "Readings that could be had",
+                found.readings,
+                {
+                    "reading": lambda one: _words(one.reading),
+                    "noise": lambda one: f"{with_unit(one.noise, one.unit)} ({one.noise_source})",
+                    "tells apart": lambda one: ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–",
+                },
+            )
+        )
     return StoryPage(
         title="plan",
         sentence=f"{found.sentence[:1].upper()}{found.sentence[1:]}.",

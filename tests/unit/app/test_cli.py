@@ -9,8 +9,9 @@ from strips import COLUMNS
 
 from deatwin.app.cli import main
 from deatwin.app.options import fold_experiments, unfold_experiment
-from deatwin.plant import Diaphragm
-from deatwin.plant.files import read_csv
+from deatwin.plant import Diaphragm, Experiment
+from deatwin.plant.files import read_commands, read_csv
+from deatwin.plant.sources import load_plant
 
 
 def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:
@@ -38,6 +39,19 @@ def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.Captur
     difference = np.abs(tables[0]["displacement_mm"] - tables[1]["displacement_mm"])
     assert difference[0] > 1e-3  # the start procedure ends at the first command; the history does not
     assert difference[-1] < 0.1 * difference.max()
+
+
+def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sections = '\n[readings.current]\nunit = "nA"\nnoise = 5.0\n[readings.capacitance]\nunit = "pF"\nnoise = 1.5\n'
+    Path("more.toml").write_text(Path("rig.toml").read_text(encoding="utf-8") + sections, encoding="utf-8")
+    assert main(["simulate", "more.toml", "first.csv", "--out", "more.csv"]) == 0
+    assert "displacement with a 95 % predictive band, and current, and capacitance" in capsys.readouterr().out
+    table = np.genfromtxt("more.csv", delimiter=",", names=True)
+    assert table.dtype.names[-2:] == ("current_uA", "capacitance_pF")
+    plant, commands = load_plant("more.toml").plant, read_commands("first.csv")
+    rows = plant.simulate(Experiment(recordings=(commands,))).outputs[0]
+    np.testing.assert_allclose(table["current_uA"], 1e6 * rows[1], atol=1e-5)
+    np.testing.assert_allclose(table["capacitance_pF"], 1e12 * rows[2], atol=1e-2)
 
 
 def test_an_effect_is_added(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -14,6 +14,7 @@ from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.identifiability import Profile
 from deatwin.ident.mismatch import Base, Candidate, Naming
 from deatwin.ident.mismatch.advise.advice import Advice
+from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm
 from deatwin.ident.mismatch.locate.frequency import Band, Bands
 from deatwin.ident.mismatch.locate.lines import LineGroup, Lines
@@ -130,6 +131,10 @@ ADVICE = Advice(
     undecided=(),
     tried={"staircase": 30.0, "chirp": 2.0},
     predicted=(np.array([0.0, 1e-6, 2e-6]), np.array([0.0, 2e-6, 5e-6])),
+    log_odds=15.0,
+    readings=(
+        PricedReading(reading="current", unit="A", noise=1e-6, noise_source="typical", log_odds=23.0, resolves=True),
+    ),
     noise=2e-6,
     output=("displacement", "m"),
 )

@@ -62,6 +62,21 @@ def test_a_planar_film_has_the_capacitance_of_its_area() -> None:
     assert voltage == pytest.approx(rig.gain * commands)
 
 
+def test_a_blocked_film_pulls_with_elastic_stress_less_that_of_the_field() -> None:
+    command = 2.0
+    pull, _, capacitance, voltage = held(command=command)
+    values, stretch = Plant(rig=BLOCKED).parameters, 3.0
+    modulus, limit = values["shear_modulus"].value, values["stretch_limit"].value
+    # Gent's energy, stretched alike along both sides: nominal stress along one of them
+    gent = modulus * limit * (stretch - stretch**-5) / (limit + 3 - 2 * stretch**2 - stretch**-4)
+    field = values["permittivity"].value * VACUUM_PERMITTIVITY * (BLOCKED.gain * command / BLOCKED.thickness) ** 2
+    expected = BLOCKED.thickness * BLOCKED.width * (gent - field * stretch**3)
+    assert pull == pytest.approx(expected, rel=1e-9)
+    # The same by virtual work: capacitance goes with the square of the stretch, at a constant stretch across.
+    without = held(command=0.0)[0]
+    assert without - pull == pytest.approx(voltage**2 * capacitance / (stretch * BLOCKED.length), rel=1e-9)
+
+
 def test_the_current_balances_the_charge_over_a_cycle() -> None:
     period = 50
     commands = 1.5 + 0.8 * np.sin(2 * np.pi * np.arange(3 * period) / period)

@@ -2,6 +2,7 @@
 
 from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
 from deatwin.ident.mismatch.advise.advise import advise
+from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect.detect import detect
 from deatwin.ident.mismatch.detect.detection import Detection
@@ -20,7 +21,7 @@ from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.name import name_causes
 from deatwin.ident.mismatch.naming.screen import Footprint, footprints
 from deatwin.ident.mismatch.plan.plan import plan_experiment
-from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
+from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.result import (
@@ -28,6 +29,7 @@ from deatwin.ident.mismatch.result import (
     DetectionSummary,
     FitSummary,
     FreeFormSummary,
+    ReadingSummary,
     VerificationSummary,
 )
 from deatwin.ident.mismatch.say import say
@@ -62,8 +64,11 @@ __all__ = [
     "Location",
     "LocationSummary",
     "Naming",
+    "PricedReading",
+    "ReadingSummary",
     "Readings",
     "Step",
+    "TellingReading",
     "Unexplained",
     "Verdict",
     "Verification",

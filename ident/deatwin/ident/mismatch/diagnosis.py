@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.result import (
     FreeFormSummary,
     IndistinguishablePair,
     Output,
+    ReadingSummary,
     VerificationSummary,
 )
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, FittedParameter, Verdict
@@ -32,7 +33,7 @@ from deatwin.plant.datasets import Described, Metadata, Variables, attribute, co
 from deatwin.plant.documents import read_document, write_document
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
-from deatwin.plant.records import INTERNAL, key, plain, read
+from deatwin.plant.records import INTERNAL, OPTIONAL, key, plain, read
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,6 +124,8 @@ class Diagnosis(Described):
         What the best explanation had to bear, where there was one: ablation, shams, transfer, constancy.
     faults : tuple of Fault
         Faults of the recordings.
+    taught : tuple of ReadingSummary or None
+        What each reading taught (``readings`` in the file); None where there is one reading.
     parameters : mapping of str to FittedParameter
         Of the calibrated base plant.
     forms : tuple of FormSummary
@@ -159,6 +162,7 @@ class Diagnosis(Described):
     fit: FitSummary
     verification: VerificationSummary | None = None
     faults: tuple[Fault, ...] = ()
+    taught: tuple[ReadingSummary, ...] | None = field(default=None, metadata={**key("readings"), **OPTIONAL})
     parameters: Mapping[str, FittedParameter] = field(default_factory=dict)
     forms: tuple[FormSummary, ...] = ()
     warnings: tuple[str, ...] = ()

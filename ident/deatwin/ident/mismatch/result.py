@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
 
+from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.plant.datasets import variable
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.records import OPTIONAL, Json, key
 
 
@@ -16,6 +18,45 @@ class Output:
 
     name: str
     unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingSummary:
+    """What one of several readings taught; SI.
+
+    Parameters
+    ----------
+    reading, unit : str
+        Name of the signal, and its SI unit.
+    noise : float
+        Standard deviation of its noise.
+    before, after : float or None
+        Rms residual of the calibrated plant, and of that with the causes; None where there is none.
+    with_it, without_it : mapping of str to float, or None
+        Probabilities of the explanations by all readings, and by all but this one; None where there are not two.
+    """
+
+    reading: str
+    unit: str
+    noise: float
+    before: float | None
+    after: float | None
+    with_it: Mapping[str, float] | None
+    without_it: Mapping[str, float] | None
+
+    @property
+    def sentence(self) -> str:
+        """What the reading taught, in words."""
+        noise, before = with_unit(self.noise, self.unit), with_unit(self.before or 0.0, self.unit)
+        left = before if self.after is None else f"{before}, with the causes {with_unit(self.after, self.unit)}"
+        said = f"{self.reading.replace('_', ' ')} (noise {noise}): residual {left}"
+        if self.with_it is None or self.without_it is None:
+            return said
+        return f"{said}; with it {_odds(self.with_it)}, without it {_odds(self.without_it)}"
+
+
+def _odds(probabilities: Mapping[str, float]) -> str:
+    return ", ".join(f"{names.replace('_', ' ')} {share:.2f}" for names, share in probabilities.items())
 
 
 # Detection
@@ -217,6 +258,10 @@ class AdviceSummary:
         The signal that would tell apart what the input leaves.
     undecided : tuple of str or None
         Explanations that the input leaves with another one nearby.
+    log_odds : float or None
+        Expected log odds of an explanation over the nearest other one after the best waveform alone.
+    readings : tuple of PricedReading
+        What each further reading would tell, the best first.
     """
 
     file: str | None
@@ -227,6 +272,8 @@ class AdviceSummary:
     added_mass_g: float | None = None
     measure: str | None = None
     undecided: tuple[str, ...] | None = field(default=None, metadata=OPTIONAL)
+    log_odds: float | None = field(default=None, metadata=OPTIONAL)
+    readings: tuple[PricedReading, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

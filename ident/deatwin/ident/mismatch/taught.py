@@ -1,41 +1,87 @@
-"""What each further reading taught: how likely the explanations are with it and without it."""
+"""What each reading taught: its residuals, and how likely the explanations are with it and without it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.decide import Naming, normalised
+from deatwin.ident.greybox.parts import free_run_residuals
+from deatwin.ident.mismatch.findings import Findings
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.decide import normalised
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import fitted_to_all
+from deatwin.ident.mismatch.result import ReadingSummary
 from deatwin.ident.parallel import run_jobs
 
 COMPARED = 4
 """Explanations of as many effects as the best one that are compared, the best first."""
 
 
-def taught(bench: Bench, naming: Naming) -> Iterator[str]:
-    """One sentence for each further reading: the odds with it, and those after a fit to all others without it."""
-    if naming.best is None:
-        return
-    count = len(naming.best.effects)
-    known = sorted((c for c in naming.candidates if len(c.effects) == count), key=lambda c: -c.evidence)
-    for reading in bench.nominal.rig.further:
-        parts = tuple(part for part in bench.everything if part.reading != reading.name)
-        if len(parts) == len(bench.everything):
-            continue
-        fits = run_jobs(fitted_to_all, [(c, parts) for c in known[:COMPARED]], workers=bench.jobs)
-        fitted = [fit for fit in fits if fit is not None]
-        if len(fitted) < 2:
-            continue
-        first = likeliest(fitted)
-        before = normalised({c.effects: float(np.exp(advantage(c, first))) for c in fitted})
-        after = normalised({c.effects: max(naming.probabilities.get(c.effects, 0.0), 1e-300) for c in fitted})
-        yield f"the reading {reading.name}: with it {_said(after)}; without it {_said(before)}"
+def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
+    """What each reading of recordings taught; None where they have one reading."""
+    bench, rig = findings.bench, findings.bench.nominal.rig
+    known = {part.reading: part.weight for part in bench.everything}
+    if len(known) < 2:
+        return None
+    plants = (findings.calibrated.plant, findings.final.plant) if findings.named else (findings.calibrated.plant,)
+    before, after = (*(_rms(findings, free_run_residuals(plant, bench.everything)) for plant in plants), {})[:2]
+    compared = _compared(findings)
+    found = []
+    for reading, name in zip(rig.readings, ("", *(one.name for one in rig.further)), strict=True):
+        if name in known:
+            with_it, without_it = _posteriors(findings, compared, name)
+            found.append(
+                ReadingSummary(
+                    reading=reading.name,
+                    unit=reading.unit,
+                    noise=reading.noise if name else findings.base.noise,
+                    before=before.get(name),
+                    after=after.get(name),
+                    with_it=with_it,
+                    without_it=without_it,
+                )
+            )
+    return tuple(found)
 
 
-def _said(odds: dict[tuple[str, ...], float]) -> str:
+def _rms(findings: Findings, residuals: np.ndarray | None) -> dict[str, float]:
+    """Rms of residuals over all parts in each reading, SI."""
+    if residuals is None:
+        return {}
+    parts = findings.bench.everything
+    pieces = np.split(residuals, np.cumsum([part.size for part in parts])[:-1])
+    squares: dict[str, list[np.ndarray]] = {}
+    for part, piece in zip(parts, pieces, strict=True):
+        squares.setdefault(part.reading, []).append((piece / part.weight) ** 2)
+    return {name: float(np.sqrt(np.mean(np.concatenate(own)))) for name, own in squares.items()}
+
+
+def _compared(findings: Findings) -> list[Candidate]:
+    """The explanations that are compared, the best first."""
+    naming = findings.naming
+    if not findings.named or naming.best is None:
+        return []
+    alike = [c for c in naming.candidates if len(c.effects) == len(naming.best.effects)]
+    return sorted(alike, key=lambda c: -c.evidence)[:COMPARED]
+
+
+def _posteriors(
+    findings: Findings, compared: list[Candidate], name: str
+) -> tuple[Mapping[str, float] | None, Mapping[str, float] | None]:
+    """Probabilities with all readings, and those after a fit to all but one; None where two cannot be compared."""
+    parts = tuple(part for part in findings.bench.everything if part.reading != name)
+    fits = run_jobs(fitted_to_all, [(c, parts) for c in compared], workers=findings.bench.jobs)
+    fitted = [fit for fit in fits if fit is not None]
+    if len(fitted) < 2:
+        return None, None
+    first, told = likeliest(fitted), findings.naming.probabilities
+    without = normalised({c.effects: float(np.exp(advantage(c, first))) for c in fitted})
+    whole = normalised({c.effects: max(told.get(c.effects, 0.0), 1e-300) for c in fitted})
+    return _named(whole), _named(without)
+
+
+def _named(odds: Mapping[tuple[str, ...], float]) -> dict[str, float]:
     ranked = sorted(odds.items(), key=lambda pair: -pair[1])
-    return ", ".join(f"{' + '.join(effects)} {probability:.2f}" for effects, probability in ranked)
+    return {" + ".join(effects): probability for effects, probability in ranked}

@@ -12,6 +12,7 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Family, Place
 from deatwin.plant.effects.lines import slow_cycles
 from deatwin.plant.parameters import Parameter, Scale
+from deatwin.plant.readings import ROOM_TEMPERATURE
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
@@ -28,7 +29,8 @@ class ThermalStiffness(Effect):
     No state. If the recording has a channel ``temperature`` (K), :math:`\Delta T` is its deviation from
     :math:`T_0` = 293.15 K, and period and phase have no influence. Otherwise (the channel is then 0 K, which no
     thermometer shows) the room temperature is assumed to swing by 1 K about its mean, as under a thermostat, and
-    :math:`k_T` is the relative change that this swing makes, relative to clock 0, for which the rig's modulus holds.
+    :math:`k_T` is the relative change that this swing makes, relative to clock 0, for which the rig's modulus holds. A
+    reading may be of the ``room_temperature`` :math:`T_0 + \Delta T`.
     Typical: a few percent per kelvin, minutes to a day. In measurements the elastic part of VHB alone stiffened
     with temperature (entropy predicts +0.34 % per kelvin), and the tape as a whole softened. Signature: sag and gain
     swing together, in a ratio of 1 : 2.4 at 1.9 kV, also at 0 V, with a period that is absent from the drive; a
@@ -64,7 +66,7 @@ class ThermalStiffness(Effect):
         "The modulus follows the temperature by {change_per_kelvin} for each kelvin "
         "(unless it was measured: a swing of one kelvin with a period of {period} and a phase of {phase})"
     )
-    reference: ClassVar[float] = 293.15
+    reference: ClassVar[float] = ROOM_TEMPERATURE
     """:math:`T_0` in K."""
     not_measured: ClassVar[float] = 0.0
     """Value of the channel in recordings without a thermometer, K."""
@@ -81,6 +83,7 @@ class ThermalStiffness(Effect):
         phase = self.own("phase", build)
         swing = ca.cos(2 * np.pi * build.time / self.own("period", build) + phase) - ca.cos(phase)
         departure = ca.if_else(room > self.not_measured, room - self.reference, swing)
+        build.measure("room_temperature", self.reference + departure)
         return signal.with_elastic(1 + self.own("change_per_kelvin", build) * departure)
 
     def cycle(self, measured: Collection[str]) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from deatwin.plant.builder import Builder
@@ -111,6 +112,8 @@ class Rig(ABC):
     """False if a model that was written elsewhere moves the plant, of which `write` gives only what surrounds it."""
     has_film: ClassVar[bool] = False
     """True if an elastomer film moves, whose relaxation is that of its material."""
+    offers: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Signals that a further sensor could read, and their SI units; a film's electrical ones need no mention."""
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 

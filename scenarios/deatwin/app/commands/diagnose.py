@@ -85,5 +85,7 @@ def diagnose(
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")
+    for reading in diagnosis.taught or ():
+        voice.say(f"reading: {reading.sentence}")
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result(diagnosis.to_dict())

@@ -38,7 +38,7 @@ History = Annotated[
     list[Path] | None,
     typer.Option("--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."),
 ]
-OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % band.")]
+OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings; the first one with its 95 % band.")]
 
 
 def simulate(
@@ -58,7 +58,7 @@ def simulate(
 
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """
-    from deatwin.app.given import GivenPlant, clock_notes, reading_column
+    from deatwin.app.given import GivenPlant, clock_notes, column_of, reading_column
     from deatwin.plant.files import write_csv
     from deatwin.plant.files.assemble import on_one_clock
     from deatwin.studies.folder import require_place
@@ -77,13 +77,16 @@ def simulate(
     name = model.plant.rig.output_name
     unit = header.removeprefix(f"{name}_")
     mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
-    digits = 3 - math.floor(math.log10(half.min()))  # three digits below the width of the band
+    digits = _digits(half.min())
     columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
-    write_csv(
-        out, {"time_s": wanted.timepts.round(9), **{name: values.round(digits) for name, values in columns.items()}}
-    )
-    voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band")
-    simulation = model.plant.simulate(experiment)
+    columns = {name: values.round(digits) for name, values in columns.items()}
+    simulation, further = model.plant.simulate(experiment), model.plant.rig.further
+    for reading, row in zip(further, simulation.outputs[at][1:], strict=True):
+        column, per_si = column_of(reading.name, reading.unit)
+        columns[column] = (row * per_si).round(_digits(reading.noise * per_si))
+    write_csv(out, {"time_s": wanted.timepts.round(9), **columns})
+    also = "".join(f", and {reading.name}" for reading in further)
+    voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band{also}")
     for event in simulation.events:
         voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
     voice.result(
@@ -94,6 +97,11 @@ def simulate(
             "events": [str(event) for event in simulation.events],
         }
     )
+
+
+def _digits(width: float) -> int:
+    """Decimals that show three digits below a width."""
+    return 3 - math.floor(math.log10(width))
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:

@@ -10,9 +10,19 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.result import AdviceSummary
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, variable
+from deatwin.plant.datasets import (
+    Described,
+    Metadata,
+    Variables,
+    attribute,
+    coordinate,
+    several,
+    table_along,
+    variable,
+)
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.files import write_csv
 from deatwin.plant.recording import Experiment, Recording
@@ -58,6 +68,10 @@ class Advice(Described):
     predicted : tuple of ndarray, each of shape (n,)
         Readings that the explanations predict for the input, in the order of `rivals`, each refitted to imitate
         the first; SI.
+    log_odds : float
+        Expected log odds of an explanation over the nearest other one after the best waveform alone.
+    readings : tuple of PricedReading
+        Readings that the rig could have beside those that were recorded, the best first.
     noise : float
         Standard deviation of the sensor's noise, SI.
     output : tuple of str
@@ -83,6 +97,8 @@ class Advice(Described):
         )
     )
     predicted: tuple[np.ndarray, ...]
+    log_odds: float = field(metadata=attribute(name="log_odds_of_the_input"))
+    readings: tuple[PricedReading, ...] = field(metadata=table_along("could_be_read", kind=PricedReading))
     noise: float = field(
         metadata=variable(unit=lambda advice: advice.output[1], about="standard deviation of the sensor's noise")
     )
@@ -113,16 +129,27 @@ class Advice(Described):
 
     @property
     def sentence(self) -> str:
-        """The advice in one sentence."""
+        """The advice in words."""
         which = _listed(self.rivals)
         if self.recording is None:
-            return f"No input that the rig bears can tell {which} apart; measure {self.measure}."
+            return f"No input that the rig bears can tell {which} apart; measure {self.measure}.{self._odds}"
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         rest = "" if not self.undecided else f"; if {_listed(self.undecided)} are left, measure {self.measure}"
         return (
             f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
-            f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}."
+            f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}.{self._odds}"
+        )
+
+    @property
+    def _odds(self) -> str:
+        """What the best reading would bring beside the recordings at hand, if it would tell the explanations apart."""
+        best = next((one for one in self.readings if one.resolves), None)
+        if best is None:
+            return ""
+        return (
+            f" With {best.words} ({best.noise_source}) the expected log odds of the nearest two are {best.log_odds:.2g}; "
+            f"the best waveform alone reaches {self.log_odds:.2g}."
         )
 
     @property
@@ -138,6 +165,8 @@ class Advice(Described):
             added_mass_g=None if self.added_mass is None else 1e3 * self.added_mass,
             measure=self.measure,
             undecided=self.undecided,
+            log_odds=self.log_odds,
+            readings=self.readings,
         )
 
     def _input(self) -> Variables:

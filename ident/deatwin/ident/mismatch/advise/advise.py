@@ -15,20 +15,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, compress, islice
+from itertools import compress, islice
 from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion, difference
+from deatwin.ident.mismatch.advise.offer import in_words
 from deatwin.ident.mismatch.advise.question import Question
+from deatwin.ident.mismatch.advise.sensors import Prices, prices
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.plant.errors import SimulationError
-from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
 MOST_RIVALS = 8
@@ -53,11 +53,6 @@ TINY = 1e-3
 ATTEMPTS = 2
 HEAVIER = 2.0
 """The load after a mass has been added, as a multiple."""
-CHANNELS = {"temperature": "the temperature"}
-"""Inputs from outside that effects read where they were recorded, and replace by a law of their own where not."""
-SIGNALS = {"film_voltage": "the voltage on the film", "capacitance": "the capacitance", "current": "the current"}
-TELLING = 0.01
-"""Share of a signal's variation by which explanations must differ in it for it to be worth measuring."""
 
 
 def advise(
@@ -98,8 +93,10 @@ def advise(
     tell(0.9, "writing the advice")
     rig, before = bench.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
     tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
+    market, numbers = prices(here), range(len(left))
     common: dict[str, Any] = {
         "rivals": _labels(left),
+        "readings": market.among(numbers),
         "confusion_before": before,
         "tried": tried,
         "noise": here.noise,
@@ -110,19 +107,20 @@ def advise(
             recording=None,
             waveform="",
             added_mass=None,
-            measure=_to_measure(here, left, here.fits, tried),
+            measure=_to_measure(market, numbers),
+            log_odds=max(tried.values(), default=0.0) / 2.0,
             confusion_after=before,
             predicted=(),
             undecided=common["rivals"],
             **common,
         )
     question, close = found.load.question, found.nearest < TOLD_APART
-    open_, fits = list(compress(left, close)), list(compress(here.fits, close))
     return Advice(
         recording=question.recording(found.commands),
         waveform=found.name,
         added_mass=found.load.added,
-        measure=_to_measure(here, open_, fits, tried) if open_ else None,
+        measure=_to_measure(market, list(compress(numbers, close))) if close.any() else None,
+        log_odds=float(found.nearest.min()) / 2.0,
         confusion_after=found.confusion,
         predicted=_predicted(question, found.commands),
         undecided=tuple(compress(common["rivals"], close)),
@@ -291,39 +289,7 @@ def _labels(rivals: Sequence[Candidate]) -> tuple[str, ...]:
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 
-def _to_measure(
-    question: Question, rivals: Sequence[Candidate], fits: Sequence[Calibration], tried: dict[str, float]
-) -> str:
-    """Return what an explanation had to guess, else the signal in which they differ most, beyond its gain and offset."""
-    if guessed := _guessed(question, rivals):
-        return CHANNELS[guessed[0]]
-    commands = question.commands(max(tried, key=lambda name: tried[name]), SCREENED) if tried else None
-    if commands is None:
-        return "another signal"
-    signals = [_signals(fit.plant, question, commands) for fit in fits]
-    common = [name for name in SIGNALS if all(name in s for s in signals)]
-    apart = {n: min(_unlike(a[n], b[n]) for a, b in combinations(signals, 2)) for n in common}
-    telling = max(apart, key=lambda name: apart[name], default="")
-    return SIGNALS[telling] if telling and apart[telling] > TELLING else "another signal"
-
-
-def _guessed(question: Question, rivals: Sequence[Candidate]) -> list[str]:
-    """Channels that an explanation reads and no recording brings."""
-    records = [record for part in question.bench.everything for record in part.experiment.recordings]
-    read = {name for rival in rivals for name in rival.calibration.plant.channels}
-    return [name for name in CHANNELS if name in read and not any(name in record.extras for record in records)]
-
-
-def _signals(plant: Plant, question: Question, commands: np.ndarray) -> dict[str, np.ndarray]:
-    watched = dict(plant.simulate(question.parts(commands)[0].experiment).watched[0])
-    if {"capacitance", "film_voltage"} <= watched.keys():
-        watched["current"] = np.gradient(watched["capacitance"] * watched["film_voltage"], question.sample_time)
-    return watched
-
-
-def _unlike(one: np.ndarray, other: np.ndarray) -> float:
-    """The share of a signal that is no multiple of the other one, plus an offset."""
-    scatter = float(np.std(one) * np.std(other))
-    if not scatter > 0:
-        return 0.0
-    return float(np.sqrt(max(0.0, 1 - (np.mean((one - one.mean()) * (other - other.mean())) / scatter) ** 2)))
+def _to_measure(market: Prices, explanations: Sequence[int]) -> str:
+    """Return the reading that is expected to tell explanations apart best, if it would."""
+    telling = [priced for priced in market.among(explanations) if priced.resolves]
+    return in_words(telling[0].reading) if telling else "another signal"

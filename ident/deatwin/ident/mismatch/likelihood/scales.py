@@ -56,9 +56,13 @@ def evidence(readings: Sequence[Reading], prior: Prior) -> Evidence:
 
 def weighed(reading: Reading, prior: Prior, log_ratios: np.ndarray) -> list[Weighed]:
     """A reading at several ratios."""
-    found = grams(reading.process, np.exp(log_ratios), (reading.times, reading.records), reading.rows)
-    pairs = zip(*found, strict=True)
-    return [Weighed(products=p, logs=float(logs), count=reading.times.size, prior=prior) for p, logs in pairs]
+    rows, size = reading.rows, 1 + reading.columns.shape[1]
+    seen = np.flatnonzero(rows.any(axis=1))  # another reading's own error is not in this one
+    known, logs = grams(reading.process, np.exp(log_ratios), (reading.times, reading.records), rows[seen])
+    found = np.zeros((log_ratios.size, size, size))
+    found[:, seen[:, None], seen] = known
+    pairs = zip(found, logs, strict=True)
+    return [Weighed(products=p, logs=float(log), count=reading.times.size, prior=prior) for p, log in pairs]
 
 
 class _Curve:

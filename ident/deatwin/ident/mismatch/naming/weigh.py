@@ -24,18 +24,10 @@ from scipy.special import log_ndtr
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
-from deatwin.ident.mismatch.likelihood.beforehand import (
-    ACCURACY,
-    FAST,
-    NOISE,
-    SPREAD,
-    OwnError,
-    coordinate,
-    pair_odds,
-    strength_deviation,
-)
-from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Reading
+from deatwin.ident.mismatch.likelihood.beforehand import coordinate, pair_odds, strength_deviation
+from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.screen import Footprint
@@ -87,39 +79,24 @@ class Scale:
                 fitted=np.append(prior.fitted, np.zeros(law.shape[1])),
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
-        reading = Reading(
-            times=self.error.times,
-            records=self.error.records,
-            residual=fit.residuals,
-            columns=columns,
-            process=self.error.process,
-            kappa=LogNormal(median=FAST * self.error.rms, spread=SPREAD),
-            sigma=LogNormal(median=self.error.noise, spread=NOISE),
-        )
         events = sum(name in fit.plant.event_times for name in fit.names)
         # Each time of the recordings is as likely for an event, in which no reading is smooth.
-        return evidence([reading], prior).log - events * float(np.log(np.ptp(self.error.times)))
+        weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
+        return weighed.log - events * float(np.log(np.ptp(self.error.times)))
 
     @cached_property
-    def error(self) -> OwnError:
-        """The plant's own error, as the base plant moves."""
+    def error(self) -> OwnErrors:
+        """The plant's own error in each reading, as the base plant moves."""
         parts = self.bench.fitted
         readings = readings_of_fit(parts, self.base.calibration.residuals)
-        return OwnError(
-            readings=readings,
-            times=np.concatenate([part.timepts for part in parts]),
-            records=np.repeat(np.arange(len(parts)), [part.size for part in parts]),
-            sample_time=self.bench.nominal.rig.sample_time,
-            noise=max(self.noise, ACCURACY * float(np.std(readings))),
-            stated=self.bench.expected_error,
-        )
+        return own_errors(self.bench.nominal.rig, parts, readings, self.noise, self.bench.expected_error)
 
     def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
         """Derivatives and the plant's own error in deviations beforehand, (n, k), and where the fit lies in them."""
         fit, effects = candidate.calibration, {effect.name: effect for effect in self.bench.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
-        largest = float(np.quantile(np.abs(self.error.readings), 0.99))
+        largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
         known = [coordinate(p, self.bench.nominal, effects, largest) for p in parameters]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
         # That a rig's own parameters lie off their nominal values is a finding of its own, and no sign of an effect.

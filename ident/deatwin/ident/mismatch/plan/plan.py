@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -12,17 +12,21 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion
+from deatwin.ident.mismatch.advise.offer import SensorOffer
+from deatwin.ident.mismatch.advise.sensors import offer, offered
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
-from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, OwnError, deviation, strength_deviation
+from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, deviation, strength_deviation
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, taken_up
 from deatwin.ident.mismatch.naming.screen import footprint, shapes_of
-from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen
-from deatwin.ident.mismatch.plan.seen import Change, distances, products, smallest
+from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
+from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.errors import DataError, SimulationError
 from deatwin.plant.model import Plant
+from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
@@ -94,7 +98,8 @@ def plan_experiment(
             raise DataError("a length in seconds is of an input that is advised: give either the input or its length")
         doing = "trying the effects on this input"
         tell(0.0, doing)
-        seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing))
+        wanted = _wanted(plant, known, commands.extras)
+        seen = _seen(plant, commands, known, jobs, lambda done: tell(done / len(known), doing), wanted)
         return _plan(plant, seen, "", {}, known)
     inputs = _inputs(plant, SAMPLES * plant.rig.sample_time if seconds is None else seconds, seed)
     found: dict[str, _Seen] = {}
@@ -108,7 +113,14 @@ def plan_experiment(
         raise SimulationError("the nominal plant can follow none of the waveforms: give an input that it bears")
     tried = {name: seen.confused for name, seen in found.items()}
     best = min(tried, key=lambda name: tried[name])
-    return _plan(plant, found[best], best, tried, known)
+    with_more = _seen(plant, inputs[best], known, jobs, lambda done: None, _wanted(plant, known, ()))
+    return _plan(plant, with_more, best, tried, known)
+
+
+def _wanted(plant: Plant, effects: Sequence[Effect], recorded: Collection[str]) -> tuple[Reading, ...]:
+    """Readings that the rig could have beside those that it states."""
+    stated = {reading.name for reading in plant.rig.further}
+    return offered([plant, *(plant.with_effects(effect) for effect in effects)], {*stated, *recorded})
 
 
 def _told(tell: Progress, number: int, inputs: int, effects: int, name: str, done: int) -> None:
@@ -120,13 +132,14 @@ class _Seen:
     """What an input shows: changes of all shapes, and for each pair of them what readings say."""
 
     recording: Recording
-    error: OwnError
+    error: OwnErrors
     changes: tuple[Change, ...]
     among: np.ndarray
-    left: tuple[float, ...]  # Rms of each change once the parameters are fitted, SI
+    left: np.ndarray  # Rms of each change in each reading once the parameters are fitted, (changes, readings)
     impossible: tuple[str, ...]
+    beside: tuple[tuple[SensorOffer, np.ndarray], ...]  # What the readings say with a further one that could be had
 
-    @property
+    @cached_property
     def typical(self) -> dict[str, int]:
         """Of each effect the shape that is seen neither best nor worst, by number."""
         squares = np.diag(self.among) * np.array([c.typical for c in self.changes]) ** 2
@@ -135,50 +148,71 @@ class _Seen:
             numbers.setdefault(change.effect, []).append(k)
         return {name: sorted(of, key=lambda k: squares[k])[len(of) // 2] for name, of in numbers.items()}
 
-    def nearest(self, name: str, apart: np.ndarray) -> dict[str, float]:
+    def nearest(self, name: str, among: np.ndarray) -> dict[str, float]:
         """d² from an effect at its typical strength to each other one, and to none (an empty name)."""
         k = self.typical[name]
-        found = {"": float(self.among[k, k] * self.changes[k].typical ** 2)}
-        others = zip(self.typical, apart[k], strict=True)
+        found = {"": float(among[k, k] * self.changes[k].typical ** 2)}
+        others = zip(self.typical, distances(self.changes, among, (k,))[0], strict=True)
         return found | {other: float(d2) for other, d2 in others if other != name}
+
+    def alike(self, name: str, among: np.ndarray) -> tuple[str, ...]:
+        """Effects that could not be told from one at its typical strength, the most alike first."""
+        near = {other: d2 for other, d2 in self.nearest(name, among).items() if other and d2 < TOLD_APART}
+        return tuple(sorted(near, key=lambda other: near[other]))
 
     @property
     def confused(self) -> float:
         """Probability of taking an effect at its typical strength for its nearest alternative, averaged."""
-        apart = distances(self.changes, self.among)
-        near = [min(self.nearest(name, apart).values()) for name in self.typical]
+        near = [min(self.nearest(name, self.among).values()) for name in self.typical]
         return float(np.mean([confusion(d2) for d2 in near])) if near else 0.5
+
+    def practical(self, k: int) -> float:
+        """Strength from which on a change counts in some reading of the rig."""
+        pairs = zip(self.error.of, self.left[k], strict=False)
+        return min(practical_size(one.noise, one.rms) / max(float(left), TINY) for one, left in pairs)
 
 
 def _seen(
-    plant: Plant, commands: Recording, effects: Sequence[Effect], jobs: int, finished: Callable[[int], None]
+    plant: Plant,
+    commands: Recording,
+    effects: Sequence[Effect],
+    jobs: int,
+    finished: Callable[[int], None],
+    wanted: Sequence[Reading] = (),
 ) -> _Seen:
-    record = _with_readings(plant, commands)
-    part, rig = Part.whole(Experiment(recordings=(record,))), plant.rig.for_motion(float(np.std(record.outputs[0])))
-    problem = Problem(plant=plant, parts=(part,), names=plant.parameters.free)
+    record, further, sensors = _with_readings(plant, commands, wanted)
+    whole = plant.with_rig(replace(plant.rig.for_motion(float(np.std(record.outputs[0]))), further=further))
+    first = Part.whole(Experiment(recordings=(record,)))
+    parts = (first, *(replace(first, reading=reading.name) for reading in further))
+    problem = Problem(plant=whole, parts=parts, names=plant.parameters.free)
     run = problem.evaluate(problem.start())
     if run is None:
         raise SimulationError("the nominal plant's derivatives by its parameters are not finite on this input")
     moves = problem.smooth()
     spreads = np.array([deviation(plant.parameters[name]) for name in problem.names])
-    error = OwnError(
-        readings=record.outputs[0],
-        times=part.timepts,
-        records=np.zeros(part.size),
-        sample_time=rig.sample_time,
-        noise=_noise(rig, record),
-        stated=rig.model_error,
-    )
-    found = run_jobs(_changes, [(plant, effect, (part,)) for effect in effects], workers=jobs, finished=finished)
+    readings = np.concatenate([part.measured for part in parts])
+    error = own_errors(whole.rig, parts, readings, _noise(whole.rig, record), whole.rig.model_error)
+    found = run_jobs(_changes, [(whole, effect, parts) for effect in effects], workers=jobs, finished=finished)
     changes = [change for of_one in found for change in of_one]
-    shown, basis = {change.effect for change in changes}, tangent_basis(run[1][:, moves])
+    shown, slopes = {change.effect for change in changes}, run[1][:, moves]
+    rows = np.vstack([(slopes * spreads[moves]).T, *(change.readings for change in changes)])
+    each, own = error.each(rows), 1 + len(plant.rig.further)
+    taken = np.sum(each[:own], axis=0)
+    bases = [tangent_basis(slopes[at]) for at in error.at[:own]]
+    rms = [
+        [np.sqrt(np.mean(taken_off(c.readings[at], basis) ** 2)) for at, basis in zip(error.at, bases, strict=False)]
+        for c in changes
+    ]
     return _Seen(
         recording=record,
         error=error,
         changes=tuple(changes),
-        left=tuple(float(np.sqrt(np.mean(taken_off(c.readings, basis) ** 2))) for c in changes),
-        among=products(error, run[1][:, moves] * spreads[moves], changes),
+        left=np.array(rms),
+        among=taken_up(taken, int(moves.sum())),
         impossible=tuple(effect.name for effect in effects if effect.name not in shown),
+        beside=tuple(
+            (sensor, taken_up(taken + more, int(moves.sum()))) for sensor, more in zip(sensors, each[own:], strict=True)
+        ),
     )
 
 
@@ -192,7 +226,7 @@ def _noise(rig: Rig, record: Recording) -> float:
 
 def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Change]:
     """What an effect does at each of its shapes; an event in the middle of the recording."""
-    without = parts[0].measured  # the nominal plant's own readings
+    without = np.concatenate([part.measured for part in parts])  # the nominal plant's own readings
     if effect.event:
         at, clock = effect.described(effect.event), parts[0].timepts
         middle = float(np.clip((clock[0] + clock[-1]) / 2, at.lower, at.upper))
@@ -216,14 +250,13 @@ def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Chan
 
 def _plan(plant: Plant, seen: _Seen, name: str, tried: dict[str, float], effects: Sequence[Effect]) -> ExperimentPlan:
     unit, size = amplitude_unit(plant.rig.output_unit)
-    apart = distances(seen.changes, seen.among)
     known = {effect.name: effect for effect in effects}
-    rows = [_foreseen(seen, known[effect], apart, size, len(effects)) for effect in seen.typical]
+    rows = [_foreseen(seen, known[effect], size, len(effects)) for effect in seen.typical]
     return ExperimentPlan(
         output=plant.rig.output_name,
         unit=unit,
-        noise=seen.error.noise / size,
-        model_error=seen.error.rms / size,
+        noise=seen.error.of[0].noise / size,
+        model_error=seen.error.of[0].rms / size,
         seconds=seen.recording.duration,
         waveform=name,
         effects=tuple(
@@ -231,17 +264,28 @@ def _plan(plant: Plant, seen: _Seen, name: str, tried: dict[str, float], effects
         ),
         impossible=seen.impossible,
         tried=tried,
+        readings=_telling(seen, rows),
         recording=seen.recording,
     )
 
 
-def _foreseen(seen: _Seen, effect: Effect, apart: np.ndarray, size: float, catalogue: int) -> Foreseen:
+def _telling(seen: _Seen, rows: Sequence[Foreseen]) -> tuple[TellingReading, ...]:
+    """What each reading that could be had would tell of the pairs that are left, the one that tells most first."""
+    left = [(row.effect, other) for row in rows for other in row.alike]
+    first, found = [effect for effect, _ in left], []
+    for sensor, among in seen.beside if left else ():
+        alike = {(effect, other) for effect in {*first} for other in seen.alike(effect, among)}
+        told = {frozenset(pair) for pair in left if not {pair, pair[::-1]} & alike}
+        pairs = tuple(sorted(tuple(sorted(pair)) for pair in told))
+        found.append(TellingReading(**vars(sensor), tells=pairs, left=len({frozenset(pair) for pair in left})))
+    return tuple(sorted(found, key=lambda one: -len(one.tells)))
+
+
+def _foreseen(seen: _Seen, effect: Effect, size: float, catalogue: int) -> Foreseen:
     k, strength = seen.typical[effect.name], effect.described(effect.strength)
-    change, rms = seen.changes[k], float(np.sqrt(np.mean(seen.changes[k].readings ** 2)))
-    practical = practical_size(seen.error.noise, seen.error.rms) / max(seen.left[k], TINY)
-    least = max(smallest(float(seen.among[k, k]), change.deviation, catalogue), practical)
+    change, rms = seen.changes[k], float(np.sqrt(np.mean(seen.changes[k].readings[seen.error.at[0]] ** 2)))
+    least = max(smallest(float(seen.among[k, k]), change.deviation, catalogue), seen.practical(k))
     within = least <= max(abs(strength.lower), abs(strength.upper))
-    near = {name: d2 for name, d2 in seen.nearest(effect.name, apart).items() if name and d2 < TOLD_APART}
     visible = within and least <= abs(strength.value)
     return Foreseen(
         effect=effect.name,
@@ -252,16 +296,25 @@ def _foreseen(seen: _Seen, effect: Effect, apart: np.ndarray, size: float, catal
         change=abs(strength.value) * rms / size,
         smallest=least if within else None,
         smallest_change=least * rms / size if within else None,
-        alike=tuple(sorted(near, key=lambda name: near[name])) if visible else (),
+        alike=seen.alike(effect.name, seen.among) if visible else (),
     )
 
 
-def _with_readings(plant: Plant, commands: Recording) -> Recording:
-    """An input with the readings of the nominal plant."""
+def _with_readings(
+    plant: Plant, commands: Recording, wanted: Sequence[Reading]
+) -> tuple[Recording, tuple[Reading, ...], list[SensorOffer]]:
+    """An input with the readings of the nominal plant; all further readings; and those that are only wanted."""
     rig, silent = plant.rig, np.zeros((1, commands.n_samples))
     record = replace(commands, outputs=silent, output_names=(rig.output_name,), output_units=(rig.output_unit,))
-    run = plant.simulate(Experiment(recordings=(record,))).require()
-    return replace(record, outputs=run.outputs[0])
+    run = plant.with_rig(replace(rig, further=(*rig.further, *wanted))).simulate(Experiment(recordings=(record,)))
+    rows = run.require().outputs[0]
+    sensors = [
+        offer(one, (), float(np.abs(row).max())) for one, row in zip(wanted, rows[1 + len(rig.further) :], strict=True)
+    ]
+    noises = [sensor.noise for sensor in sensors]
+    further = (*rig.further, *(replace(one, noise=noise) for one, noise in zip(wanted, noises, strict=True)))
+    extras = {reading.name: row for reading, row in zip(further, rows[1:], strict=True)}
+    return replace(record, outputs=rows[:1], extras={**record.extras, **extras}), further, sensors
 
 
 def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import write_input
+from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.plant.amplitudes import axis_label, written_unit
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.prefixes import with_unit
@@ -72,6 +73,28 @@ class Foreseen:
         return f"{shown}; not told from {others}" if others else shown
 
 
+@dataclass(frozen=True, kw_only=True)
+class TellingReading(SensorOffer):
+    """A reading that nobody has yet, and which pairs of effects it would tell apart that the input leaves.
+
+    Parameters
+    ----------
+    reading, unit : str
+        Name of the signal, and its SI unit.
+    noise : float
+        Standard deviation of its noise, SI.
+    noise_source : str
+        Where that is known from.
+    tells : tuple of tuple of str
+        Pairs of effects, at their typical strengths, that it tells apart.
+    left : int
+        Number of pairs that the input leaves without it.
+    """
+
+    tells: tuple[tuple[str, ...], ...]
+    left: int
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
     """What an experiment would show, before it is made.
@@ -95,6 +118,8 @@ class ExperimentPlan:
     tried : mapping of str to float
         For each waveform that was tried, the probability of taking an effect for its nearest alternative, averaged over
         the effects; empty where the input was given.
+    readings : tuple of TellingReading
+        Readings that the rig could have beside its own, the one first that tells most apart.
     recording : Recording
         The input, with the readings of the nominal plant.
     """
@@ -108,6 +133,7 @@ class ExperimentPlan:
     effects: tuple[Foreseen, ...]
     impossible: tuple[str, ...]
     tried: dict[str, float]
+    readings: tuple[TellingReading, ...]
     recording: Recording = field(metadata=INTERNAL)
 
     @property
@@ -119,8 +145,16 @@ class ExperimentPlan:
         what = f"the best input that was tried, {self.waveform}{of}," if self.waveform else f"this input{of}"
         return (
             f"{what} would show {len(seen)} of {len(self.effects)} effects at their typical strengths, "
-            f"and tell {len(alone)} of them from all others"
+            f"and tell {len(alone)} of them from all others{self._more}"
         )
+
+    @property
+    def _more(self) -> str:
+        """What the best reading would tell that the rig does not have."""
+        best = next((one for one in self.readings if one.tells), None)
+        if best is None:
+            return ""
+        return f"; with {best.words} ({best.noise_source}) it tells {len(best.tells)} of the {best.left} pairs that are left"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, as ``plan.json`` holds it.

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import nnls
 
-from deatwin.ident.mismatch.likelihood.beforehand import PRIORS, OwnError
-from deatwin.ident.mismatch.likelihood.whitening import grams
+from deatwin.ident.mismatch.likelihood.beforehand import PRIORS
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, taken_up
 
 SURE = 0.95
 """Probability from which on an effect is named."""
@@ -37,15 +37,10 @@ class Change:
     one_sided: bool
 
 
-def products(error: OwnError, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
+def products(error: OwnErrors, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
     """What readings say of changes and of pairs of them, (k, k); `derivatives` (n, p) in deviations beforehand, SI."""
-    nuisance = np.column_stack([derivatives, error.columns])
-    rows = np.vstack([nuisance.T, *(change.readings for change in changes)]) / error.noise
-    clock = (error.times, error.records)
-    (whole,), _ = grams(error.process, np.array([error.ratio]), clock, np.ascontiguousarray(rows))
-    m = nuisance.shape[1]
-    own, across, among = whole[:m, :m] + np.eye(m), whole[:m, m:], whole[m:, m:]
-    return np.asarray(among - across.T @ np.linalg.solve(own, across))
+    rows = np.vstack([derivatives.T, *(change.readings for change in changes)])
+    return taken_up(error.products(rows), derivatives.shape[1])
 
 
 def smallest(square: float, deviation: float, catalogue: int) -> float:
@@ -59,8 +54,8 @@ def smallest(square: float, deviation: float, catalogue: int) -> float:
     return float(np.sqrt((2.0 * odds + np.log1p(deviation**2 * square)) / square))
 
 
-def distances(changes: Sequence[Change], among: np.ndarray) -> np.ndarray:
-    """d² from each change at its typical strength to the nearest of each effect, (k, number of effects).
+def distances(changes: Sequence[Change], among: np.ndarray, numbers: Sequence[int]) -> np.ndarray:
+    """d² from some changes at their typical strengths to the nearest of each effect, (numbers, effects).
 
     What another effect does may be spread over its shapes, as that of a law with several times: the nearest sum of its
     changes that all act one way counts.
@@ -69,10 +64,10 @@ def distances(changes: Sequence[Change], among: np.ndarray) -> np.ndarray:
     seen = (axes * np.sqrt(np.maximum(squares, 0.0))).T  # columns with the same products
     names = list(dict.fromkeys(change.effect for change in changes))
     typical = np.array([change.typical for change in changes])
-    found = np.empty((len(changes), len(names)))
+    found = np.empty((len(numbers), len(names)))
     for j, name in enumerate(names):
         own = [k for k, change in enumerate(changes) if change.effect == name]
         ways = (1.0,) if changes[own[0]].one_sided else (1.0, -1.0)
-        for k in range(len(changes)):
-            found[k, j] = min(nnls(way * seen[:, own], typical[k] * seen[:, k])[1] for way in ways)
+        for i, k in enumerate(numbers):
+            found[i, j] = min(nnls(way * seen[:, own], typical[k] * seen[:, k])[1] for way in ways)
     return found**2

@@ -17,7 +17,7 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch import Verdict, diagnose
 from deatwin.ident.mismatch.advise import distance, question
-from deatwin.ident.mismatch.advise.advise import SCREENED, _guessed, _labels, _needed, advise
+from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
@@ -42,7 +42,6 @@ from deatwin.plant import (
 )
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.files import read_commands
 from deatwin.plant.integrator.compiled import compiler
 
@@ -345,9 +344,9 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     rivals = rivals_on(bench, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
     asked, module = [], sys.modules[advise.__module__]
 
-    def to_measure(here, left, fits, tried):
-        asked.append([[rival.effects for rival in left], [fit.plant.effect_names for fit in fits]])
-        return measured(here, left, fits, tried)
+    def to_measure(market, explanations):
+        asked.append([market.question.fits[k].plant.effect_names for k in explanations])
+        return measured(market, explanations)
 
     measured = module._to_measure
     monkeypatch.setattr(module, "_to_measure", to_measure)
@@ -356,7 +355,7 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     assert found.recording is not None
     assert found.rivals == ("delay", "electrode_rc", "sensor_lag")
     assert found.undecided == found.rivals[1:]
-    assert asked == [[[("electrode_rc",), ("sensor_lag",)]] * 2]  # on what the input decides nothing need be measured
+    assert asked == [[("electrode_rc",), ("sensor_lag",)]]  # on what the input decides nothing need be measured
     assert found.measure in ("the current", "the voltage on the film")  # which a lag of the reading leaves as it was
     # two of the three are confused by more than 2.3 %, and by chance at most; the third by no more than that
     told = distance.confusion(16.0)
@@ -364,24 +363,6 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     assert found.confusion_after < found.confusion_before
     assert f"if electrode rc and sensor lag are left, measure {found.measure}." in found.sentence
     assert found.summary.undecided == found.undecided
-
-
-@pytest.mark.parametrize(
-    ("effect", "measured", "guessed"),
-    [
-        ("thermal_stiffness", False, ["temperature"]),
-        ("thermal_stiffness", True, []),  # it was measured
-        ("periodic_disturbance", False, []),  # of the environment as well, and no thermometer shows it
-    ],
-)
-def test_a_channel_is_to_be_measured_where_an_explanation_guesses_it(effect, measured, guessed):
-    commands = sine(2.0, 1.0)
-    extras = {"temperature": np.full(commands.size, 293.0)} if measured else {}
-    record = replace(blank(commands).recordings[0], extras=extras)
-    here = SimpleNamespace(bench=bench_of(NOMINAL, Experiment(recordings=(record,))))
-    plants = [NOMINAL.with_effects(effect_named(name)) for name in (effect, "creep")]
-    rivals = [SimpleNamespace(calibration=SimpleNamespace(plant=plant)) for plant in plants]
-    assert _guessed(here, rivals) == guessed
 
 
 def test_the_same_effects_on_another_form_of_the_rig_get_a_number():

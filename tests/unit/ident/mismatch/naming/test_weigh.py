@@ -25,7 +25,7 @@ NOTHING = SimpleNamespace(
 
 @pytest.fixture
 def bench():
-    part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION)
+    part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="")
     nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
     return SimpleNamespace(effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
@@ -98,4 +98,4 @@ def test_first_order_promises_what_a_fit_then_shows(scale):
 
 def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):
     assert np.array_equal(scale.error.readings, MOTION)
-    assert scale.error.ratio == pytest.approx(FAST * 5e-7 / NOISE)
+    assert scale.error.of[0].ratio == pytest.approx(FAST * 5e-7 / NOISE)

@@ -1,0 +1,65 @@
+"""A reading that a rig could have, as a diagnosis and a plan say it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from deatwin.plant.prefixes import with_unit
+
+THERMOMETER = "room_temperature"
+"""The signal of a room's temperature, which an effect assumes where no thermometer was read."""
+WORDS = {"film_voltage": "the voltage on the film", THERMOMETER: "the temperature"}
+"""Readings that are not called by their names."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorOffer:
+    """A reading that the rig could have.
+
+    Parameters
+    ----------
+    reading, unit : str
+        Name of the signal, and its SI unit.
+    noise : float
+        Standard deviation of its noise, SI.
+    noise_source : str
+        Where that is known from.
+    """
+
+    reading: str
+    unit: str
+    noise: float
+    noise_source: str
+
+    @property
+    def words(self) -> str:
+        """The reading as a sentence names it, with its noise."""
+        return f"{in_words(self.reading)} measured to {with_unit(self.noise, self.unit)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PricedReading(SensorOffer):
+    """A reading that nobody has taken yet, and how well it would tell explanations apart.
+
+    Parameters
+    ----------
+    reading, unit : str
+        Name of the signal, and its SI unit.
+    noise : float
+        Standard deviation of its noise, SI.
+    noise_source : str
+        Where that is known from.
+    log_odds : float
+        Expected log odds of the truth over the explanation that is nearest to it, with this reading beside the
+        recordings at hand.
+    resolves : bool
+        Whether that tells all of the explanations apart.
+    """
+
+    log_odds: float
+    resolves: bool
+
+
+def in_words(reading: str) -> str:
+    """A reading as a sentence names it."""
+    return WORDS.get(reading, f"the {reading.replace('_', ' ')}")

@@ -1,0 +1,198 @@
+r"""Which reading to buy: what each that a rig could have would tell, before anybody has it.
+
+A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth,
+with noise that is drawn, the other is refitted to all readings to first order, and the likelihood that weighs
+explanations (`deatwin.ident.mismatch.likelihood.several`) says the log odds. So it is done for the two that are nearest
+to each other with all scales known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from deatwin.ident.greybox.parts import Part, first_only
+from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.advise.offer import THERMOMETER, PricedReading, SensorOffer
+from deatwin.ident.mismatch.advise.question import Question
+from deatwin.ident.mismatch.likelihood.beforehand import OwnError, coordinate
+from deatwin.ident.mismatch.likelihood.model import Prior
+from deatwin.ident.mismatch.likelihood.scales import evidence
+from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, products_of, taken_up
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.plant.errors import RigError
+from deatwin.plant.model import Plant
+from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
+from deatwin.plant.recording import Experiment
+
+SHARE = 1e-3
+"""Noise of a reading of which nobody has said how noisy it is, as a share of the largest value that it would have: ten
+effective bits. It is also the basic accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
+NOT_RECORDED = "the rig file; not recorded"
+TYPICAL = "typical: a thousandth of the largest value"
+PLATINUM = "typical: platinum thermometer of class AA, IEC 60751"
+KELVIN = 0.1
+"""Noise of such a thermometer, K."""
+SOME = 1.0
+"""Noise of a reading whose noise is not yet known."""
+
+Signal = tuple[np.ndarray, np.ndarray]
+"""What a fitted plant reads (n,), and the derivative (n, p) by its fitted coordinates; SI."""
+
+
+def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
+    """Readings that all plants of one rig have and nobody recorded, those of the rig file first."""
+    rig = plants[0].rig
+    stated = [reading for reading in rig.further if reading.name not in recorded]
+    known = {*recorded, *(reading.name for reading in stated)}
+    units = {**ELECTRICAL_UNITS, **rig.offers}
+    if "temperature" not in recorded and any("temperature" in plant.channels for plant in plants):
+        units |= {THERMOMETER: "K"}
+    more = [Reading(name=name, unit=unit, noise=SOME) for name, unit in units.items() if name not in known]
+    return tuple(one for one in (*stated, *more) if all(has(plant, one) for plant in plants))
+
+
+def has(plant: Plant, reading: Reading) -> bool:
+    """Whether a plant has a signal that can be read."""
+    try:
+        return plant.with_rig(replace(plant.rig, further=(reading,))).equations is not None
+    except RigError:
+        return False
+
+
+def offer(reading: Reading, stated: Collection[Reading], largest: float) -> SensorOffer:
+    """A reading with its noise: that of the rig file, or what is typical where the `largest` value is this, SI."""
+    noise, source = reading.noise, NOT_RECORDED
+    if reading not in stated:
+        noise, source = (KELVIN, PLATINUM) if reading.name == THERMOMETER else (SHARE * largest, TYPICAL)
+    return SensorOffer(reading=reading.name, unit=reading.unit, noise=max(noise, 1e-300), noise_source=source)
+
+
+def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ...]:
+    """Parts of readings that are not in the recordings, where the first reading counts, reading after reading."""
+    silent = []
+    for part in first_only(parts):
+        records = part.experiment.recordings
+        blank = [{one.name: np.zeros(record.n_samples) for one in readings} for record in records]
+        filled = (replace(record, extras={**record.extras, **b}) for record, b in zip(records, blank, strict=True))
+        silent.append(replace(part, experiment=Experiment(recordings=tuple(filled))))
+    return tuple(replace(part, reading=one.name) for one in readings for part in silent)
+
+
+def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]) -> list[Signal]:
+    """What a plant with its fitted coordinates makes of readings that nobody took; none if it cannot be simulated."""
+    asked = unread(parts, wanted)
+    if not asked:
+        return []
+    problem = Problem(plant=plant.with_rig(replace(plant.rig, further=tuple(wanted))), parts=asked, names=names)
+    found = problem.evaluate(problem.start())
+    if found is None:
+        return []
+    pieces = np.split(np.arange(found[0].size), len(wanted))
+    return [(-found[0][at], found[1][at]) for at in pieces]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Beside:
+    """A reading beside the recordings: what each explanation makes of it, in the order of the question's fits."""
+
+    sensor: SensorOffer
+    reading: Reading
+    signals: tuple[Signal, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prices:
+    """What readings that could be had would tell of the explanations of a question."""
+
+    question: Question
+    beside: tuple[_Beside, ...]
+
+    def among(self, explanations: Collection[int]) -> tuple[PricedReading, ...]:
+        """The readings, the best first, for telling some of the explanations apart, which are given by number."""
+        asked = [number for number, pair in enumerate(self.question.pairs) if {*pair} <= {*explanations}]
+        found = []
+        for one in self.beside if asked else ():
+            nearest = min(asked, key=lambda number: self._square(one, number))
+            odds = self._log_odds(one, nearest)
+            found.append(PricedReading(**vars(one.sensor), log_odds=odds, resolves=2.0 * odds >= TOLD_APART))
+        return tuple(sorted(found, key=lambda priced: -priced.log_odds))
+
+    def _square(self, one: _Beside, number: int) -> float:
+        """d² of a pair, with all scales known."""
+        truth, rival = self.question.pairs[number]
+        spread = self._spreads[rival]
+        rows = np.vstack([(one.signals[rival][1] * spread).T, one.signals[truth][0] - one.signals[rival][0]])
+        own = self._own(number) + products_of(self._error(one, truth), rows)
+        return float(taken_up(own, spread.size)[0, 0])
+
+    def _log_odds(self, one: _Beside, number: int) -> float:
+        """Log odds of the truth over the rival, by the likelihood of the recordings and of a reading that is drawn."""
+        truth, rival = self.question.pairs[number]
+        own, error = self._errors(truth), self._error(one, truth)
+        size, count = own.readings.size, error.readings.size
+        errors = OwnErrors(of=(*own.of, error), at=(*own.at, size + np.arange(count)))
+        drawn = error.noise * np.random.default_rng(self.question.seed).standard_normal(count)
+        weights = []
+        for number in (truth, rival):
+            fit, (values, slopes) = self.question.fits[number], one.signals[number]
+            moved = np.vstack([fit.jacobian, slopes]) * self._spreads[number]
+            residual = np.concatenate([fit.residuals, drawn + one.signals[truth][0] - values])
+            columns = np.column_stack([moved, errors.columns])
+            weights.append(evidence(errors.likelihood(residual, columns), Prior.of((columns.shape[1], None))).log)
+        return float(weights[0] - weights[1])
+
+    def _error(self, one: _Beside, truth: int) -> OwnError:
+        """The plant's own error in a reading that nobody took, as an explanation moves."""
+        bench, reading = self.question.bench, replace(one.reading, noise=one.sensor.noise)
+        parts = [replace(part, reading=reading.name) for part in first_only(bench.fitted)]
+        rig = replace(bench.nominal.rig, further=(reading,))
+        return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
+
+    def _errors(self, truth: int) -> OwnErrors:
+        """The plant's own error in what was recorded, as an explanation moves."""
+        bench = self.question.bench
+        readings = readings_of_fit(bench.fitted, self.question.fits[truth].residuals)
+        return own_errors(bench.nominal.rig, bench.fitted, readings, self.question.noise, bench.expected_error)
+
+    def _own(self, number: int) -> np.ndarray:
+        """What the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
+        (truth, rival), memory = self.question.pairs[number], self.question.memories[number]
+        rows = np.vstack([(memory.jacobian * self._spreads[rival]).T, memory.known.left])
+        return self._errors(truth).products(rows)
+
+    @cached_property
+    def _spreads(self) -> list[np.ndarray]:
+        """Deviations of each explanation's coordinates beforehand, (p,) each."""
+        bench = self.question.bench
+        effects = {effect.name: effect for effect in bench.effects}
+        largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(bench.fitted)])), 0.99))
+        return [
+            np.array([coordinate(f.plant.parameters[n], bench.nominal, effects, largest).deviation for n in f.names])
+            for f in self.question.fits
+        ]
+
+
+def prices(question: Question) -> Prices:
+    """Price the readings that a question's rig could have beside its recordings."""
+    bench, fits = question.bench, question.fits
+    records = [record for part in bench.everything for record in part.experiment.recordings]
+    recorded = {part.reading for part in bench.everything}
+    recorded |= {"temperature"} if all("temperature" in record.extras for record in records) else set()
+    wanted = offered([fit.plant for fit in fits], recorded)
+    each = zip(*(signals(fit.plant, fit.names, bench.fitted, wanted) for fit in fits), strict=False)
+    return Prices(
+        question=question,
+        beside=tuple(
+            _Beside(sensor=offer(one, bench.nominal.rig.further, _largest(known)), reading=one, signals=known)
+            for one, known in zip(wanted, each, strict=False)  # none where an explanation cannot be simulated
+        ),
+    )
+
+
+def _largest(known: Sequence[Signal]) -> float:
+    return max(float(np.abs(values).max()) for values, _ in known)

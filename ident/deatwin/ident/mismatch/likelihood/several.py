@@ -1,0 +1,117 @@
+"""The plant's own error in each of several readings, and what they say together: products over readings add up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from deatwin.ident.greybox.parts import Part
+from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, OwnError
+from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
+from deatwin.ident.mismatch.likelihood.whitening import grams
+from deatwin.plant.rigs.base import Rig
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OwnErrors:
+    """One error for each reading, in the units of `Part.measured`; `at` are its samples among all, (n_j,) each."""
+
+    of: tuple[OwnError, ...]
+    at: tuple[np.ndarray, ...]
+
+    @property
+    def readings(self) -> np.ndarray:
+        """What the plant reads, over all samples, shape (n,)."""
+        return self._joined([one.readings for one in self.of])
+
+    @property
+    def times(self) -> np.ndarray:
+        """Clock times of all samples, shape (n,), s."""
+        return self._joined([one.times for one in self.of])
+
+    @cached_property
+    def columns(self) -> np.ndarray:
+        """What repeats in each reading by itself, shape (n, k): each column is zero in all readings but one."""
+        size, first = sum(at.size for at in self.at), 0
+        found = np.zeros((size, sum(one.columns.shape[1] for one in self.of)))
+        for one, at in zip(self.of, self.at, strict=True):
+            last = first + one.columns.shape[1]
+            found[at, first:last] = one.columns
+            first = last
+        return found
+
+    def likelihood(self, residuals: np.ndarray, columns: np.ndarray) -> list[Reading]:
+        """Each reading as the likelihood takes it; `residuals` (n,) and `columns` (n, m) over all samples."""
+        return [
+            Reading(
+                times=one.times,
+                records=one.records,
+                residual=residuals[at],
+                columns=columns[at],
+                process=one.process,
+                kappa=LogNormal(median=FAST * one.rms, spread=SPREAD),
+                sigma=LogNormal(median=one.noise, spread=NOISE),
+            )
+            for one, at in zip(self.of, self.at, strict=True)
+        ]
+
+    def each(self, rows: np.ndarray) -> list[np.ndarray]:
+        """What each reading says of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        return [products_of(one, rows[:, at]) for one, at in zip(self.of, self.at, strict=True)]
+
+    def products(self, rows: np.ndarray) -> np.ndarray:
+        """What all readings say of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        return np.sum(self.each(rows), axis=0)
+
+    def _joined(self, pieces: Sequence[np.ndarray]) -> np.ndarray:
+        found = np.empty(sum(at.size for at in self.at))
+        for at, piece in zip(self.at, pieces, strict=True):
+            found[at] = piece
+        return found
+
+
+def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
+    """The errors of a plant that reads `readings` (n,) on parts; the first reading has this `noise` and `stated` error.
+
+    A further reading has the noise that the rig states, and the rig's share of how it varies as its error.
+    """
+    whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
+    times = np.concatenate([part.timepts for part in parts])
+    own, places = [], []
+    for name in dict.fromkeys(part.reading for part in parts):
+        at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
+        sensor, error = noise, stated
+        if name:
+            weight = next(part.weight for part in parts if part.reading == name)
+            further = next(reading for reading in rig.further if reading.name == name)
+            sensor = weight * further.noise
+            error = max(weight * further.model_error, rig.share_of_motion * float(np.std(readings[at])))
+        own.append(
+            OwnError(
+                readings=readings[at],
+                times=times[at],
+                records=whole[at],
+                sample_time=rig.sample_time,
+                noise=max(sensor, ACCURACY * float(np.std(readings[at]))),
+                stated=error,
+            )
+        )
+        places.append(at)
+    return OwnErrors(of=tuple(own), at=tuple(places))
+
+
+def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:
+    """What one reading says of changes `rows` (m, n), once its own repeatable error is fitted, shape (m, m)."""
+    repeats = error.columns.shape[1]
+    together = np.ascontiguousarray(np.vstack([error.columns.T, rows]) / error.noise)
+    (whole,), _ = grams(error.process, np.array([error.ratio]), (error.times, error.records), together)
+    return taken_up(whole, repeats)
+
+
+def taken_up(whole: np.ndarray, count: int) -> np.ndarray:
+    """Products that are left once the first coordinates, of unit deviation beforehand, are fitted; `whole` (m, m)."""
+    own, across, among = whole[:count, :count] + np.eye(count), whole[:count, count:], whole[count:, count:]
+    return np.asarray(among - across.T @ np.linalg.solve(own, across))
