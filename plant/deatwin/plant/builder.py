@@ -403,7 +403,7 @@ class Builder:
                 return otherwise
             raise RigError(f"this rig has no signal {name!r}{nearest(name, known)}") from None
 
-    def finish(self, output: Symbol, further: Sequence[str] = (), *, mean_size: float = 0.0) -> Equations:
+    def finish(self, output: Symbol, further: Sequence[str] = ()) -> Equations:
         """Check that the equations are complete, and return them.
 
         Parameters
@@ -412,8 +412,6 @@ class Builder:
             Reading of the rig, SI.
         further : sequence of str
             Names of its further readings.
-        mean_size : float
-            Typical size of the reading, SI, if rows are means over their samples; 0 if they are values at one time.
 
         Returns
         -------
@@ -432,7 +430,7 @@ class Builder:
                     f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
                     f"rig does not have{nearest(effect.signal, names)}"
                 )
-        if mean_size:
+        if mean_size := self._shared.get("mean_size", 0.0):
             output = self._mean("reading", number(output, "what write returns, the reading,"), mean_size)
             for name in set(further):
                 self._average(name)

@@ -12,7 +12,6 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.parameters import ParameterSet
-from deatwin.plant.readings import ROOM_TEMPERATURE
 from deatwin.plant.rigs.base import Rig, written
 from deatwin.plant.simulate import Simulator
 
@@ -73,10 +72,8 @@ class Structure:
 @lru_cache(maxsize=256)
 def _equations(structure: Structure) -> Equations:
     rig, build = structure.rig, Builder(structure.parameters, structure.effects)
-    build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect that knows better replaces it
     with written(rig, build) as reading:
-        further = [each.name for each in rig.further]
-        return build.finish(reading, further, mean_size=rig.reading_size if rig.averages else 0.0)
+        return build.finish(reading, [further.name for further in rig.further])
 
 
 @lru_cache(maxsize=64)

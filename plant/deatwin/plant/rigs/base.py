@@ -15,7 +15,7 @@ from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
 from deatwin.plant.parameters import Parameter, ParameterSet
-from deatwin.plant.readings import Reading, readings_from
+from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
 from deatwin.plant.rigs.stated import require_stated
 from deatwin.plant.substance import Material
@@ -300,6 +300,9 @@ def written(rig: Rig, build: Builder) -> Iterator[Any]:
     """Let a rig write its equations and give its reading; what its code raises here becomes one line."""
     build.share("sample_time", rig.sample_time)
     build.share("follows_at_once", rig.follows_at_once)
+    if rig.averages:
+        build.share("mean_size", rig.reading_size)
+    build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect that knows better replaces it
     for reading in rig.further:
         if reading.name == "current":
             build.share("series_resistance", reading.series_resistance)
