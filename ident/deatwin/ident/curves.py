@@ -81,12 +81,11 @@ def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
 
 
 def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, width: float = 0.025) -> LinearShare:
-    r"""Spectra of the output and of what the best linear model makes of the input as it really is.
+    r"""Spectra of the output and of what the best linear model makes of the input as it really is, in bands of a
+    `width` in Hz.
 
     Source: R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley 2012,
     chapter 3 (best linear approximation).
-
-    `width` is that of a band, Hz.
     """
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size

@@ -123,7 +123,7 @@ class AnyFilm(ABC):
 
     @abstractmethod
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
-        """Add a Maxwell branch. `modulus, time` shear modulus in Pa, relaxation time in s."""
+        """Add a Maxwell branch: shear modulus, Pa, and relaxation time, the viscosity over it, s."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -139,8 +139,6 @@ class Film(AnyFilm):
 
         .. math:: E = \mu\, e(q, \xi), \qquad
                   \tau\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
-
-        `modulus, time` :math:`\mu` in Pa, :math:`\tau` in s.
         """
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.rest_stretch)
@@ -168,8 +166,6 @@ class PointwiseFilm(AnyFilm):
                   \lambda_i^e = \lambda_i/\xi_i
 
         Source: Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
-
-        `modulus, time` :math:`\mu` in Pa, :math:`\tau` in s, the viscosity over the modulus.
         """
         energy = ca.SX(0)
         for number, point in enumerate(self.points):

@@ -25,8 +25,7 @@ class GreaseRidge(Effect):
               S(x) = \frac{1}{1 + e^{-x}}
 
     Here y is the displacement, p = 50 µm the assumed distance of the lumps, d = 2 µm, and T = 0.5 s. No state. The ball
-    snaps from lump to lump if :math:`2\pi F_g/p` exceeds the film's stiffness. Law: Prandtl-Tomlinson friction,
-    Iglesias & Gonçalves, arXiv:1708.03414.
+    snaps from lump to lump if :math:`2\pi F_g/p` exceeds the film's stiffness.
 
     Source: Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited",
     arXiv:1708.03414 (the law).

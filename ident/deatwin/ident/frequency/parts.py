@@ -95,8 +95,6 @@ class TonesInOrder(Tones):
 
     That of all tones is H_n as the recursion of Peyton Jones and Billings gives it, eq. 18: not symmetric, but with
     the same mean over all permutations of the frequencies.
-
-    Shapes: `angles` (n, order).
     """
 
     @property

@@ -22,8 +22,10 @@ from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, 
 from deatwin.studies.public.sources import data_folder, origins
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Measure, StoryPage, Table, finish, reached
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
 """Demanded of the Silverbox, V and terms."""
 SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType(
@@ -52,9 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     best, data = outcomes["silverbox"][GROWN], sets[0]
     page = StoryPage(
         title="real-data",
-        sentence="Free runs on recordings of others: the Silverbox' arrow-head to "
-        f"{best.free_run / data.scale:.3f} mV rms with {best.terms} terms learned from the multisine; {reached(rows)} "
-        "measures reached.",
+        sentence=WORDS.text("sentence", error=best.free_run / data.scale, terms=best.terms, reached=reached(rows)),
         rows=rows,
         notes=notes(__package__, sets=sets, refined=REFINED, semp=SEMP, grown=GROWN),
         figures=[
@@ -86,30 +86,18 @@ def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Measure]:
     limit = LARGEST_ERROR / oscillator.scale
     documented = min(documented_errors(sets[1].test).values())
     refined = converter[REFINED].free_run
+    grown, small = box[GROWN].terms, best <= limit and box[GROWN].terms <= MOST_TERMS
     return [
-        Measure(
-            f"Silverbox, {GROWN}: free run over the arrow-head, learned from the multisine",
-            f"at most {limit:g} mV rms with at most {MOST_TERMS} terms",
-            f"{best:.4f} mV with {box[GROWN].terms}",
-            best <= limit and box[GROWN].terms <= MOST_TERMS,
-        ),
-        Measure(
-            "Silverbox: SEMP against FRO from the same candidates with as many terms",
-            f"below {simple:.4f} mV",
-            f"{semp:.4f} mV with {box[SEMP].terms}",
-            semp < simple,
-        ),
-        Measure(
-            f"Silverbox: {GROWN}, against a linear model (output error)",
-            f"below a tenth of {linear:.2f} mV",
-            f"{best:.4f} mV",
-            best < 0.1 * linear,
-        ),
-        Measure(
-            f"Buck converter, {REFINED}: free run on buck_valid, candidates as in SysIdentPy's documentation",
-            f"at most {documented:.4f} V rms, the least of its six documented models",
-            f"{refined:.4f} V with {converter[REFINED].terms} terms",
+        WORDS.measure("grown", small, method=GROWN, limit=limit, most=MOST_TERMS, error=best, terms=grown),
+        WORDS.measure("semp", semp < simple, other=simple, error=semp, terms=box[SEMP].terms),
+        WORDS.measure("linear", best < 0.1 * linear, method=GROWN, other=linear, error=best),
+        WORDS.measure(
+            "converter",
             refined <= documented,
+            method=REFINED,
+            documented=documented,
+            error=refined,
+            terms=converter[REFINED].terms,
         ),
     ]
 
@@ -129,20 +117,8 @@ def _table(data: DataSet, outcomes: Mapping[str, Outcome]) -> Table:
         ]
         for o in outcomes.values()
     ]
-    columns = [
-        "method",
-        "parameters",
-        f"one step, test ({data.unit})",
-        f"free run, test ({data.unit})",
-        f"free run, training ({data.unit})",
-        "time to learn (s)",
-    ]
-    return Table(title=f"{data.title}: root mean square errors", columns=columns, rows=rows)
+    return WORDS.table("errors", rows, data=data.title, unit=data.unit)
 
 
 def _quoted() -> Table:
-    return Table(
-        title="Reported by others",
-        columns=["recordings", "method", "error", "source"],
-        rows=[[q.data, q.method, q.error, q.source] for q in QUOTED],
-    )
+    return WORDS.table("quoted", [[q.data, q.method, q.error, q.source] for q in QUOTED])

@@ -14,7 +14,9 @@ from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 WINDOW = 500
 """Samples of a running root mean square."""
@@ -58,14 +60,7 @@ def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
         bottom.plot(data.test.timepts[near], measured[near], ".", color=Hue.INK, markersize=3.5)
         bottom.set(ylabel="output (mV)", xlabel="time (s)")
         legend_above(figure, middle, 2)
-        return Drawing.of(
-            figure,
-            "arrow_head",
-            "Silverbox: free run over the growing amplitude",
-            "Top: the measured output; dotted, the largest that was learned from. Middle: errors of free runs of the "
-            "whole arrow-head from its first samples. Bottom: where the output is largest; points are measured.",
-            columns,
-        )
+        return WORDS.drawing(figure, "arrow_head", columns)
 
 
 _SHOWN = ((LINEAR, Hue.BEFORE), (FRO, Hue.MARK), (GROWN, Hue.AFTER))
@@ -91,14 +86,7 @@ def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawin
             columns[f"{_key(method)}_mV2_per_Hz"] = density
         axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
         legend_above(figure, axes, 4)
-        return Drawing.of(
-            figure,
-            "arrow_head_spectra",
-            "Silverbox: spectra of the errors",
-            "What is left has two places: the resonance near 70 Hz, which moves with the amplitude, and three times "
-            "its frequency, where the cube of the output comes close to half the sample rate.",
-            columns,
-        )
+        return WORDS.drawing(figure, "arrow_head_spectra", columns)
 
 
 def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
@@ -106,39 +94,30 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     name, terms = next(iter(DOCUMENTED.items()))
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
     runs = {LINEAR: outcomes[LINEAR].outputs, name: theirs, REFINED: outcomes[REFINED].outputs}
-    return _runs(
-        data,
-        runs,
-        "converter",
-        "Buck converter: free run on buck_valid",
-        f"{REFINED} has the terms of SysIdentPy's first documented model and other parameters: those of the least "
-        "free-run error on buck_id.",
-        start="start",
-    )
+    return _runs(data, runs, "converter", method=REFINED)
 
 
 def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> Drawing:
     """Free runs of some methods over the test recording, and their errors."""
     runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
-    return _runs(data, runs, data.name, f"{data.title}: free run on the test recording", data.note)
+    return _runs(data, runs, "free_run", data.name, data=data.title, note=data.note)
 
 
-def _runs(data: DataSet, runs: Mapping[str, Array], name: str, title: str, caption: str, start: str = "") -> Drawing:
-    measured, timepts = data.test.outputs[0] / data.scale, data.test.timepts
-    unit = "ms" if start and data.test.sample_time < 1e-3 else "s"
-    shown = 1e3 * timepts if unit == "ms" else timepts
+def _runs(shown: DataSet, runs: Mapping[str, Array], name: str, called: str = "", **said: str) -> Drawing:
+    measured, timepts = shown.test.outputs[0] / shown.scale, shown.test.timepts
+    size, unit = (1e3, "ms") if name == "converter" and shown.test.sample_time < 1e-3 else (1.0, "s")
     columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
     with draw((9.6, 4.8)) as figure:
         top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(shown, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
+        top.plot(size * timepts, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
         for (method, outputs), colour in zip(runs.items(), (Hue.BEFORE, Hue.MARK, Hue.AFTER), strict=False):
-            top.plot(shown, outputs / data.scale, color=colour, label=method)
-            bottom.plot(shown, measured - outputs / data.scale, color=colour)
-            columns[_key(method)] = outputs / data.scale
-        top.set(ylabel=f"output ({data.unit})")
-        bottom.set(ylabel=f"error ({data.unit})", xlabel=f"time ({unit})")
+            top.plot(size * timepts, outputs / shown.scale, color=colour, label=method)
+            bottom.plot(size * timepts, measured - outputs / shown.scale, color=colour)
+            columns[_key(method)] = outputs / shown.scale
+        top.set(ylabel=f"output ({shown.unit})")
+        bottom.set(ylabel=f"error ({shown.unit})", xlabel=f"time ({unit})")
         legend_above(figure, top, 4)
-        return Drawing.of(figure, name, title, caption, columns)
+        return WORDS.drawing(figure, name, columns, called, **said)
 
 
 def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
@@ -163,11 +142,4 @@ def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
             axes.set_yticks(range(len(methods)), methods)
         np.atleast_1d(panels)[0].invert_yaxis()
         legend_above(figure, axes, 2)
-        return Drawing.of(
-            figure,
-            "comparison",
-            "All methods on all recordings",
-            "Root mean square errors on the test recordings over the standard deviation of the output. A small error "
-            "of one step says little about the free run.",
-            columns,
-        )
+        return WORDS.drawing(figure, "comparison", columns)
