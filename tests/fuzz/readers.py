@@ -24,9 +24,9 @@ from deatwin.control.checking.result import Check
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.linear.model import LinearModel
-from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.narx.validate import Validation, validate
+from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files import read_experiment, read_recordings, write_recording
