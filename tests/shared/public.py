@@ -12,6 +12,7 @@ PUBLIC = (
     "deatwin.ident.look",
     "deatwin.ident.narx",
     "deatwin.ident.narx.linear",
+    "deatwin.ident.nss",
     "deatwin.ident.narx.preprocess",
     "deatwin.ident.frequency",
     "deatwin.ident.greybox",
