@@ -53,7 +53,7 @@ SILVERBOX_STATES = {
     CUBIC: Pnlss(states=2, degrees=(3,)),
     CASCADE: Cascade(structure="NLN", states=3),
 }
-"""Of those with two or three states, the one with the least held-out error whose runs stay bounded at 1.4 times the
+"""Of twelve structures with two or three states, the one with the least held-out error whose runs stay bounded at 1.4 times the
 training input; and the one whose fits to two halves of the training part agree best there: the arrow-head goes beyond."""
 TANKS_STATES = {
     STATES: Pnlss(
