@@ -13,6 +13,7 @@ PUBLIC = (
     "deatwin.ident.materials",
     "deatwin.ident.narx",
     "deatwin.ident.narx.linear",
+    "deatwin.ident.nss",
     "deatwin.ident.narx.preprocess",
     "deatwin.ident.frequency",
     "deatwin.ident.greybox",

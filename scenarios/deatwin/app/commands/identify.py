@@ -175,8 +175,17 @@ def identify(
         whole, records, notes = records, fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
         if method is Method.NSS:
-            chosen_terms = {"states": states, "degree": degree, "functions": functions or ()}
-            if not identify_states(out, training, unseen, **chosen_terms, notes=notes, voice=voice):
+            complete = identify_states(
+                out,
+                training,
+                unseen,
+                states=states,
+                degree=degree,
+                functions=functions or (),
+                notes=notes,
+                voice=voice,
+            )
+            if not complete:
                 raise typer.Exit(130)
             return
         chosen = choose_input_lags(training, first_input_lag, input_lags)

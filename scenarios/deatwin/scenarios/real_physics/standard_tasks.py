@@ -55,7 +55,7 @@ SILVERBOX_STATES = {
     CUBIC: Pnlss(states=2, degrees=(3,)),
     CASCADE: Cascade(structure="NLN", states=3),
 }
-"""Of those with two or three states, the one with the least held-out error whose runs stay bounded at 1.4 times the
+"""Of twelve structures with two or three states, the one with the least held-out error whose runs stay bounded at 1.4 times the
 training input; and the one whose fits to two halves of the training part agree best there: the arrow-head goes beyond."""
 TANKS_STATES = {
     STATES: Pnlss(
@@ -71,10 +71,10 @@ TANKS_STATES = {
 }
 """Of fourteen structures the one that did best in four partings of the training record into learned and judged parts."""
 EMPS_STATES = {
-    STATES: Pnlss(states=2, degrees=(2, 3), inputs_in_products=False, terms=("tanh(x2,0.1)",), feedthrough=False),
+    STATES: Pnlss(states=2, degrees=(2, 3, 4, 5), inputs_in_products=False, terms=("tanh(x2,0.1)",), feedthrough=False),
     CASCADE: Cascade(structure="NLN", feedthrough=False),
 }
-"""Dry friction: a sign of the second state, which is about the velocity, smooth at a tenth of its size."""
+"""Likewise of six. Dry friction is a sign of the second state, about the velocity, smooth at a tenth of its size."""
 BOUC_WEN_STATES = {
     STATES: Pnlss(
         states=3,
