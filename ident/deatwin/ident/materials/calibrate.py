@@ -13,7 +13,7 @@ from scipy.stats import t as student
 from deatwin.ident.materials.energies import EnergyStart, is_stable, known_energies
 from deatwin.ident.materials.fit import Fit, fewer_and_fewer, fit, neo_hookean_modulus, richest
 from deatwin.ident.materials.noise import Noise, estimate_noise
-from deatwin.ident.materials.notes import notes_of
+from deatwin.ident.materials.notes import ODDS, notes_of
 from deatwin.ident.materials.observations import Observations
 from deatwin.ident.materials.result import CalibratedMaterial, Choice, Quantity
 from deatwin.ident.materials.section import section_of, stated_energy
@@ -47,7 +47,8 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     """Fit one material to several tests.
 
     The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
-    evidence, chooses it and the number of Maxwell branches. Samples are weighed by their errors, which have an absolute and
+    evidence, chooses it and the number of Maxwell branches. Of energies whose odds differ by less than 20, the one with
+    fewest parameters is taken. Samples are weighed by their errors, which have an absolute and
     a relative part, a factor of each specimen, and may hang together; all of these are estimated.
 
     Parameters
@@ -109,7 +110,7 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
     allowed = [one for one in fits if one.coordinates.size < count and is_stable(one.start, one.elastic, data.largest)]
     if not allowed:
         raise DataError(f"no energy with a stress that rises with the stretch explains these tests; {_LOOK}")
-    best = min(allowed, key=lambda one: one.criterion(count))
+    best = _simplest(allowed, count)
     for _ in range(ROUNDS):
         white = noise.whitener(data, best.modelled)
         best = fit(data, best.start, best.elastic, best.branches, white)
@@ -119,6 +120,14 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
             f"{best.start.called}, the best energy, leaves more than half of the stress unexplained; {_LOOK}"
         )
     return _Chosen(fit=best, choices=tuple(_choices(allowed, best, count)), noise=noise)
+
+
+def _simplest(fits: Sequence[Fit], count: float) -> Fit:
+    """The most probable fit; of energies that are nearly as probable, the one with fewest parameters."""
+    least = min(one.criterion(count) for one in fits)
+    near = [one for one in fits if one.criterion(count) < least + 2.0 * ODDS]
+    fewest = min(len(one.start.parameters) for one in near)
+    return min((one for one in near if len(one.start.parameters) == fewest), key=lambda one: one.criterion(count))
 
 
 def _starts(data: Observations, own: EnergyStart | str | None, modulus: float) -> list[EnergyStart]:

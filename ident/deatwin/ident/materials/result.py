@@ -48,7 +48,7 @@ class Choice:
 
     energy: str
     branches: int
-    behind: float  # Logarithm of the odds of the best one to it
+    behind: float  # Logarithm of the odds of the most probable one to it
     fit: Fit
 
 
@@ -69,7 +69,7 @@ class CalibratedMaterial:
         Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of specimens.
     choices : tuple of Choice
         Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the logarithm of the
-        odds of the best one to it.
+        odds of the most probable one to it.
     notes : tuple of str
         What the tests do not tell.
     tests : tuple of MaterialTest
