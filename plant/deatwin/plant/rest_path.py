@@ -177,12 +177,15 @@ def sample_functions(equations: Equations) -> SampleFunctions:
     arguments, split = [w, d, u, t, p, c], [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
     f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
     rest = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
-    ends = ca.SX(f)
-    for row, width in zip(equations.begins_at_zero.tolist(), equations.integrals.values(), strict=True):
-        ends[row] -= w[row] / width
+    dynamics = resting = ca.Function("small_dynamics", arguments, _with_slopes(f, w, u))
+    if equations.integrals:
+        ends = ca.SX(f)
+        for row, width in zip(equations.begins_at_zero.tolist(), equations.integrals.values(), strict=True):
+            ends[row] -= w[row] / width
+        resting = ca.Function("small_resting", arguments, _with_slopes(ends, w, u))
     return SampleFunctions(
-        dynamics=ca.Function("small_dynamics", arguments, _with_slopes(f, w, u)),
-        resting=ca.Function("small_resting", arguments, _with_slopes(ends, w, u)),
+        dynamics=dynamics,
+        resting=resting,
         output=ca.Function("small_output", arguments, _with_slopes(y, w, u)),
         rest_slope=ca.Function("small_rest", [w, u, p, c], [ca.densify(ca.jacobian(rest, w))]),
     )

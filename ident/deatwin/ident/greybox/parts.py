@@ -181,10 +181,11 @@ def _part(given: object) -> Part:
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """Clock times at which a plant has the readings that count. `parts` which samples; returns (n,)."""
+    """Clock times at which a plant has the readings that count: of means, the middles. `parts` which samples; returns (n,)."""
+    end = 0.5 if plant.rig.averages else 1.0
     timelines = [plant.timeline(part.experiment) for part in parts]
     return np.concatenate(
-        [t.start + (part.counted(t) + 1) * t.sample_time for t, part in zip(timelines, parts, strict=True)]
+        [t.start + (part.counted(t) + end) * t.sample_time for t, part in zip(timelines, parts, strict=True)]
     )
 
 
