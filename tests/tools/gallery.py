@@ -78,7 +78,8 @@ def main() -> None:
     told = tomllib.loads((args.docs / "gallery" / "entries.toml").read_text(encoding="utf-8"))["entry"]
     for one in told:
         folder = args.results / (one.get("results") or f"{one['record']}/found")
-        if folder.exists():
+        table = f"figures/{one['table']}" if "table" in one else "diagnosis.json"
+        if (folder / one.get("figure", table)).exists():
             kept[one["name"]] = entry(one, folder, args.docs / "gallery")
     target.write_text(json.dumps({one["name"]: kept[one["name"]] for one in told if one["name"] in kept}) + "\n")
     print(target, len(kept), "of", len(told))
