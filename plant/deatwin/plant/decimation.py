@@ -86,8 +86,6 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
 def _averaged(recording: Recording, factor: int) -> Recording:
     """Means of as many old rows as a new one has."""
     n = recording.n_samples // factor
-    if n < 2:
-        raise DataError(f"{recording.n_samples} samples are too few for two means of {factor}")
 
     def means(signals: Array) -> Array:
         return np.asarray(signals[..., : n * factor].reshape(*signals.shape[:-1], n, factor).mean(axis=-1))
