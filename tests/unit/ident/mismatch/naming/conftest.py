@@ -11,6 +11,7 @@ from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.parameters import Parameter, Scale
 
 NOISE, MODEL_ERROR = 2.0, 1.2
@@ -21,6 +22,13 @@ PARTS = (SimpleNamespace(experiment=SimpleNamespace(recordings=(RECORD,)), timep
 FITTED = (
     SimpleNamespace(reading="", masks=(np.ones(7000, bool),), commands=np.arange(7000.0), measured=np.zeros(7000)),
 )
+
+
+class Built(SimpleNamespace):
+    """A plant of which a search knows the names of its effects."""
+
+    def lacks(self, effect: Effect) -> bool:
+        return effect.name not in self.effect_names
 
 
 class Nominal:
@@ -63,7 +71,7 @@ def candidate() -> Callable[..., Candidate]:
 
     def make(*effects: str, rms: float, unseen: float | None = None, alone: float = np.inf) -> Candidate:
         fitted, late = np.tile([rms, -rms], 3500), np.tile([unseen or rms, -(unseen or rms)], 1500)
-        plant, names = SimpleNamespace(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
+        plant, names = Built(rig=RIG, effects=(), effect_names=()), ("a",) * (7 + len(effects))
         calibration = SimpleNamespace(
             plant=plant,
             residuals=fitted,
@@ -130,7 +138,7 @@ def search_over() -> Callable[..., Search]:
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:
-        bench = SimpleNamespace(effects=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
+        bench = SimpleNamespace(effects=(), elsewhere=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
         search = Search(bench, candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
         search._together = list  # no pairs: nothing was screened

@@ -27,7 +27,7 @@ NOTHING = SimpleNamespace(
 def bench():
     part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="")
     nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
-    return SimpleNamespace(effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
+    return SimpleNamespace(everywhere=EFFECTS, effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
 
 @pytest.fixture
@@ -49,12 +49,16 @@ def fitted(left, *effects):
         name: SimpleNamespace(name=name, scale=strength(e).scale, value=values[name])
         for name, (e, _) in zip(names, effects, strict=True)
     }
+    own = tuple(effect.name for effect, _ in effects)
     plant = SimpleNamespace(
-        parameters=parameters, event_times=(), effect_names=tuple(effect.name for effect, _ in effects)
+        parameters=parameters, event_times=(), effect_names=own, lacks=lambda effect: effect.name not in own
     )
     calibration = SimpleNamespace(plant=plant, names=tuple(names), residuals=left - columns @ off, jacobian=columns)
     return SimpleNamespace(
-        effects=plant.effect_names, calibration=calibration, contribution=columns @ np.array(list(values.values()))
+        effects=own,
+        calibration=calibration,
+        contribution=columns @ np.array(list(values.values())),
+        log_prior=0.0,
     )
 
 
