@@ -154,8 +154,7 @@ def _over_noise(fit: Weighed, reading: Reading, log_ratio: float) -> tuple[float
 
 def _of_several(readings: Sequence[Reading], prior: Prior) -> Evidence:
     """By Laplace's rule over the scales that are unknown, from where each reading by itself has them."""
-    alone = [_of_one(reading, prior) for reading in readings]
-    start = np.log([[one.kappas[0], one.sigmas[0]] for one in alone])
+    start = np.array([_near(reading, prior) for reading in readings])
     unknown = np.array([[r.kappa.spread > 0.0, r.sigma.spread > 0.0] for r in readings])
     joint = _Joint(readings, prior)
 
@@ -174,6 +173,16 @@ def _of_several(readings: Sequence[Reading], prior: Prior) -> Evidence:
         mean=mean,
         cov=cov,
     )
+
+
+def _near(reading: Reading, prior: Prior) -> tuple[float, float]:
+    """log κ and log σ near which a reading by itself has them: the best of the ratios that are tried first."""
+    centre = float(np.log(reading.kappa.median / reading.sigma.median))
+    spread = float(np.hypot(reading.kappa.spread, reading.sigma.spread))
+    curve = _Curve(reading, prior)
+    curve.extend(centre + FAR * spread * np.linspace(-1.0, 1.0, NODES) if spread > 0.0 else np.array([centre]))
+    log_ratio, log_sigma, _ = curve.best()
+    return log_ratio + log_sigma, log_sigma
 
 
 class _Joint:

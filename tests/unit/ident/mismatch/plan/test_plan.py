@@ -15,6 +15,7 @@ from deatwin.plant import (
     Experiment,
     Parameter,
     Plant,
+    Reading,
     Recording,
     SensorCurvature,
     SensorLag,
@@ -42,7 +43,7 @@ class Amplifier(Bare):
         )
 
     def write(self, build: Builder) -> Any:
-        position = build.state("position", scale=1e-4)
+        position = build.share("position", build.state("position", scale=1e-4))
         command = build.place(Place.DRIVE, "command", build.command)
         build.rate(position, build.parameter("gain") * command - position, mass=build.parameter("time"))
         return build.place(Place.SENSOR, "reading", position)
@@ -90,6 +91,35 @@ def test_a_slow_input_does_not_tell_a_delay_from_a_lag() -> None:
     fast = plan_experiment(Plant(rig=Amplifier(noise=2e-6)), steps(1500), effects=(Delay(), SensorLag(time=0.03)))
     assert not row(fast, "delay").alike and not row(fast, "sensor_lag").alike
     assert all(one.alike or not one.visible for one in found.effects)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watched(Amplifier):
+    """The same with a place for a second sensor, before the delay of the first one."""
+
+    kind: ClassVar[str] = "watched_amplifier"
+    offers: ClassVar[dict[str, str]] = {"inside": "m"}
+
+    def write(self, build: Builder) -> Any:
+        reading = super().write(build)
+        build.watch("inside", build.signal("position"))
+        return reading
+
+
+def test_a_second_sensor_tells_what_the_input_leaves() -> None:
+    slow = commands(2.5 - 2.5 * np.cos(2 * np.pi * np.arange(1500) * STEP / 4.0))
+    effects = (Delay(), SensorLag(time=0.03))
+    found = plan_experiment(Plant(rig=Watched(noise=1e-6)), slow, effects=effects)
+    (sensor,) = found.readings
+    # The command is late in both readings, the first sensor's lag only in its own.
+    assert (sensor.reading, sensor.tells, sensor.left) == ("inside", (("delay", "sensor_lag"),), 1)
+    assert sensor.noise == pytest.approx(1e-3 * 5e-4, rel=0.01)  # of a gain of 100 µm/V, to 5 V
+    assert "with the inside measured to 497 nm" in found.sentence
+    assert found.to_dict()["readings"][0]["tells"] == [["delay", "sensor_lag"]]
+    had = Watched(noise=1e-6, further=(Reading(name="inside", unit="m", noise=sensor.noise),))
+    bought = plan_experiment(Plant(rig=had), slow, effects=effects)
+    assert not bought.readings
+    assert not row(bought, "delay").alike and not row(bought, "sensor_lag").alike
 
 
 def test_an_input_is_advised_within_the_range(tmp_path) -> None:
