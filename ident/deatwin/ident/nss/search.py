@@ -68,7 +68,7 @@ def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
     return Point(system=system, starts=starts, cost=cost, held_out=held)
 
 
-def triangle(point: Point, records: Sequence[Record], columns: Callable[[Array], Array] | None = None) -> Array:
+def triangle(point: Point, records: Sequence[Record]) -> Array:
     """Return R of the QR decomposition of (sensitivities, errors) over what is fitted.
 
     Shapes: returns (n + 1, n + 1) with n weights and first states.

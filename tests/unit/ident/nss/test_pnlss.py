@@ -18,7 +18,7 @@ DUFFING = {"states": 2, "degrees": [], "terms": ["x1^3"], "feedthrough": False}
 
 def duffing(rng, n=600, noise=0.0, period=None):
     """A sampled oscillator with a cubic spring, read with noise: x1+ = .8 x1 + .4 x2, x2+ = -.3 x1 + .6 x2 - .1 x1^3 + u."""
-    u = rng.uniform(-1.5, 1.5, size=n if period is None else period)
+    u = rng.uniform(-1.0, 1.0, size=n if period is None else period)
     u = u if period is None else np.tile(u, n // period)
     x, y = np.zeros(2), np.empty(n)
     for k in range(n):
